@@ -4,7 +4,10 @@ from __future__ import annotations
 import html
 from functools import cached_property
 from os import PathLike, fspath
-from typing import Any, Optional, Union
+from typing import Any, NamedTuple, Optional, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import Error, Problem, flags
@@ -13,6 +16,18 @@ from ._scene import Camera, Scene, data_path, load
 from ._table import Table, rows_table
 
 PERSON = "hands.0.person."
+
+Point = Union[str, tuple[str, ArrayLike]]
+"""A point of a hand: a fingertip, a body (its centre of mass), or a body and an offset [m] in its frame."""
+
+
+class Poses(NamedTuple):
+    """Frames of a hand's bodies in the hand frame; row i is body i of `Hand.bodies`."""
+
+    position: NDArray[np.float64]
+    """Centres of mass [m], shape (bodies, 3)."""
+    quaternion: NDArray[np.float64]
+    """w x y z, from body axes to those of the hand frame, shape (bodies, 4)."""
 
 
 class Hand:
@@ -50,19 +65,125 @@ class Hand:
         self.side = side
         hand = {"model": _shipped(model, "handmodels"), "person": who, "side": side,
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
-        effects = ["gravity", "joint_stops", "passive_tissue"]
-        if muscles:
-            effects += ["muscles", "tendon_coupling"]
-        for without in ("", "passive_tissue"):
-            try:
-                self.scene: Scene = load({
-                    "title": f"{side} hand", "hands": [hand], "duration": "1 s", "pictures": {"view": "dorsal"},
-                    "effects": [effect for effect in effects if effect != without]})
-                break
-            except Error as error:
-                # A hand model may have no tissue, as the prototype.
-                if not any(problem.got == "passive_tissue without tissue" for problem in error.problems):
-                    raise _of_arguments(error) from None
+        scene: dict[str, Any] = {"title": f"{side} hand", "hands": [hand], "duration": "1 s",
+                                 "pictures": {"view": "dorsal"}}
+        try:
+            # A hand model may have no tissue, as the prototype: auto has the effects that the model has data for.
+            self.scene: Scene = load({**scene, "effects": "auto"})
+            if muscles:
+                self.scene = load({**scene, "effects": [*self.scene.effects, "muscles", "tendon_coupling"]})
+        except Error as error:
+            raise _of_arguments(error) from None
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of the bodies: the palm, then the segments from base to tip; the rows of `segments` and `poses`."""
+        return list(self.segments["name"])
+
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of the joint coordinates, e.g. ``index_mcp.flexion``: the order of ``q``, ``u`` and ``a`` [rad] in all
+        functions below, and of the rows of `joints`."""
+        return list(self.joints["name"])
+
+    @cached_property
+    def muscles(self) -> list[str]:
+        """Names of the muscles, the rows of `moment_arms`; none without ``muscles=True``."""
+        return _core.hand_muscles(self.scene._core)
+
+    @cached_property
+    def tips(self) -> Table:
+        """The fingertips: name (``index_tip``), body, position[m] in the body's frame."""
+        return Table(_core.hand_tips(self.scene._core), "fingertips")
+
+    @cached_property
+    def shapes(self) -> Table:
+        """The geometry: name, body, kind (box, capsule, cylinder, sphere, convex_mesh), radius[m], length[m] (capsule:
+        between the cap centres; both along the shape's z axis), edges[m] of a box, position[m] and quaternion (w x y z)
+        in the body's frame."""
+        return Table(_core.hand_shapes(self.scene._core), "shapes")
+
+    def poses(self, q: ArrayLike) -> Poses:
+        """Forward kinematics: the frames of all bodies in H.
+
+        :param q: joint coordinates [rad], shape (coordinates,); they may lie beyond the stops
+        :return: positions [m], shape (bodies, 3), and quaternions, shape (bodies, 4). A body's frame has its origin at
+            the centre of mass; with straight fingers its x axis is ulnar on a right hand, y distal, z dorsal
+        """
+        return Poses(*_core.hand_poses(self.scene._core, q))
+
+    def position(self, q: ArrayLike, point: Point) -> NDArray[np.float64]:
+        """Forward kinematics of one point.
+
+        :param q: joint coordinates [rad], shape (coordinates,)
+        :param point: a fingertip (``index_tip``), a body (``index_distal``: its centre of mass), or a body and an offset
+            [m], shape (3,), in the body's frame
+        :return: position in H [m], shape (3,)
+        """
+        body, offset = self._point(point)
+        position, quaternion = self.poses(q)
+        w, v, r = quaternion[body, 0], quaternion[body, 1:], np.asarray(offset, dtype=np.float64)
+        if r.shape != (3,):
+            raise Error(f"offset: got shape {r.shape}, need shape (3,)", "input",
+                        [Problem(None, None, None, "offset", f"shape {r.shape}", "shape (3,)")])
+        return np.asarray(position[body] + r + 2 * np.cross(v, np.cross(v, r) + w * r))
+
+    def jacobian(self, q: ArrayLike, point: Point) -> NDArray[np.float64]:
+        """Jacobian J of a point: J u is its motion with a fixed palm, and J[:3].T f are the joint torques [N m] with
+        which it presses with a force f [N] in H.
+
+        :param q: joint coordinates [rad], shape (coordinates,)
+        :param point: as in `position`
+        :return: shape (6, coordinates), axes of H: rows 0 to 2 velocity of the point [m/rad], rows 3 to 5 angular
+            velocity of its body [rad/rad]
+        """
+        return _core.hand_jacobian(self.scene._core, q, *self._point(point))
+
+    def mass_matrix(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Joint-space mass matrix M [kg m^2] with a fixed palm: u.T M u / 2 is the kinetic energy [J].
+
+        :param q: joint coordinates [rad], shape (coordinates,)
+        :return: shape (coordinates, coordinates), symmetric, positive definite
+        """
+        return _core.hand_mass_matrix(self.scene._core, q)
+
+    def inverse_dynamics(self, q: ArrayLike, u: ArrayLike, a: ArrayLike, *,
+                         gravity: ArrayLike = (0, 0, -9.80665)) -> NDArray[np.float64]:
+        """Joint torques of a motion with a fixed palm: M(q) a, with Coriolis and centrifugal terms, less gravity. Passive
+        tissue, stops and muscles are part of these torques.
+
+        :param q: joint coordinates [rad], shape (coordinates,)
+        :param u: their rates [rad/s], shape (coordinates,)
+        :param a: their accelerations [rad/s^2], shape (coordinates,)
+        :param gravity: in H [m/s^2], shape (3,); default: the palm faces down
+        :return: torques [N m], shape (coordinates,), positive along the coordinate
+        """
+        return _core.hand_inverse_dynamics(self.scene._core, q, u, a, gravity)
+
+    def moment_arms(self, q: ArrayLike) -> NDArray[np.float64]:
+        """Moment arms R of the muscles: R.T f are the joint torques [N m] of tendon tensions f [N].
+
+        :param q: joint coordinates [rad], shape (coordinates,)
+        :return: [m], shape (muscles, coordinates); positive where tension drives the coordinate up, 0 for those that a
+            tendon does not cross
+        :raises Error: of kind input for a hand without muscles
+        """
+        if not self.muscles:
+            raise Error("muscles: got a hand without muscles, need Hand(..., muscles=True)", "input",
+                        [Problem(None, None, None, "muscles", "a hand without muscles", "Hand(..., muscles=True)")])
+        return _core.hand_moment_arms(self.scene._core, q)
+
+    def _point(self, point: Point) -> tuple[int, ArrayLike]:
+        """Row of the body, and offset in its frame."""
+        name, offset = (point, (0.0, 0.0, 0.0)) if isinstance(point, str) else point
+        if isinstance(point, str) and name in self.tips["name"]:
+            tip = self.tips.row(self.tips["name"].index(name))
+            name, offset = tip["body"], tip["position[m]"]
+        if name not in self.bodies:
+            known = ", ".join([*self.tips["name"], *self.bodies])
+            raise Error(f"point: got {name}, need one of {known}", "input",
+                        [Problem(None, None, None, "point", name, f"one of {known}")])
+        return self.bodies.index(name), offset
 
     @cached_property
     def dimensions(self) -> dict[str, float]:
@@ -72,7 +193,7 @@ class Hand:
 
     @cached_property
     def segments(self) -> Table:
-        """The palm and the segments: name, proximal joint, length[m], radius[m], mass[kg], centre_of_mass[m] in H,
+        """The palm and the segments: name, proximal joint, parent (row of the body that carries it; -1: none), length[m], radius[m], mass[kg], centre_of_mass[m] in H,
         inertia[kg m^2] about the centre of mass along the segment's x, y (distal) and z axes."""
         return Table(_core.hand_segments(self.scene._core), "segments")
 

@@ -10,7 +10,6 @@ namespace handsim::control {
 
 /// Joint-space inertia M [kg m^2] of a hand's axes, in their order; symmetric, positive definite. A free palm
 /// is eliminated (Schur complement); a fixed or driven one does not move.
-/// M = sum over bodies of m Jv^T Jv + Jw^T I Jw (Featherstone 2008, eq. 6.2 in Jacobian form).
 Eigen::MatrixXd joint_inertia(const model::Model& model, const model::State& state,
                               const model::HandIndex& hand, const HandAxes& axes);
 

@@ -49,13 +49,6 @@ double* put(double* out, const Pose& pose) {
   return out;
 }
 
-/// Ends of a capsule in its body; of another shape its centre, twice.
-std::array<Vec3, 2> ends(const model::Shape& shape) {
-  const bool long_one = shape.kind == model::ShapeKind::capsule;
-  const Vec3 half = long_one ? Vec3(0, 0, 0.5 * shape.length + shape.radius) : Vec3(Vec3::Zero());
-  return {shape.pose * half, shape.pose * Vec3(-half)};
-}
-
 template <class Names>
 void add_columns(std::vector<std::string>& to, const std::string& of, const Names& names) {
   for (const char* name : names) to.push_back(of + name);
@@ -71,29 +64,9 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
     if (std::find(kParts.begin(), kParts.end(), name) == kParts.end())
       problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(kParts, ", "))});
   if (!problems.empty()) throw Error(std::move(problems));
-  find_tips();
   find_things();
   const std::vector<std::string> coordinates = output::coordinate_names(scene.model);
   for (const std::string& name : names) add(name, coordinates);
-}
-
-/// The last segment of each finger, and its end that is farther from its joint.
-void Observation::find_tips() {
-  const model::Model& model = scene_.model;
-  std::vector<const model::Joint*> carrier(model.bodies.size(), nullptr);
-  std::vector<bool> carries(model.bodies.size(), false);
-  for (const model::Joint& joint : model.joints) {
-    carrier[at(joint.child)] = &joint;
-    carries[at(joint.parent)] = true;
-  }
-  for (const model::Shape& shape : model.shapes) {
-    const int part = simulation::hand_part(shape.part);
-    if (part <= 0 || carries[at(shape.body)] || carrier[at(shape.body)] == nullptr) continue;
-    const Vec3 joint = carrier[at(shape.body)]->child_frame.p;
-    const std::array<Vec3, 2> end = ends(shape);
-    tips_.push_back({shape.body, (end[0] - joint).norm() > (end[1] - joint).norm() ? end[0] : end[1]});
-    tip_names_.push_back(shape.name);
-  }
 }
 
 void Observation::find_things() {
@@ -104,23 +77,22 @@ void Observation::find_things() {
   for (std::size_t h = 0; h < model.hands.size(); ++h) {
     for (const int body : model.hands[h].bodies) hand_of[at(body)] = static_cast<int>(h);
     for (const char* part : simulation::kHandParts) hand_parts_.push_back(model.hands[h].name + "." + part);
+    for (const model::Fingertip& tip : model.hands[h].fingertips) tips_.push_back(&tip);
   }
-  for (const scene::ObjectSpec& object : scene_.plans.objects) others_.push_back(object.name);
+  for (const model::ObjectIndex& object : model.objects) {
+    others_.push_back(object.name);
+    if (object.body) objects_.push_back(*object.body);
+  }
   others_.emplace_back("other");
+  const std::vector<std::optional<std::size_t>> object_of = model.objects_of_shapes();
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const model::Shape& shape = model.shapes[i];
     const int part = simulation::hand_part(shape.part), hand = hand_of[at(shape.body)];
-    if (part >= 0 && hand >= 0) {
+    if (part >= 0 && hand >= 0)
       hand_part_[i] = hand * static_cast<int>(simulation::kHandParts.size()) + part;
-      continue;
-    }
-    const auto found =
-        std::find(others_.begin(), others_.end() - 1, shape.name.substr(0, shape.name.find(".part")));
-    other_[i] = static_cast<int>(found - others_.begin());
+    else
+      other_[i] = static_cast<int>(object_of[i].value_or(model.objects.size()));
   }
-  for (std::size_t i = 0; i < model.bodies.size(); ++i)
-    for (const scene::ObjectSpec& object : scene_.plans.objects)
-      if (model.bodies[i].name == object.name && !object.is_static) objects_.push_back(static_cast<int>(i));
 }
 
 void Observation::add(const std::string& name, const std::vector<std::string>& coordinates) {
@@ -156,7 +128,8 @@ void Observation::add(const std::string& name, const std::vector<std::string>& c
       for (const model::HandIndex& hand : model.hands) of_body(hand.name + ".wrist");
       break;
     case Kind::fingertips:
-      for (const std::string& tip : tip_names_) add_columns(columns, tip + ".tip", kPoseColumns);
+      for (const model::Fingertip* tip : tips_)
+        add_columns(columns, model.bodies[at(tip->body)].name + ".tip", kPoseColumns);
       break;
     case Kind::objects:
       for (const int body : objects_) of_body(model.bodies[at(body)].name);
@@ -295,9 +268,9 @@ void Observation::write_poses(Kind kind, const model::State& state, double* to) 
       to = put(put(put(to, wrist), Vec3(palm.v + palm.w.cross(wrist.p - palm.p))), palm.w);
     }
   if (kind == Kind::fingertips)
-    for (const Tip& tip : tips_) {
-      const Pose body = state.bodies[at(tip.body)].pose();
-      to = put(to, Pose{body * tip.p, body.q});
+    for (const model::Fingertip* tip : tips_) {
+      const Pose body = state.bodies[at(tip->body)].pose();
+      to = put(to, Pose{body * tip->point, body.q});
     }
   if (kind == Kind::objects)
     for (const int body : objects_) {

@@ -66,12 +66,6 @@ class Observation {
     tendon_force,
     failed
   };
-  /// End of a finger.
-  struct Tip {
-    int body = 0;
-    Vec3 p = Vec3::Zero();  ///< in the body [m]
-  };
-  void find_tips();
   void find_things();
   void add(const std::string& name, const std::vector<std::string>& coordinates);
   bool has(Kind kind) const;
@@ -84,8 +78,7 @@ class Observation {
   std::vector<ObservedPart> parts_;
   std::vector<Kind> kinds_;  ///< of the parts
   std::size_t size_ = 0;
-  std::vector<Tip> tips_;
-  std::vector<std::string> tip_names_;
+  std::vector<const model::Fingertip*> tips_;
   std::vector<int> objects_;             ///< bodies
   std::vector<std::string> hand_parts_;  ///< palm and fingers of each hand
   std::vector<std::string> others_;      ///< objects, then `other`

@@ -378,6 +378,20 @@ void add_joints_of(BuiltHand& hand, const HandSpec& spec) {
   }
 }
 
+/// The distal ends of the last segments, named after their joints: `index_tip` beyond `index_dip`.
+void add_fingertips(BuiltHand& hand, const HandSpec& spec) {
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    const SegmentSpec& row = spec.segments[i];
+    const BuiltSegment& built = hand.segments[i];
+    if (row.has_child || !row.of_palm.empty()) continue;
+    std::string name = row.finger;
+    for (const Joint& joint : hand.joints)
+      if (joint.child == built.body) name = joint.name.substr(0, joint.name.rfind('_'));
+    hand.fingertips.push_back(
+        {name + "_tip", row.part, built.body, joint_in_body(hand, spec, i) * Vec3(0, built.length, 0)});
+  }
+}
+
 /// Palm and segments with their bodies; a fixed segment belongs to the body of its parent.
 std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person& person) {
   hand.segments = lay_out(spec, hand.size, person);
@@ -418,6 +432,7 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   place_bodies(hand, parts);
   add_shapes_of(hand, parts);
   add_joints_of(hand, spec);
+  add_fingertips(hand, spec);
   hand.wrist.name = spec.wrist.name;
   hand.wrist.kind = spec.wrist.kind;
   hand.wrist.axes = spec.wrist.axes;

@@ -64,7 +64,8 @@ struct BuiltHand {
     model::Joint joint;  ///< parent frame: from the hand frame
   };
   std::optional<Forearm> forearm;
-  std::vector<int> palm_parts;  ///< in `bodies`: segments that are parts of the palm
+  std::vector<int> palm_parts;               ///< in `bodies`: segments that are parts of the palm
+  std::vector<model::Fingertip> fingertips;  ///< in `bodies`
   model::Material skin;
   HandMuscles muscles;         ///< none where the hand model has none
   std::vector<HandAxis> axes;  ///< that the muscles' arms number

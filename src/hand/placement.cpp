@@ -24,6 +24,7 @@ BuiltHand left_of(BuiltHand hand) {
     }
   }
   for (Shape& shape : hand.shapes) shape.pose = mirrored(shape.pose);
+  for (model::Fingertip& tip : hand.fingertips) tip.point = mirrored(tip.point);
   // The forearm is its own mirror image, but for the way that it turns.
   if (hand.forearm)
     for (model::JointAxis& axis : hand.forearm->joint.axes) axis.axis = mirrored_axis(axis.axis);
@@ -257,6 +258,11 @@ HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement
   }
   index.palm = static_cast<int>(model.bodies.size());
   for (const int part : hand.palm_parts) index.palm_parts.push_back(index.palm + part);
+  for (model::Fingertip tip : hand.fingertips) {
+    tip.name = index.name + "." + tip.name;
+    tip.body += index.palm;
+    index.fingertips.push_back(std::move(tip));
+  }
   index.wrist_frame = hand.bodies[0].zero_pose.inverse();
   for (Body body : hand.bodies) {
     body.name = placement.name + "." + body.name;

@@ -1,5 +1,7 @@
 #include "handsim/model/energy.h"
 
+#include "handsim/core/index.h"
+
 namespace handsim::model {
 
 double kinetic_energy(const Model& model, const State& state) {
@@ -28,6 +30,25 @@ double potential_energy(const Model& model, const State& state, const Effects& e
       energy += 0.5 * tissue->stiffness * stretch * stretch;
     }
   return energy;
+}
+
+Momentum momentum(const Model& model, const State& state, std::span<const int> bodies) {
+  Momentum out;
+  Vec3 first = Vec3::Zero();
+  for (const int body : bodies) {
+    const double m = model.bodies[at(body)].mass;
+    const BodyState& s = state.bodies[at(body)];
+    out.mass += m;
+    first += m * s.p;
+    out.linear += m * s.v;
+  }
+  out.centre = first / out.mass;
+  for (const int body : bodies) {
+    const Body& of = model.bodies[at(body)];
+    const BodyState& s = state.bodies[at(body)];
+    out.angular += of.mass * (s.p - out.centre).cross(s.v) + s.q * (of.inertia * (s.q.conjugate() * s.w));
+  }
+  return out;
 }
 
 }  // namespace handsim::model

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::model {
@@ -17,7 +18,7 @@ double angle_about(const Quat& q, const Vec3& axis) {
 }
 
 Pose frame_in_world(const State& state, int body, const Pose& frame) {
-  return state.bodies[static_cast<std::size_t>(body)].pose() * frame;
+  return state.bodies[at(body)].pose() * frame;
 }
 
 /// X_FM.
@@ -37,7 +38,7 @@ void universal_angles(const Quat& q_FM, const Vec3& a, const Vec3& b, std::span<
 }
 
 void set_pose(State& state, int body, const Pose& x_WB) {
-  BodyState& target = state.bodies[static_cast<std::size_t>(body)];
+  BodyState& target = state.bodies[at(body)];
   target.p = x_WB.p;
   target.q = x_WB.q;
 }
@@ -46,7 +47,7 @@ void set_pose(State& state, int body, const Pose& x_WB) {
 State zero_state(const Model& model) {
   State state;
   state.bodies.resize(model.bodies.size());
-  state.tau.resize(static_cast<std::size_t>(model.dof_count()));
+  state.tau.resize(at(model.dof_count()));
   state.tau_servo.resize(state.tau.size());
   state.activation.resize(model.muscles.size());
   state.fibre_length.resize(model.muscles.size());
@@ -55,16 +56,6 @@ State zero_state(const Model& model) {
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
     set_pose(state, static_cast<int>(i), model.bodies[i].zero_pose);
   return state;
-}
-
-/// Sets the pose of every child from its joint's coordinates, parents first.
-void place_children(const Model& model, std::span<const double> q, State& state) {
-  for (const Joint& joint : model.joints) {
-    if (joint.closes_loop) continue;
-    const Pose x_FM = joint_transform(joint, q.subspan(static_cast<std::size_t>(joint.first_dof)));
-    set_pose(state, joint.child,
-             frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
-  }
 }
 
 }  // namespace
@@ -83,15 +74,15 @@ void joint_coordinates(const Joint& joint, const State& state, std::span<double>
       return;
     case JointKind::ball: {
       const Vec3 r = rotation_vector(x_FM.q);
-      for (int i = 0; i < 3; ++i) out[static_cast<std::size_t>(i)] = r[i];
+      for (int i = 0; i < 3; ++i) out[at(i)] = r[i];
       return;
     }
   }
 }
 
 void joint_rates(const Joint& joint, const State& state, std::span<double> out) {
-  const BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
-  const BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+  const BodyState& parent = state.bodies[at(joint.parent)];
+  const BodyState& child = state.bodies[at(joint.child)];
   const Quat q_WF = parent.q * joint.parent_frame.q;
   const Vec3 w_F = q_WF.conjugate() * (child.w - parent.w);
   switch (joint.kind) {
@@ -109,37 +100,42 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
     case JointKind::slider: {
       const Vec3 r_child = child.q * joint.child_frame.p;
       // Velocity of M's origin relative to the parent.
-      const Vec3 at = child.p + r_child;
-      const Vec3 v_parent = parent.v + parent.w.cross(at - parent.p);
+      const Vec3 anchor = child.p + r_child;
+      const Vec3 v_parent = parent.v + parent.w.cross(anchor - parent.p);
       const Vec3 v = child.v + child.w.cross(r_child) - v_parent;
       out[0] = (q_WF.conjugate() * v).dot(joint.axes[0].axis);
       return;
     }
     case JointKind::ball:
-      for (int i = 0; i < 3; ++i) out[static_cast<std::size_t>(i)] = w_F[i];
+      for (int i = 0; i < 3; ++i) out[at(i)] = w_F[i];
       return;
   }
 }
 
 void update_coordinates(const Model& model, State& state) {
-  state.q.resize(static_cast<std::size_t>(model.dof_count()));
+  state.q.resize(at(model.dof_count()));
   state.u.resize(state.q.size());
   for (const Joint& joint : model.joints) {
-    const auto first = static_cast<std::size_t>(joint.first_dof);
+    const auto first = at(joint.first_dof);
     joint_coordinates(joint, state, std::span(state.q).subspan(first));
     joint_rates(joint, state, std::span(state.u).subspan(first));
   }
 }
 
 double joint_gap(const Joint& joint, const State& state) {
-  const BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
-  const BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+  const BodyState& parent = state.bodies[at(joint.parent)];
+  const BodyState& child = state.bodies[at(joint.child)];
   Vec3 gap = child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p;
   if (joint.kind == JointKind::slider) {
     const Vec3 axis = parent.q * (joint.parent_frame.q * joint.axes[0].axis);
     gap -= gap.dot(axis) * axis;
   }
   return gap.norm();
+}
+
+Vec3 axis_in_world(const Joint& joint, std::size_t axis, const Quat& parent, const Quat& child) {
+  return axis == 0 ? parent * (joint.parent_frame.q * joint.axes[0].axis)
+                   : child * (joint.child_frame.q * joint.axes[axis].axis);
 }
 
 Pose joint_transform(const Joint& joint, std::span<const double> q) {
@@ -157,31 +153,28 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
   return {};
 }
 
+void place_children(const Model& model, std::span<const double> q, State& state) {
+  for (const Joint& joint : model.joints) {
+    if (joint.closes_loop) continue;
+    const Pose x_FM = joint_transform(joint, q.subspan(at(joint.first_dof)));
+    set_pose(state, joint.child,
+             frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
+  }
+}
+
 void place_joints(const Model& model, std::span<const double> q, std::span<const double> u, State& state) {
   place_children(model, q, state);
   for (const Joint& joint : model.joints) {
     if (joint.closes_loop) continue;
-    const auto rates = u.subspan(static_cast<std::size_t>(joint.first_dof));
-    const BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
-    BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
-    const Quat q_WF = parent.q * joint.parent_frame.q;
+    const auto rates = u.subspan(at(joint.first_dof));
+    const BodyState& parent = state.bodies[at(joint.parent)];
+    BodyState& child = state.bodies[at(joint.child)];
     const Vec3 anchor = child.p + child.q * joint.child_frame.p;
     Vec3 w = Vec3::Zero(), v = Vec3::Zero();  // of M against F
-    switch (joint.kind) {
-      case JointKind::hinge:
-        w = q_WF * Vec3(rates[0] * joint.axes[0].axis);
-        break;
-      case JointKind::universal:
-        w = q_WF * Vec3(rates[0] * joint.axes[0].axis) +
-            child.q * (joint.child_frame.q * Vec3(rates[1] * joint.axes[1].axis));
-        break;
-      case JointKind::slider:
-        v = q_WF * Vec3(rates[0] * joint.axes[0].axis);
-        break;
-      case JointKind::ball:
-        w = q_WF * Vec3(rates[0], rates[1], rates[2]);
-        break;
-    }
+    for (std::size_t k = 0; k < joint.axes.size(); ++k)
+      (joint.kind == JointKind::slider ? v : w) += rates[k] * axis_in_world(joint, k, parent.q, child.q);
+    if (joint.kind == JointKind::ball)
+      w = parent.q * (joint.parent_frame.q * Vec3(rates[0], rates[1], rates[2]));
     child.w = parent.w + w;
     child.v = parent.v + parent.w.cross(anchor - parent.p) + v + child.w.cross(child.p - anchor);
   }
@@ -209,10 +202,9 @@ State state_at(const Model& model, std::span<const double> q) {
 }
 
 State initial_state(const Model& model) {
-  std::vector<double> q(static_cast<std::size_t>(model.dof_count()), 0.0);
+  std::vector<double> q(at(model.dof_count()), 0.0);
   for (const Joint& joint : model.joints)
-    for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      q[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].initial;
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) q[at(joint.first_dof) + a] = joint.axes[a].initial;
   State state = zero_state(model);
   for (const Drive& drive : model.drives)
     set_pose(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
@@ -225,6 +217,63 @@ State initial_state(const Model& model) {
   for (std::size_t i = 0; i < model.muscles.size(); ++i) state.activation[i] = model.muscles[i].initial;
   rest_muscles(model, state);
   return state;
+}
+
+std::vector<int> free_bodies(const Model& model) {
+  std::vector<bool> held(model.bodies.size(), false);
+  for (const Joint& joint : model.joints) held[at(joint.child)] = true;
+  std::vector<int> out;
+  for (std::size_t i = 0; i < held.size(); ++i)
+    if (!held[i] && !model.bodies[i].kinematic) out.push_back(static_cast<int>(i));
+  return out;
+}
+
+Jacobian jacobian(const Model& model, const State& state, int body, const Vec3& point,
+                  std::span<const int> free) {
+  const Eigen::Index dofs = model.dof_count();
+  Jacobian out = Jacobian::Zero(6, dofs + 6 * static_cast<Eigen::Index>(free.size()));
+  // Parents come before children: in the reverse order the joints on the way to the root follow each other.
+  for (auto joint = model.joints.rbegin(); joint != model.joints.rend(); ++joint) {
+    if (joint->child != body || joint->closes_loop) continue;
+    body = joint->parent;
+    const BodyState &parent = state.bodies[at(joint->parent)], &child = state.bodies[at(joint->child)];
+    const Vec3 arm = point - child.pose() * joint->child_frame.p;
+    Eigen::Index column = joint->first_dof;
+    const auto add = [&](const Vec3& axis) {
+      if (joint->kind == JointKind::slider)
+        out.col(column++) << axis, Vec3::Zero();
+      else
+        out.col(column++) << axis.cross(arm), axis;
+    };
+    if (joint->kind == JointKind::ball)
+      for (int k = 0; k < 3; ++k) add(parent.q * (joint->parent_frame.q * Vec3::Unit(k)));
+    for (std::size_t k = 0; k < joint->axes.size(); ++k) add(axis_in_world(*joint, k, parent.q, child.q));
+  }
+  for (std::size_t i = 0; i < free.size(); ++i) {
+    if (free[i] != body) continue;
+    auto columns = out.middleCols<6>(dofs + 6 * static_cast<Eigen::Index>(i));
+    columns.setIdentity();
+    for (int k = 0; k < 3; ++k)
+      columns.block<3, 1>(0, 3 + k) = Vec3::Unit(k).cross(point - state.bodies[at(body)].p);
+  }
+  return out;
+}
+
+Eigen::MatrixXd mass_matrix(const Model& model, const State& state, std::span<const int> bodies,
+                            std::span<const int> free) {
+  const Eigen::Index size = model.dof_count() + 6 * static_cast<Eigen::Index>(free.size());
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(size, size);
+  for (const int body : bodies) {
+    const Body& of = model.bodies[at(body)];
+    if (of.kinematic) continue;
+    const Jacobian J = jacobian(model, state, body, state.bodies[at(body)].p, free);
+    const Mat3 rotation = state.bodies[at(body)].q.toRotationMatrix();
+    Eigen::Matrix<double, 6, 6> spatial = Eigen::Matrix<double, 6, 6>::Zero();
+    spatial.topLeftCorner<3, 3>() = of.mass * Mat3::Identity();
+    spatial.bottomRightCorner<3, 3>() = rotation * of.inertia * rotation.transpose();
+    out += J.transpose() * spatial * J;
+  }
+  return out;
 }
 
 }  // namespace handsim::model

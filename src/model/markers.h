@@ -16,7 +16,7 @@ struct Marker {
 };
 
 /// Of every hand the wrist joint centre (`right.wrist`), the centres of its finger joints under the joints'
-/// names, and the fingertips (`right.index_distal.tip`: the end of a segment that carries no other).
+/// names, and the fingertips under the names of their bodies (`right.index_distal.tip`).
 std::vector<Marker> hand_markers(const Model& model);
 
 }  // namespace handsim::model

@@ -156,6 +156,14 @@ struct Drive {
   PoseMotion motion;  ///< X_WD over time
 };
 
+/// The end of a finger.
+struct Fingertip {
+  std::string name;  ///< `right.index_tip`
+  Part finger = Part::index;
+  int body = kWorld;          ///< that the last segment is of
+  Vec3 point = Vec3::Zero();  ///< in the body frame [m]
+};
+
 /// Indices of a hand's parts in the model.
 struct HandIndex {
   std::string name;  ///< `right`, `left`, or with a number if a scene has several of a side
@@ -165,10 +173,18 @@ struct HandIndex {
   std::vector<int> bodies;      ///< palm first, then segments
   std::optional<int> forearm;   ///< body; the palm hangs on it
   std::vector<int> palm_parts;  ///< bodies that are parts of the palm beside `palm`: metacarpals
-  std::vector<int> joints;      ///< finger joints, and those of wrist and forearm if it has them
-  std::optional<int> rail;      ///< slider joint of the palm, if it has one
-  std::vector<int> muscles;     ///< in Model::muscles
-  std::vector<int> ligaments;   ///< in Model::ligaments
+  std::vector<Fingertip> fingertips;
+  std::vector<int> joints;     ///< finger joints, and those of wrist and forearm if it has them
+  std::optional<int> rail;     ///< slider joint of the palm, if it has one
+  std::vector<int> muscles;    ///< in Model::muscles
+  std::vector<int> ligaments;  ///< in Model::ligaments
+};
+
+/// Indices of an object's parts in the model.
+struct ObjectIndex {
+  std::string name;
+  std::optional<int> body;  ///< absent: it does not move
+  std::vector<int> shapes;
 };
 
 /// Everything a scene simulates.
@@ -182,10 +198,13 @@ struct Model {
   std::vector<ContactRule> contact_rules;  ///< empty: no contact at all
   std::vector<Drive> drives;
   std::vector<HandIndex> hands;
+  std::vector<ObjectIndex> objects;
   std::vector<Muscle> muscles;      ///< those in effect
   std::vector<Ligament> ligaments;  ///< those in effect
 
   int dof_count() const;
+  /// Of each shape the object that it is of, in `objects`, if it is of one.
+  std::vector<std::optional<std::size_t>> objects_of_shapes() const;
   /// Index of a new group.
   int add_group(std::string name);
 };

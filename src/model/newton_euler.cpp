@@ -8,14 +8,6 @@ namespace handsim::model {
 
 namespace {
 
-Pose pose_of(const BodyMotion& body) { return {body.p, body.q}; }
-
-/// World direction of an axis of a joint: the first is fixed in the parent, the second in the child.
-Vec3 axis_in_world(const Joint& joint, std::size_t axis, const Quat& parent, const Quat& child) {
-  return axis == 0 ? parent * (joint.parent_frame.q * joint.axes[0].axis)
-                   : child * (joint.child_frame.q * joint.axes[axis].axis);
-}
-
 /// Motion of a driven body by central differences, because tables have no accelerations of their own.
 BodyMotion driven(const Drive& drive, double time) {
   constexpr double kSpan = 2e-3;  // [s]
@@ -23,10 +15,7 @@ BodyMotion driven(const Drive& drive, double time) {
   const Pose before = pose(time - kSpan), now = pose(time), after = pose(time + kSpan);
   const Vec3 turned = rotation_vector(now.q * before.q.conjugate()) / kSpan;
   const Vec3 turns = rotation_vector(after.q * now.q.conjugate()) / kSpan;
-  return {now.p,
-          now.q,
-          (after.p - before.p) / (2 * kSpan),
-          0.5 * (turned + turns),
+  return {{now.p, now.q, (after.p - before.p) / (2 * kSpan), 0.5 * (turned + turns)},
           (after.p - 2 * now.p + before.p) / (kSpan * kSpan),
           (turns - turned) / kSpan};
 }
@@ -47,10 +36,7 @@ NewtonEuler::NewtonEuler(const Model& model, const Vec3& gravity)
 }
 
 void NewtonEuler::set_roots(const State& state, double time) {
-  for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    const BodyState& from = state.bodies[i];
-    bodies_[i] = {from.p, from.q, from.v, from.w, Vec3::Zero(), Vec3::Zero()};
-  }
+  for (std::size_t i = 0; i < bodies_.size(); ++i) bodies_[i] = {state.bodies[i]};
   for (const Drive& drive : model_.drives) bodies_[at(drive.body)] = driven(drive, time);
 }
 
@@ -61,7 +47,7 @@ void NewtonEuler::place_child(const Joint& joint, std::span<const double> q, std
   const BodyMotion& parent = bodies_[at(joint.parent)];
   BodyMotion& child = bodies_[at(joint.child)];
   const Pose pose =
-      pose_of(parent) * joint.parent_frame * joint_transform(joint, q) * joint.child_frame.inverse();
+      parent.pose() * joint.parent_frame * joint_transform(joint, q) * joint.child_frame.inverse();
   child.p = pose.p;
   child.q = pose.q;
   const Vec3 anchor = pose * joint.child_frame.p, from_parent = anchor - parent.p;
@@ -103,7 +89,7 @@ void NewtonEuler::place(const State& from, const State& to) {
   const double step = to.time - from.time;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     const BodyState &a = from.bodies[i], &b = to.bodies[i];
-    bodies_[i] = {b.p, b.q, b.v, b.w, (b.v - a.v) / step, (b.w - a.w) / step};
+    bodies_[i] = {b, (b.v - a.v) / step, (b.w - a.w) / step};
   }
 }
 
@@ -123,7 +109,7 @@ std::span<const double> NewtonEuler::torques(std::span<const Wrench> loads) {
     const Joint& joint = model_.joints[j];
     const BodyMotion &parent = bodies_[at(joint.parent)], &child = bodies_[at(joint.child)];
     const Wrench& sum = sums_[at(joint.child)];
-    const Vec3 anchor = pose_of(child) * joint.child_frame.p;
+    const Vec3 anchor = child.pose() * joint.child_frame.p;
     Wrench& reaction = reactions_[j];
     reaction.force = sum.force;
     reaction.moment = sum.moment + (child.p - anchor).cross(sum.force);
@@ -141,6 +127,15 @@ std::span<const double> NewtonEuler::torques(std::span<const Wrench> loads) {
                                 .dot(axis_in_world(joint, k, parent.q, child.q));
   }
   return torques_;
+}
+
+std::vector<double> inverse_dynamics(const Model& model, const State& state, std::span<const double> change,
+                                     const Vec3& gravity) {
+  NewtonEuler dynamics(model, gravity);
+  dynamics.set_roots(state, state.time);
+  dynamics.place(state.q, state.u, change);
+  const std::span<const double> torques = dynamics.torques();
+  return {torques.begin(), torques.end()};
 }
 
 }  // namespace handsim::model

@@ -10,11 +10,7 @@
 namespace handsim::model {
 
 /// Motion of a body with its accelerations.
-struct BodyMotion {
-  Vec3 p = Vec3::Zero();      ///< centre of mass in the world [m]
-  Quat q = Quat::Identity();  ///< q_WB
-  Vec3 v = Vec3::Zero();      ///< of the centre of mass [m/s]
-  Vec3 w = Vec3::Zero();      ///< world axes [rad/s]
+struct BodyMotion : BodyState {
   Vec3 a = Vec3::Zero();      ///< of the centre of mass [m/s^2]
   Vec3 alpha = Vec3::Zero();  ///< world axes [rad/s^2]
 };
@@ -60,5 +56,11 @@ class NewtonEuler {
   std::vector<Wrench> reactions_;
   std::vector<double> torques_;
 };
+
+/// Torques [N m] or [N] that accelerate the motion of a state, size model.dof_count(): NewtonEuler::torques()
+/// at its coordinates and rates. @param change of the rates [rad/s^2] or [m/s^2], size model.dof_count()
+/// @throws as NewtonEuler
+std::vector<double> inverse_dynamics(const Model& model, const State& state, std::span<const double> change,
+                                     const Vec3& gravity);
 
 }  // namespace handsim::model

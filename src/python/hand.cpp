@@ -5,6 +5,8 @@
 #include "handsim/core/data_folder.h"
 #include "handsim/core/index.h"
 #include "handsim/hand/grip_strength.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/newton_euler.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 
@@ -14,7 +16,11 @@ namespace {
 
 using Column = std::vector<double>;
 
+constexpr const char* kShapeKinds[] = {"box", "capsule", "cylinder", "sphere", "convex_mesh", "plane"};
+static_assert(std::size(kShapeKinds) == static_cast<std::size_t>(model::ShapeKind::plane) + 1);
+
 void append(Column& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v.z()}); }
+void append(Column& out, const Quat& q) { out.insert(out.end(), {q.w(), q.x(), q.y(), q.z()}); }
 
 /// @throws Error (input) without hands.
 const model::HandIndex& first_hand(const SceneHandle& of) {
@@ -24,8 +30,8 @@ const model::HandIndex& first_hand(const SceneHandle& of) {
 
 std::string part_name(const std::string& body) { return body.substr(body.find('.') + 1); }
 
-/// Bodies of the scene's first hand in its hand frame: palm, then segments with a joint. The palm's length is
-/// that of the box about its shapes.
+/// Bodies of the scene's first hand in its hand frame: palm, then segments with a joint; with the row of the
+/// body that carries each. The palm's length is that of the box about its shapes.
 py::dict segments(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
   const model::HandIndex& hand = first_hand(of);
@@ -33,6 +39,7 @@ py::dict segments(const SceneHandle& of) {
   const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   const Vec3 box = hand::palm_box(built);
   std::vector<std::string> names, joints;
+  std::vector<int> parents;
   Column length, radius, mass, centre, inertia;
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
     const model::Body& body = model.bodies[at(hand.bodies[i])];
@@ -42,6 +49,7 @@ py::dict segments(const SceneHandle& of) {
     const bool palm = segment == built.segments.end();
     names.push_back(part_name(body.name));
     joints.push_back(palm ? "" : built.joints[at(*segment->joint)].name);
+    parents.push_back(palm ? -1 : built.joints[at(*segment->joint)].parent);
     length.push_back(palm ? box.y() : segment->length);
     radius.push_back(palm ? box.z() / 2 : segment->radius);
     mass.push_back(body.mass);
@@ -51,6 +59,7 @@ py::dict segments(const SceneHandle& of) {
   py::dict out;
   out["name"] = names;
   out["joint"] = joints;
+  out["parent"] = py::array(py::cast(parents));
   out["length[m]"] = array_of(length);
   out["radius[m]"] = array_of(radius);
   out["mass[kg]"] = array_of(mass);
@@ -93,6 +102,134 @@ py::dict joints(const SceneHandle& of) {
   return out;
 }
 
+/// A row for each shape of the first hand, in its body.
+py::dict shapes(const SceneHandle& of) {
+  const model::HandIndex& hand = first_hand(of);
+  std::vector<std::string> names, bodies, kinds;
+  Column radius, length, edges, position, quaternion;
+  for (const model::Shape& shape : of.scene->model.shapes) {
+    if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) == hand.bodies.end()) continue;
+    names.push_back(part_name(shape.name));
+    bodies.push_back(part_name(of.scene->model.bodies[at(shape.body)].name));
+    kinds.emplace_back(kShapeKinds[static_cast<std::size_t>(shape.kind)]);
+    radius.push_back(shape.radius);
+    length.push_back(shape.length);
+    append(edges, shape.edges);
+    append(position, shape.pose.p);
+    append(quaternion, shape.pose.q);
+  }
+  py::dict out;
+  out["name"] = names;
+  out["body"] = bodies;
+  out["kind"] = kinds;
+  out["radius[m]"] = array_of(radius);
+  out["length[m]"] = array_of(length);
+  out["edges[m]"] = array_of(edges, 3);
+  out["position[m]"] = array_of(position, 3);
+  out["quaternion"] = array_of(quaternion, 4);
+  return out;
+}
+
+/// A row for each fingertip of the first hand, in its body.
+py::dict tips(const SceneHandle& of) {
+  std::vector<std::string> names, bodies;
+  Column position;
+  for (const model::Fingertip& tip : first_hand(of).fingertips) {
+    names.push_back(part_name(tip.name));
+    bodies.push_back(part_name(of.scene->model.bodies[at(tip.body)].name));
+    append(position, tip.point);
+  }
+  py::dict out;
+  out["name"] = names;
+  out["body"] = bodies;
+  out["position[m]"] = array_of(position, 3);
+  return out;
+}
+
+/// The first hand at coordinates, with its hand frame at the origin of the world.
+struct Posture {
+  const model::Model& model;
+  const model::HandIndex& hand;
+  model::State state;
+
+  Posture(const SceneHandle& of, const py::object& q) : model(of.scene->model), hand(first_hand(of)) {
+    state = model::state_at(model, coordinates(q, "q").span());
+    const Pose x_HW = (state.bodies[at(hand.palm)].pose() * hand.wrist_frame).inverse();
+    for (model::BodyState& body : state.bodies) {
+      const Pose x_HB = x_HW * body.pose();
+      body.p = x_HB.p;
+      body.q = x_HB.q;
+    }
+  }
+  /// One number for each coordinate.
+  Numbers coordinates(const py::object& numbers, const char* name) const {
+    Numbers out(numbers, {static_cast<py::ssize_t>(model.dof_count())}, name);
+    for (const double each : out.span())
+      if (!std::isfinite(each)) throw input_error(name, std::to_string(each), "finite numbers");
+    return out;
+  }
+};
+
+py::array_t<double> matrix(const Eigen::MatrixXd& of) {
+  py::array_t<double> out({of.rows(), of.cols()});
+  for (Eigen::Index i = 0; i < of.rows(); ++i)
+    for (Eigen::Index k = 0; k < of.cols(); ++k) out.mutable_at(i, k) = of(i, k);
+  return out;
+}
+
+py::tuple poses(const SceneHandle& of, const py::object& q) {
+  const Posture posture(of, q);
+  Column position, quaternion;
+  for (const int body : posture.hand.bodies) {
+    append(position, posture.state.bodies[at(body)].p);
+    append(quaternion, posture.state.bodies[at(body)].q);
+  }
+  return py::make_tuple(array_of(position, 3), array_of(quaternion, 4));
+}
+
+/// @param body row among the hand's bodies
+py::array_t<double> jacobian(const SceneHandle& of, const py::object& q, std::size_t body,
+                             const py::object& offset) {
+  const Posture posture(of, q);
+  const Numbers point(offset, {3}, "offset");
+  const int index = posture.hand.bodies.at(body);
+  return matrix(model::jacobian(posture.model, posture.state, index,
+                                posture.state.bodies[at(index)].pose() * Vec3(point.span().data())));
+}
+
+py::array_t<double> mass_matrix(const SceneHandle& of, const py::object& q) {
+  const Posture posture(of, q);
+  return matrix(model::mass_matrix(posture.model, posture.state, posture.hand.bodies));
+}
+
+py::array_t<double> inverse_dynamics(const SceneHandle& of, const py::object& q, const py::object& u,
+                                     const py::object& a, const py::object& gravity) {
+  Posture posture(of, q);
+  const Numbers rates = posture.coordinates(u, "u"), change = posture.coordinates(a, "a");
+  const Vec3 pull(Numbers(gravity, {3}, "gravity").span().data());
+  posture.state.u.assign(rates.span().begin(), rates.span().end());
+  return array_of(model::inverse_dynamics(posture.model, posture.state, change.span(), pull));
+}
+
+py::array_t<double> moment_arms(const SceneHandle& of, const py::object& q) {
+  const Posture posture(of, q);
+  const std::vector<model::Muscle>& muscles = posture.model.muscles;
+  Eigen::MatrixXd out =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(muscles.size()), posture.model.dof_count());
+  for (std::size_t m = 0; m < muscles.size(); ++m) {
+    const model::PathState path = model::path_state(muscles[m].path, posture.state.q);
+    for (std::size_t i = 0; i < muscles[m].path.arms.size(); ++i)
+      out(static_cast<Eigen::Index>(m), muscles[m].path.arms[i].dof) = path.arm[i];
+  }
+  return matrix(out);
+}
+
+std::vector<std::string> muscles(const SceneHandle& of) {
+  std::vector<std::string> out;
+  for (const model::Muscle& muscle : of.scene->model.muscles) out.push_back(part_name(muscle.name));
+  return out;
+}
+
 /// Size, mass and strength of the first hand.
 py::dict dimensions(const SceneHandle& of) {
   first_hand(of);
@@ -120,6 +257,16 @@ void bind_hand(py::module_& module) {
   module.def("hand_dimensions", &dimensions, py::arg("scene"));
   module.def("hand_segments", &segments, py::arg("scene"));
   module.def("hand_joints", &joints, py::arg("scene"));
+  module.def("hand_shapes", &shapes, py::arg("scene"));
+  module.def("hand_tips", &tips, py::arg("scene"));
+  module.def("hand_muscles", &muscles, py::arg("scene"));
+  const py::arg scene("scene"), q("q");
+  module.def("hand_poses", &poses, scene, q);
+  module.def("hand_jacobian", &jacobian, scene, q, py::arg("body"), py::arg("offset"));
+  module.def("hand_mass_matrix", &mass_matrix, scene, q);
+  module.def("hand_inverse_dynamics", &inverse_dynamics, scene, q, py::arg("u"), py::arg("a"),
+             py::arg("gravity"));
+  module.def("hand_moment_arms", &moment_arms, scene, q);
 }
 
 }  // namespace handsim::python

@@ -45,26 +45,23 @@ std::shared_ptr<const scene::Scene> checked(std::shared_ptr<const scene::Scene> 
 
 void check_start(const scene::Scene& scene) {
   if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return;
-  const auto of_hand = [](const model::Shape& shape) {
-    return shape.part != model::Part::object && shape.part != model::Part::ground &&
-           shape.part != model::Part::mechanism;
-  };
+  const auto of_hand = [](const model::Shape& shape) { return hand_part(shape.part) >= 0; };
   std::vector<std::map<std::pair<std::string, std::string>, double>> deepest(scene.plans.objects.size());
   const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
+  const std::vector<std::optional<std::size_t>> object_of = scene.model.objects_of_shapes();
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
-    const model::Shape* hand = &scene.model.shapes[at(overlap.shape_a)];
-    const model::Shape* other = &scene.model.shapes[at(overlap.shape_b)];
-    if (!of_hand(*hand)) std::swap(hand, other);
-    if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !rules.meet(hand->group, other->group)) continue;
-    const std::string name = other->name.substr(0, other->name.find('.'));
-    for (std::size_t i = 0; i < scene.plans.objects.size(); ++i)
-      if (const scene::ObjectSpec& object = scene.plans.objects[i];
-          other->part == model::Part::object && object.name == name && !object.may_overlap) {
-        double& depth = deepest[i][{other->name, scene.model.bodies[at(hand->body)].name}];
-        depth = std::max(depth, overlap.depth);
-      }
+    int hand_shape = overlap.shape_a, other_shape = overlap.shape_b;
+    if (!of_hand(scene.model.shapes[at(hand_shape)])) std::swap(hand_shape, other_shape);
+    const model::Shape &hand = scene.model.shapes[at(hand_shape)],
+                       &other = scene.model.shapes[at(other_shape)];
+    const std::optional<std::size_t> object = object_of[at(other_shape)];
+    if (overlap.depth <= kDeepestStart || !of_hand(hand) || !object || !rules.meet(hand.group, other.group) ||
+        scene.plans.objects[*object].may_overlap)
+      continue;
+    double& depth = deepest[*object][{other.name, scene.model.bodies[at(hand.body)].name}];
+    depth = std::max(depth, overlap.depth);
   }
   std::vector<Problem> problems;
   for (std::size_t i = 0; i < deepest.size(); ++i) {

@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "engine/shared_motions.h"
-#include "handsim/model/inverse_dynamics.h"
+#include "support/momentum_torques.h"
 #include "support/sanitized.h"
 
 namespace handsim::engine {
@@ -62,7 +62,7 @@ Outcome drive(const Drive& how) {
     const StepReport report = servos_act ? engine->step({.servos = servos}) : engine->step({torques});
     const model::State& after = engine->state();
     out.halved += report.rung == Rung::half_steps ? 1 : 0;
-    const std::vector<double> needed = model::inverse_dynamics(model, before, after, model.gravity);
+    const std::vector<double> needed = handsim::test::momentum_torques(model, before, after, model.gravity);
     for (const model::Joint& joint : model.joints)
       for (std::size_t a = 0; a < joint.axes.size(); ++a) {
         const std::size_t k = static_cast<std::size_t>(joint.first_dof) + a;

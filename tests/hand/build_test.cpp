@@ -48,6 +48,34 @@ TEST_P(ShippedHands, HaveAPalmFifteenCapsulesAndNoDefects) {
       EXPECT_TRUE(model::defects(with_hand(hand, side, mount)).empty());
 }
 
+// Oracle: the hand model: a segment ends at its length from its joint, where the last one's capsule ends too.
+// Bound: rounding.
+TEST_P(ShippedHands, HaveFingertipsAtTheEndsOfTheirFingers) {
+  const BuiltHand hand = build_hand(shipped(GetParam()), man());
+  for (const model::Side side : {model::Side::right, model::Side::left}) {
+    const model::Model model = with_hand(hand, side, Mount::hinge);
+    const std::vector<model::Fingertip>& tips = model.hands[0].fingertips;
+    ASSERT_EQ(tips.size(), 5U);
+    EXPECT_EQ(tips[1].name, model.hands[0].name + ".index_tip");
+    EXPECT_EQ(tips[4].finger, model::Part::little);
+    for (const model::Fingertip& tip : tips) {
+      const auto body = static_cast<std::size_t>(tip.body);
+      EXPECT_TRUE(model.bodies[body].name.ends_with("_distal"));
+      const auto joint = std::find_if(model.joints.begin(), model.joints.end(),
+                                      [&](const model::Joint& each) { return each.child == tip.body; });
+      const auto segment = std::find_if(hand.segments.begin(), hand.segments.end(), [&](const auto& each) {
+        return model.hands[0].palm + each.body == tip.body;
+      });
+      EXPECT_NEAR((tip.point - joint->child_frame.p).norm(), segment->length, 1e-16);
+      const auto shape = std::find_if(model.shapes.begin(), model.shapes.end(),
+                                      [&](const model::Shape& each) { return each.body == tip.body; });
+      const Vec3 in_shape = shape->pose.inverse() * tip.point;
+      EXPECT_NEAR(std::abs(in_shape.z()), 0.5 * shape->length + shape->radius, 1e-16);
+      EXPECT_LT(in_shape.head<2>().norm(), 1e-16);
+    }
+  }
+}
+
 // Oracle: the prototype's own values, which the hand model file states; on both axes of the thumb's universal
 // joint.
 TEST(ShippedPrototype, KeepsTheBounceAndFudgeFactorOfItsThumb) {

@@ -47,6 +47,31 @@ TEST(Scene, AutoEffectsAreWhatTheContentNeeds) {
       << text;
 }
 
+// Oracle: the scene file: a mug of several shapes, and its support, which does not move.
+TEST(Scene, TheModelKnowsItsObjects) {
+  const Scene scene = shipped_scene("grasp_cup");
+  const model::Model& model = scene.model;
+  ASSERT_EQ(model.objects.size(), 2U);
+  ASSERT_EQ(scene.plans.objects.size(), 2U);
+  std::size_t shapes = 0;
+  for (std::size_t i = 0; i < 2; ++i) {
+    const model::ObjectIndex& object = model.objects[i];
+    EXPECT_EQ(object.name, scene.plans.objects[i].name);
+    EXPECT_EQ(object.shapes.size(), scene.plans.objects[i].shapes.size());
+    EXPECT_EQ(object.body.has_value(), !scene.plans.objects[i].is_static);
+    for (const int shape : object.shapes) {
+      EXPECT_EQ(model.objects_of_shapes()[static_cast<std::size_t>(shape)], i);
+      EXPECT_EQ(model.shapes[static_cast<std::size_t>(shape)].body, object.body.value_or(model::kWorld));
+      ++shapes;
+    }
+  }
+  EXPECT_GT(model.objects[0].shapes.size(), 1U);
+  EXPECT_EQ(model.bodies[static_cast<std::size_t>(*model.objects[0].body)].name, "mug");
+  for (std::size_t i = 0; i < model.shapes.size(); ++i)
+    shapes += model.shapes[i].part != model::Part::object && !model.objects_of_shapes()[i] ? 1 : 0;
+  EXPECT_EQ(shapes, model.shapes.size());
+}
+
 // Oracle: a scene whose hands have files of their own, read where nothing is shared.
 TEST(Scene, HandsOfOnePersonAndModelShareBoth) {
   const Scene scene = shipped_scene("two_hands");

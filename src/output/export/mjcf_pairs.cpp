@@ -1,12 +1,14 @@
 #include "handsim/output/export/mjcf_pairs.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
 
 #include "handsim/core/index.h"
 #include "handsim/engine/contact/pair_table.h"
+#include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
 
 namespace handsim::output {
@@ -14,45 +16,6 @@ namespace handsim::output {
 namespace {
 
 using model::Effect;
-
-/// Columns of a tree's Jacobian: how one coordinate moves a body and all that it carries.
-struct Column {
-  int body = 0;
-  Vec3 w = Vec3::Zero(), point = Vec3::Zero(), v = Vec3::Zero();  ///< rotation about the point; translation
-};
-
-std::vector<Column> columns(const model::Model& model) {
-  std::vector<Column> out;
-  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
-    if (model.bodies[i].kinematic || has_parent(model, i)) continue;
-    for (int k = 0; k < 3; ++k) {
-      out.push_back({static_cast<int>(i), Vec3::Zero(), Vec3::Zero(), Vec3::Unit(k)});
-      out.push_back({static_cast<int>(i), Vec3::Unit(k), model.bodies[i].zero_pose.p, Vec3::Zero()});
-    }
-  }
-  for (const model::Joint& joint : model.joints) {
-    if (joint.closes_loop || model.bodies[at(joint.child)].kinematic) continue;
-    const Pose frame = model.bodies[at(joint.child)].zero_pose * joint.child_frame;
-    if (joint.kind == model::JointKind::ball)
-      for (int k = 0; k < 3; ++k) out.push_back({joint.child, Vec3::Unit(k), frame.p, Vec3::Zero()});
-    for (const model::JointAxis& each : joint.axes) {
-      const Vec3 axis = frame.q * each.axis;
-      if (joint.kind == model::JointKind::slider)
-        out.push_back({joint.child, Vec3::Zero(), Vec3::Zero(), axis});
-      else
-        out.push_back({joint.child, axis, frame.p, Vec3::Zero()});
-    }
-  }
-  return out;
-}
-
-/// For each body the body that it hangs on; the world for others.
-std::vector<int> parents(const model::Model& model) {
-  std::vector<int> out(model.bodies.size(), model::kWorld);
-  for (const model::Joint& joint : model.joints)
-    if (!joint.closes_loop) out[at(joint.child)] = joint.parent;
-  return out;
-}
 
 /// A spring-damper at the step's end, f = -(K (r + h v+) + c v+) for a gap r and its rate v+ after the step
 /// of length h. MuJoCo's contact is f = -(a + b v + k r) / R with the acceleration a = (v+ - v) / h, so b = 1
@@ -77,32 +40,19 @@ bool combined_there(const model::Material& a, const model::Material& b, const mo
 }  // namespace
 
 std::vector<double> mobilities(const model::Model& model) {
-  const std::vector<Column> all = columns(model);
-  const std::vector<int> parent = parents(model);
-  const auto n = static_cast<Eigen::Index>(all.size());
-  std::vector<Eigen::MatrixXd> jacobians;
-  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(n, n);
-  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
-    const Pose& pose = model.bodies[i].zero_pose;
-    Eigen::MatrixXd linear = Eigen::MatrixXd::Zero(3, n), angular = linear;
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const Column& column = all[static_cast<std::size_t>(k)];
-      for (int up = static_cast<int>(i); up != model::kWorld; up = parent[at(up)]) {
-        if (up != column.body) continue;
-        linear.col(k) = column.v + column.w.cross(pose.p - column.point);
-        angular.col(k) = column.w;
-      }
-    }
-    const Mat3 R = pose.q.toRotationMatrix();
-    M += model.bodies[i].mass * linear.transpose() * linear +
-         angular.transpose() * (R * model.bodies[i].inertia * R.transpose()) * angular;
-    jacobians.push_back(std::move(linear));
+  const std::vector<double> zeros(at(model.dof_count()));
+  const model::State state = model::state_at(model, zeros);
+  const std::vector<int> free = model::free_bodies(model);
+  std::vector<int> bodies(model.bodies.size());
+  std::iota(bodies.begin(), bodies.end(), 0);
+  // Semidefinite: a joint that closes a loop has columns of zeros.
+  const auto factor = model::mass_matrix(model, state, bodies, free).ldlt();
+  std::vector<double> out;
+  for (const int body : bodies) {
+    const Eigen::MatrixXd J =
+        model::jacobian(model, state, body, state.bodies[at(body)].p, free).topRows<3>();
+    out.push_back((J * factor.solve(J.transpose())).trace() / 3);
   }
-  std::vector<double> out(model.bodies.size(), 0.0);
-  if (n == 0) return out;
-  const Eigen::LLT<Eigen::MatrixXd> factor(M);
-  for (std::size_t i = 1; i < out.size(); ++i)
-    out[i] = (jacobians[i] * factor.solve(jacobians[i].transpose())).trace() / 3;
   return out;
 }
 

@@ -14,8 +14,8 @@ namespace {
 void add_object(model::Model& model, const ObjectSpec& object, int group) {
   const int material = static_cast<int>(model.materials.size());
   model.materials.push_back(object.material);
+  model::ObjectIndex index{object.name, {}, {}};
   Pose x_BO = object.pose;
-  int on = model::kWorld;
   if (!object.is_static) {
     model::Body body;
     body.name = object.name;
@@ -25,7 +25,7 @@ void add_object(model::Model& model, const ObjectSpec& object, int group) {
     body.initial_velocity = object.velocity;
     body.initial_angular_velocity = object.angular_velocity;
     x_BO = object.body_frame().inverse();
-    on = static_cast<int>(model.bodies.size());
+    index.body = static_cast<int>(model.bodies.size());
     model.bodies.push_back(std::move(body));
   }
   for (std::size_t i = 0; i < object.shapes.size(); ++i) {
@@ -35,10 +35,12 @@ void add_object(model::Model& model, const ObjectSpec& object, int group) {
     shape.part = model::Part::object;
     shape.group = group;
     shape.material = material;
-    shape.body = on;
+    shape.body = index.body.value_or(model::kWorld);
     shape.pose = x_BO * shape.pose;
+    index.shapes.push_back(static_cast<int>(model.shapes.size()));
     model.shapes.push_back(std::move(shape));
   }
+  model.objects.push_back(std::move(index));
 }
 
 /// @returns the ground's group.

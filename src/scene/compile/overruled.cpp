@@ -45,11 +45,14 @@ class Surfaces {
           if (a->body != b->body) add(*a, *b, material);
   }
 
-  /// Of an object or the ground, by the name of its shapes.
-  std::optional<Reason> of_shapes(const std::string& name) const {
+  std::optional<Reason> of_ground() const {
     for (const model::Shape& shape : model_.shapes)
-      if (shape.name == name || shape.name.starts_with(name + ".part")) return of(shape.material);
+      if (shape.part == model::Part::ground) return of(shape.material);
     return std::nullopt;
+  }
+  std::optional<Reason> of_object(std::size_t object) const {
+    if (object >= model_.objects.size()) return std::nullopt;
+    return of(model_.shapes[static_cast<std::size_t>(model_.objects[object].shapes.front())].material);
   }
   std::optional<Reason> of_hand(std::size_t hand) const {
     if (hand >= model_.hands.size()) return std::nullopt;
@@ -109,8 +112,8 @@ class Judge {
     const std::string& top = path.front();
     if (top == "gravity") return off(Effect::gravity);
     if (top == "ground")
-      return path.back() == "height" ? off(Effect::ground_contact) : surface(path, "ground");
-    if (top == "objects" && path.size() == 3) return surface(path, object(path[1]));
+      return path.back() == "height" ? off(Effect::ground_contact) : surface(path, std::nullopt);
+    if (top == "objects" && path.size() == 3) return surface(path, std::stoul(path[1]));
     if (top == "contacts") return contacts(path);
     if (top == "hands" && path.size() > 2) return hand(path);
     if (top == "joints" && (path.back() == "range" || path.back() == "bounce"))
@@ -132,16 +135,12 @@ class Judge {
     if (!surfaces_) surfaces_.emplace(scene_);
     return *surfaces_;
   }
-  /// Name of the object with this index.
-  std::string object(const std::string& index) const {
-    const std::size_t i = std::stoul(index);
-    return i < scene_.plans.objects.size() ? scene_.plans.objects[i].name : "";
-  }
-  std::optional<Reason> surface(const Path& path, const std::string& shapes) {
+  /// Of an object, or the ground.
+  std::optional<Reason> surface(const Path& path, std::optional<std::size_t> object) {
     const bool friction = among(path.back(), kFrictionKeys);
     if (!friction && !among(path.back(), kSurfaceKeys)) return std::nullopt;
     const auto without = friction ? off(Effect::friction) : std::nullopt;
-    return without ? without : surfaces().of_shapes(shapes);
+    return without ? without : object ? surfaces().of_object(*object) : surfaces().of_ground();
   }
   std::optional<Reason> contacts(const Path& path) {
     if (path.size() < 4) return std::nullopt;

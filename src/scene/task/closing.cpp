@@ -181,9 +181,8 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
   for (const TouchPoint& contact : contacts) {
     if (std::find(chain.bodies.begin(), chain.bodies.end(), contact.body) == chain.bodies.end()) continue;
-    const std::vector<Vec3> way = hand_.jacobian(from, contact.body, contact.point);
-    Eigen::MatrixXd rows(3, n);
-    for (Eigen::Index k = 0; k < n; ++k) rows.col(k) = way[chain.axes[static_cast<std::size_t>(k)]];
+    const Eigen::MatrixXd rows =
+        hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
     const Mat3 into = contact.normal * contact.normal.transpose();
     const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
     const Vec3 wanted = moved + deeper[static_cast<std::size_t>(contact.body)] * contact.normal;

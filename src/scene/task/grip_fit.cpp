@@ -403,8 +403,9 @@ class Fit {
   std::vector<double> torques() {
     std::vector<double> out(q_.size());
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
-      const std::vector<Vec3> way = hand_.jacobian(q_, contacts_[i].body, contacts_[i].point);
-      for (std::size_t k = 0; k < out.size(); ++k) out[k] += balanced_.forces[i].dot(way[k]);
+      const model::Jacobian J = hand_.jacobian(q_, contacts_[i].body, contacts_[i].point);
+      for (std::size_t k = 0; k < out.size(); ++k)
+        out[k] += balanced_.forces[i].dot(Vec3(J.col(static_cast<Eigen::Index>(k)).head<3>()));
     }
     return out;
   }

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/contact/ode_library.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/scene/read/contact_groups.h"
 
 namespace handsim::scene {
@@ -71,9 +71,9 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   add_rules(model_, site.scene.contacts, groups);
   axes_ = control::hand_axes(model_, model_.hands.front());
   parts_.assign(model_.bodies.size(), model::Part::palm);
-  for (const model::Shape& shape : model_.shapes) parts_[static_cast<std::size_t>(shape.body)] = shape.part;
+  for (const model::Shape& shape : model_.shapes) parts_[at(shape.body)] = shape.part;
   collider_ = std::make_unique<engine::Collider>(model_, model::Effects{}, false);
-  q_.assign(static_cast<std::size_t>(model_.dof_count()), 0.0);
+  q_.assign(at(model_.dof_count()), 0.0);
   state_ = model::state_at(model_, q_);
 }
 
@@ -81,20 +81,17 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
 void HandOnObject::move(std::span<const double> q) {
   moved_.assign(model_.bodies.size(), false);
   for (const model::Joint& joint : model_.joints) {
-    const auto first = static_cast<std::size_t>(joint.first_dof);
-    const auto parent = static_cast<std::size_t>(joint.parent), child = static_cast<std::size_t>(joint.child);
-    const auto count = static_cast<std::size_t>(model::dof_count(joint.kind));
-    moved_[child] = moved_[parent] || !std::equal(q.begin() + joint.first_dof,
-                                                  q.begin() + joint.first_dof + static_cast<long>(count),
-                                                  q_.begin() + joint.first_dof);
-    if (!moved_[child]) continue;
-    const Pose pose = state_.bodies[parent].pose() * joint.parent_frame *
-                      model::joint_transform(joint, q.subspan(first)) * joint.child_frame.inverse();
-    state_.bodies[child].p = pose.p;
-    state_.bodies[child].q = pose.q;
+    const auto first = q.begin() + joint.first_dof, end = first + model::dof_count(joint.kind);
+    const bool moves = moved_[at(joint.parent)] || !std::equal(first, end, q_.begin() + joint.first_dof);
+    moved_[at(joint.child)] = moves;
+    if (!moves) continue;
+    const Pose pose = state_.bodies[at(joint.parent)].pose() * joint.parent_frame *
+                      model::joint_transform(joint, {first, end}) * joint.child_frame.inverse();
+    state_.bodies[at(joint.child)].p = pose.p;
+    state_.bodies[at(joint.child)].q = pose.q;
   }
   q_.assign(q.begin(), q.end());
-  model::BodyState& object = state_.bodies[static_cast<std::size_t>(object_)];
+  model::BodyState& object = state_.bodies[at(object_)];
   const Pose x_HB = x_HO_ * body_frame_;
   object.p = x_HB.p;
   object.q = x_HB.q;
@@ -105,10 +102,10 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
   collider_->collide(state_, {});
   touches_.clear();
   for (const engine::Touch& touch : collider_->touches())
-    for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       const engine::Contact& contact = collider_->contacts()[i];
-      const int a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].body;
-      const int b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].body;
+      const int a = model_.shapes[at(contact.shape_a)].body;
+      const int b = model_.shapes[at(contact.shape_b)].body;
       const bool hand_is_a = b == object_;
       const double share = collider_->shares()[i];
       touches_.push_back({hand_is_a ? a : b, contact.position,
@@ -137,29 +134,15 @@ const std::vector<double>& HandOnObject::depths(std::span<const double> q, std::
   depths_.assign(model_.bodies.size(), 0);
   for (const engine::Contact& contact : of.collider->contacts())
     for (const int shape : {contact.shape_a, contact.shape_b}) {
-      double& depth =
-          depths_[static_cast<std::size_t>(of.model.shapes[static_cast<std::size_t>(shape)].body)];
+      double& depth = depths_[at(of.model.shapes[at(shape)].body)];
       depth = std::max(depth, contact.depth);
     }
   return depths_;
 }
 
-std::vector<Vec3> HandOnObject::jacobian(std::span<const double> q, int body, const Vec3& point) {
+model::Jacobian HandOnObject::jacobian(std::span<const double> q, int body, const Vec3& point) {
   move(q);
-  std::vector<Vec3> out(q.size(), Vec3::Zero());
-  // Joints stand parents first: backwards from the body, each child is met before its own joint's parent.
-  for (auto joint = model_.joints.rbegin(); joint != model_.joints.rend(); ++joint) {
-    if (joint->child != body) continue;
-    body = joint->parent;
-    const model::BodyState& parent = state_.bodies[static_cast<std::size_t>(joint->parent)];
-    const model::BodyState& child = state_.bodies[static_cast<std::size_t>(joint->child)];
-    const Vec3 arm = point - child.pose() * joint->child_frame.p;
-    const auto first = static_cast<std::size_t>(joint->first_dof);
-    out[first] = (parent.q * (joint->parent_frame.q * joint->axes[0].axis)).cross(arm);
-    if (joint->kind == model::JointKind::universal)
-      out[first + 1] = (child.q * (joint->child_frame.q * joint->axes[1].axis)).cross(arm);
-  }
-  return out;
+  return model::jacobian(model_, state_, body, point);
 }
 
 }  // namespace handsim::scene

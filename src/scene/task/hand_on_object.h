@@ -8,6 +8,7 @@
 
 #include "handsim/control/hand_axes.h"
 #include "handsim/engine/contact/collider.h"
+#include "handsim/model/kinematics.h"
 #include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
@@ -41,8 +42,8 @@ class HandOnObject {
   std::size_t watch(std::span<const int> bodies);
   /// Deepest of the points of each watched body, by body of the model [m]; 0: it does not touch.
   const std::vector<double>& depths(std::span<const double> q, std::size_t watched);
-  /// Motion of a point of a body [m/rad] by each coordinate, at q.
-  std::vector<Vec3> jacobian(std::span<const double> q, int body, const Vec3& point);
+  /// Of a point of a body at q, by each coordinate.
+  model::Jacobian jacobian(std::span<const double> q, int body, const Vec3& point);
 
  private:
   /// The model with the shapes of a few bodies and of the object only.

@@ -91,30 +91,14 @@ Json axes_json(const model::Model& model, const model::State& start) {
   return out;
 }
 
-/// The last segment of each finger, and the point of it that is farthest from its joint.
 Json tips_json(const model::Model& model) {
   Json out = Json::array();
-  for (const model::Joint& joint : model.joints) {
-    const bool last = std::none_of(model.joints.begin(), model.joints.end(),
-                                   [&](const model::Joint& other) { return other.parent == joint.child; });
-    const Json hand = hand_of(model, joint.child);
-    if (!last || hand.is_null()) continue;
-    const Vec3 from = joint.child_frame.p;
-    double farthest = 0;
-    Json tip;
-    for (const model::Shape& shape : model.shapes) {
-      if (shape.body != joint.child || shape.kind == model::ShapeKind::plane) continue;
-      const Vec3 along = (shape.pose.p - from).normalized();
-      const double reach = output::support(output::solid(shape, shape.pose), along) - along.dot(from);
-      if (shape.part == model::Part::palm || !(reach > farthest)) continue;
-      farthest = reach;
-      tip = {{"body", joint.child},
-             {"hand", hand},
-             {"part", kPartNames[static_cast<std::size_t>(shape.part)]},
-             {"point", numbers(from + reach * along)}};
-    }
-    if (!tip.is_null()) out.push_back(tip);
-  }
+  for (const model::HandIndex& hand : model.hands)
+    for (const model::Fingertip& tip : hand.fingertips)
+      out.push_back({{"body", tip.body},
+                     {"hand", hand.name},
+                     {"part", kPartNames[static_cast<std::size_t>(tip.finger)]},
+                     {"point", numbers(tip.point)}});
   return out;
 }
 

@@ -6,6 +6,8 @@
 #include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
+#include "handsim/model/energy.h"
+#include "handsim/model/markers.h"
 #include "handsim/model/newton_euler.h"
 
 namespace handsim::simulation {
@@ -39,7 +41,7 @@ class CsvTable {
 /// markers.trc: OpenSim's header, then frames.
 class TrcTable {
  public:
-  TrcTable(const std::filesystem::path& path, const std::vector<HandMarker>& markers, std::size_t rows,
+  TrcTable(const std::filesystem::path& path, const std::vector<model::Marker>& markers, std::size_t rows,
            double interval)
       : file_(path), digits_(std::to_string(rows)) {
     std::string text =
@@ -111,24 +113,10 @@ std::string momentum_columns(const model::Model& model) {
 Row momentum_row(const model::Model& model, const model::State& state) {
   Row row;
   for (const model::HandIndex& hand : model.hands) {
-    double mass = 0;
-    Vec3 first = Vec3::Zero(), linear = Vec3::Zero(), angular = Vec3::Zero();
-    for (const int body : hand.bodies) {
-      const double m = model.bodies[at(body)].mass;
-      const model::BodyState& s = state.bodies[at(body)];
-      mass += m;
-      first += m * s.p;
-      linear += m * s.v;
-    }
-    const Vec3 centre = first / mass;
-    for (const int body : hand.bodies) {
-      const model::Body& of = model.bodies[at(body)];
-      const model::BodyState& s = state.bodies[at(body)];
-      angular += of.mass * (s.p - centre).cross(s.v) + s.q * (of.inertia * (s.q.conjugate() * s.w));
-    }
-    append(row, centre);
-    append(row, linear);
-    append(row, angular);
+    const model::Momentum of = model::momentum(model, state, hand.bodies);
+    append(row, of.centre);
+    append(row, of.linear);
+    append(row, of.angular);
   }
   return row;
 }
@@ -140,38 +128,28 @@ std::string reaction_columns(const model::Model& model) {
   return out;
 }
 
-/// The fingertip of a segment without a child: the end of its capsule.
-HandMarker tip_of(const model::Model& model, const model::Joint& joint, const std::string& finger) {
-  HandMarker out{finger + "_tip", joint.child, Vec3::Zero()};
-  for (const model::Shape& shape : model.shapes)
-    if (shape.body == joint.child && shape.kind == model::ShapeKind::capsule)
-      out.at = shape.pose * Vec3(0, 0,
-                                 (shape.pose.q * Vec3::UnitZ()).y() > 0 ? 0.5 * shape.length + shape.radius
-                                                                        : -0.5 * shape.length - shape.radius);
-  return out;
-}
-
-}  // namespace
-
-std::vector<HandMarker> hand_markers(const model::Model& model) {
-  std::vector<HandMarker> out;
+/// The wrist, every joint centre and every fingertip of all hands, in the order of keypoints: wrist, then
+/// finger by finger from the base to the tip.
+std::vector<model::Marker> table_markers(const model::Model& model) {
+  std::vector<model::Marker> out;
   for (const model::HandIndex& hand : model.hands) {
     out.push_back({hand.name + ".wrist", hand.palm, hand.wrist_frame.p});
     for (const int index : hand.joints) {
       const model::Joint& joint = model.joints[at(index)];
       if (joint.name == hand.name + ".wrist") continue;
       out.push_back({joint.name, joint.child, joint.child_frame.p});
-      const bool last = std::none_of(model.joints.begin(), model.joints.end(),
-                                     [&](const model::Joint& other) { return other.parent == joint.child; });
-      if (last) out.push_back(tip_of(model, joint, joint.name.substr(0, joint.name.rfind('_'))));
+      for (const model::Fingertip& tip : hand.fingertips)
+        if (tip.body == joint.child) out.push_back({tip.name, tip.body, tip.point});
     }
   }
   return out;
 }
 
+}  // namespace
+
 struct ExtraTables::Parts {
   const Simulation& simulation;
-  std::vector<HandMarker> points;
+  std::vector<model::Marker> points;
   std::optional<CsvTable> bodies, markers, momentum, reactions;
   std::optional<TrcTable> trc;
   std::optional<model::NewtonEuler> dynamics;
@@ -213,7 +191,8 @@ struct ExtraTables::Parts {
     if (reactions && before.bodies.size() == state.bodies.size()) add_reactions();
     if (!markers) return;
     Row row;
-    for (const HandMarker& marker : points) append(row, state.bodies[at(marker.body)].pose() * marker.at);
+    for (const model::Marker& marker : points)
+      append(row, state.bodies[at(marker.body)].pose() * marker.point);
     markers->add(state.time, row);
     trc->add(state.time, row);
   }
@@ -233,9 +212,10 @@ ExtraTables::ExtraTables(const Simulation& simulation, const std::filesystem::pa
     parts.reactions.emplace(out / "reactions.csv", reaction_columns(model));
   }
   if (!tables.markers) return;
-  parts.points = hand_markers(model);
+  parts.points = table_markers(model);
   std::string columns;
-  for (const HandMarker& marker : parts.points) add_columns(columns, marker.name, {"x[m]", "y[m]", "z[m]"});
+  for (const model::Marker& marker : parts.points)
+    add_columns(columns, marker.name, {"x[m]", "y[m]", "z[m]"});
   parts.markers.emplace(out / "markers.csv", columns);
   parts.trc.emplace(out / "markers.trc", parts.points, rows, interval);
 }
@@ -261,7 +241,7 @@ double extra_row_bytes(const scene::Scene& scene, double number) {
   const scene::RecordTables& tables = scene.spec.tables;
   double numbers = 0;
   if (tables.bodies) numbers += 13 * static_cast<double>(scene.model.bodies.size());
-  if (tables.markers) numbers += 6 * static_cast<double>(hand_markers(scene.model).size());
+  if (tables.markers) numbers += 6 * static_cast<double>(table_markers(scene.model).size());
   if (tables.momentum) numbers += 9 * static_cast<double>(scene.model.hands.size());
   if (tables.reactions) numbers += 6 * static_cast<double>(scene.model.joints.size());
   return number * numbers;

@@ -14,16 +14,6 @@ std::vector<std::string> extra_table_files();
 /// Bytes of a row of all these tables, at `number` bytes for each number.
 double extra_row_bytes(const scene::Scene& scene, double number);
 
-/// A joint centre, wrist or fingertip of a hand.
-struct HandMarker {
-  std::string name;  ///< `right.index_pip`, `right.index_tip`, `right.wrist`
-  int body = 0;
-  Vec3 at = Vec3::Zero();  ///< in the body frame [m]
-};
-/// The wrist, every joint centre and every fingertip of all hands, in the order of keypoints: wrist, then
-/// finger by finger from the base to the tip.
-std::vector<HandMarker> hand_markers(const model::Model& model);
-
 class ExtraTables {
  public:
   /// @param rows number of rows at most. @param interval between rows [s].

@@ -108,9 +108,9 @@ ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, 
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end();
     part_of_shape_.push_back(mine ? hand_part(shape.part) : -1);
-    of_hold_.push_back(shape.body == model::kWorld &&
-                       (shape.name == plan.hold || shape.name.starts_with(plan.hold + ".")));
   }
+  for (const std::optional<std::size_t> object : model.objects_of_shapes())
+    of_hold_.push_back(object && model.objects[*object].name == plan.hold);
   figures_.name = hand.name + "." + plan.hold;
   figures_.strength = plan.strength;
 }

@@ -38,11 +38,14 @@ void end_step(Sums& sums, double time, double step) {
 }  // namespace
 
 ContactSums::ContactSums(const Watched& watched) {
-  for (const model::Shape& shape : watched.scene.model.shapes) {
+  const model::Model& model = watched.scene.model;
+  const std::vector<std::optional<std::size_t>> objects = model.objects_of_shapes();
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const model::Shape& shape = model.shapes[i];
     const int part = hand_part(shape.part);
-    // `right.index_distal` is of `right.index`, `mug.part3` of `mug`.
-    const std::string first = shape.name.substr(0, shape.name.find('.'));
-    const std::string name = part < 0 ? first : first + "." + kHandParts[at(part)];
+    // `right.index_distal` is of `right.index`.
+    std::string name = objects[i] ? model.objects[*objects[i]].name : shape.name;
+    if (part >= 0) name = shape.name.substr(0, shape.name.find('.') + 1) + kHandParts[at(part)];
     const auto found = std::find(things_.begin(), things_.end(), name);
     thing_.push_back(static_cast<std::size_t>(found - things_.begin()));
     if (found != things_.end()) continue;

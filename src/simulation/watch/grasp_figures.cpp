@@ -61,8 +61,8 @@ GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, 
     : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
   const model::HandIndex& hand = model.hands[plan.hand];
   palm_ = static_cast<std::size_t>(hand.palm);
-  for (std::size_t i = 0; i < model.bodies.size(); ++i)
-    if (model.bodies[i].name == plan.object) object_ = i;
+  for (const model::ObjectIndex& object : model.objects)
+    if (object.name == plan.object) object_ = static_cast<std::size_t>(object.body.value_or(model::kWorld));
   for (const model::Shape& shape : model.shapes) {
     if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end())
       part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.part);

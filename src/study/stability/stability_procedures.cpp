@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include "handsim/model/inverse_dynamics.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/newton_euler.h"
 #include "handsim/study/stability/stability_measures.h"
 
 namespace handsim::study {
@@ -233,7 +233,9 @@ Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
     const model::State start = model::state_at(of.model, q);
     engine->set_state(start);
     engine->step({tau});
-    const std::vector<double> found = model::inverse_dynamics(of.model, start, engine->state(), gravity);
+    model::NewtonEuler dynamics(of.model, gravity);
+    dynamics.place(start, engine->state());
+    const std::span<const double> found = dynamics.torques();
     double largest = 0, worst = 0;
     for (std::size_t k = 0; k < tau.size(); ++k) {
       largest = std::max(largest, std::abs(tau[k]));

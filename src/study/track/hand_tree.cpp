@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/index.h"
 
 namespace handsim::study {
 
@@ -15,49 +16,35 @@ constexpr std::array kFingers = {"thumb", "index", "middle", "ring", "little"};
 
 }  // namespace
 
-HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, model::Side side) : side_(side) {
-  const bool left = side == model::Side::left;
-  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
-    const hand::SegmentSpec& row = spec.segments[i];
-    Link link;
-    link.parent = row.parent;
-    const Pose parent = row.parent < 0 ? Pose{} : hand.segments[static_cast<std::size_t>(row.parent)].frame;
-    link.at = parent.inverse() * hand.segments[i].frame;
-    if (left) link.at = mirrored(link.at);
-    link.first = axes_.size();
-    for (const model::JointAxis& axis : row.joint.axes) {
-      link.axes.push_back(left ? mirrored_axis(axis.axis) : axis.axis);
-      const double low = axis.stop ? axis.stop->low : -M_PI, high = axis.stop ? axis.stop->high : M_PI;
-      axes_.push_back({row.joint.name + "." + axis.name, low, high, axis.name == "flexion"});
-    }
-    link.world.resize(link.axes.size());
-    links_.push_back(std::move(link));
+HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, model::Side side)
+    : side_(side), model_(model::make_model()) {
+  hand::Placement placement;
+  placement.side = side;
+  hand::add_hand(model_, hand, placement);
+  const model::HandIndex& index = model_.hands.front();
+  frames_.push_back({index.palm, index.wrist_frame});
+  for (const hand::BuiltSegment& segment : hand.segments) {
+    const auto body = at(segment.body);
+    const Pose in_body = hand.bodies[body].zero_pose.inverse() * segment.frame;
+    frames_.push_back({index.bodies[body], side == model::Side::left ? mirrored(in_body) : in_body});
   }
+  for (const hand::SegmentSpec& row : spec.segments)
+    for (const model::JointAxis& axis : row.joint.axes)
+      axes_.push_back({row.joint.name + "." + axis.name, axis.stop ? axis.stop->low : -M_PI,
+                       axis.stop ? axis.stop->high : M_PI, axis.name == "flexion"});
+  state_ = model::state_at(model_, std::vector<double>(axes_.size()));
 }
 
-void HandTree::place(std::span<const double> angles) {
-  for (Link& link : links_) {
-    const Pose start =
-        link.parent < 0 ? link.at : links_[static_cast<std::size_t>(link.parent)].frame * link.at;
-    link.frame.p = start.p;
-    Quat q = start.q;
-    for (std::size_t k = 0; k < link.axes.size(); ++k) {
-      link.world[k] = q * link.axes[k];
-      q = q * Quat(Eigen::AngleAxisd(angles[link.first + k], link.axes[k]));
-    }
-    link.frame.q = q;
-  }
+void HandTree::place(std::span<const double> angles) { model::place_children(model_, angles, state_); }
+
+Pose HandTree::pose(const Feature& feature) const {
+  const Pose own{feature.at, feature.rotation};
+  const Frame& of = frame(feature);
+  return state_.bodies[at(of.body)].pose() * of.in_body * (side_ == model::Side::left ? mirrored(own) : own);
 }
 
-Vec3 HandTree::point(const Feature& feature) const {
-  const Vec3 at = side_ == model::Side::left ? mirrored(feature.at) : feature.at;
-  return feature.segment < 0 ? at : links_[static_cast<std::size_t>(feature.segment)].frame * at;
-}
-
-Quat HandTree::orientation(const Feature& feature) const {
-  const Quat rotation = side_ == model::Side::left ? mirrored(feature.rotation) : feature.rotation;
-  return feature.segment < 0 ? rotation
-                             : links_[static_cast<std::size_t>(feature.segment)].frame.q * rotation;
+model::Jacobian HandTree::jacobian(const Feature& feature) const {
+  return model::jacobian(model_, state_, frame(feature).body, point(feature));
 }
 
 std::vector<std::string> keypoint_names() {
@@ -72,24 +59,24 @@ std::vector<std::string> keypoint_names() {
 }
 
 std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
+  const auto ends_in = [&](std::size_t row, const std::string& name) {
+    return !spec.segments[row].has_child &&
+           std::any_of(hand.fingertips.begin(), hand.fingertips.end(), [&](const model::Fingertip& tip) {
+             return tip.name == name && tip.body == hand.segments[row].body;
+           });
+  };
   std::vector<Feature> out;
   for (const std::string& name : keypoint_names()) {
-    Feature feature;
+    Feature& feature = out.emplace_back();
     feature.name = name;
-    const bool tip = name.ends_with("_tip");
-    const auto found = std::find_if(spec.segments.begin(), spec.segments.end(), [&](const auto& row) {
-      return tip ? !row.has_child &&
-                       name.starts_with(row.joint.name.substr(0, row.joint.name.find('_')) + "_")
-                 : row.joint.name == name;
-    });
-    if (name != "wrist") {
-      if (found == spec.segments.end())
-        throw input_error("--model", "a hand model without " + name, "joints thumb_cmc to little_dip");
-      const auto segment = static_cast<std::size_t>(found - spec.segments.begin());
-      feature.segment = static_cast<int>(segment);
-      if (tip) feature.at = {0, hand.segments[segment].length, 0};
+    for (std::size_t row = 0; row < spec.segments.size(); ++row) {
+      const bool tip = ends_in(row, name);
+      if (!tip && spec.segments[row].joint.name != name) continue;
+      feature.segment = static_cast<int>(row);
+      if (tip) feature.at = {0, hand.segments[row].length, 0};
     }
-    out.push_back(std::move(feature));
+    if (name != "wrist" && feature.segment < 0)
+      throw input_error("--model", "a hand model without " + name, "joints thumb_cmc to little_dip");
   }
   return out;
 }

@@ -1,14 +1,12 @@
-// A hand as a tree of joints in double precision with exact derivatives: points and directions on its
-// segments as functions of the wrist's pose and the joint angles.
+// Points and directions on the segments of a hand, with their derivatives, as functions of the joint angles.
 #pragma once
 
 #include <span>
 #include <string>
 #include <vector>
 
-#include <Eigen/Dense>
-
 #include "handsim/hand/build.h"
+#include "handsim/model/kinematics.h"
 
 namespace handsim::study {
 
@@ -48,32 +46,27 @@ class HandTree {
   /// Places the segments. Call before measure().
   void place(std::span<const double> angles);
   /// Position of a feature's point in the hand frame [m], at the last placed angles.
-  Vec3 point(const Feature& feature) const;
+  Vec3 point(const Feature& feature) const { return pose(feature).p; }
   /// Orientation of a feature's sensor in the hand frame.
-  Quat orientation(const Feature& feature) const;
-  /// Calls use(index of the angle, its axis as a unit vector, a point on the axis) for every axis that moves
-  /// the segment, in the hand frame.
-  template <class Use>
-  void each_axis(int segment, const Use& use) const {
-    for (int s = segment; s >= 0; s = links_[static_cast<std::size_t>(s)].parent) {
-      const Link& link = links_[static_cast<std::size_t>(s)];
-      for (std::size_t k = 0; k < link.axes.size(); ++k) use(link.first + k, link.world[k], link.frame.p);
-    }
-  }
+  Quat orientation(const Feature& feature) const { return pose(feature).q; }
+  /// Of the feature's point, by the angles, in the hand frame.
+  model::Jacobian jacobian(const Feature& feature) const;
 
  private:
-  /// A segment and the joint at its start.
-  struct Link {
-    int parent = -1;
-    Pose at;                  ///< of the segment's frame in the parent's, at zero angles
-    std::vector<Vec3> axes;   ///< in the segment's frame at zero angles
-    std::size_t first = 0;    ///< index of the first angle
-    Pose frame;               ///< placed, in the hand frame
-    std::vector<Vec3> world;  ///< axes, placed, in the hand frame
+  /// The frame of the palm or of a segment, fixed to a body of the model.
+  struct Frame {
+    int body = 0;
+    Pose in_body;
   };
+  const Frame& frame(const Feature& feature) const {
+    return frames_[static_cast<std::size_t>(feature.segment + 1)];
+  }
+  Pose pose(const Feature& feature) const;
 
   model::Side side_;
-  std::vector<Link> links_;
+  model::Model model_;  ///< the hand on a fixed palm, its frame at the origin of the world
+  model::State state_;
+  std::vector<Frame> frames_;  ///< of the palm, then of the segments
   std::vector<TreeAxis> axes_;
 };
 

@@ -93,10 +93,8 @@ class FrameCost {
     if (!jacobian) return;
     jacobian->block<3, 3>(row, 0) = kScale * Mat3::Identity();
     jacobian->block<3, 3>(row, 3) = -kScale * cross_matrix(arm) * turning;
-    tree_.each_axis(feature.segment, [&](std::size_t angle, const Vec3& axis, const Vec3& at) {
-      jacobian->block<3, 1>(row, static_cast<Eigen::Index>(6 + angle)) =
-          kScale * (rotation * axis.cross(in_hand - at));
-    });
+    jacobian->middleRows<3>(row).rightCols(jacobian->cols() - 6) =
+        kScale * rotation * tree_.jacobian(feature).topRows<3>();
   }
 
   void sensor(std::size_t i, const Mat3& rotation, const Mat3& turning, Eigen::Map<Vec3>& residual,
@@ -109,9 +107,8 @@ class FrameCost {
     if (!jacobian) return;
     const Mat3 inverse = kArm * inverse_left_jacobian(error);
     jacobian->block<3, 3>(row, 3) = inverse * turning;
-    tree_.each_axis(feature.segment, [&](std::size_t angle, const Vec3& axis, const Vec3&) {
-      jacobian->block<3, 1>(row, static_cast<Eigen::Index>(6 + angle)) = inverse * (rotation * axis);
-    });
+    jacobian->middleRows<3>(row).rightCols(jacobian->cols() - 6) =
+        inverse * rotation * tree_.jacobian(feature).bottomRows<3>();
   }
 
   HandTree& tree_;

@@ -13,8 +13,6 @@ namespace handsim::study {
 
 namespace {
 
-constexpr double kTurn = 1e-6;  ///< of central differences [rad]
-
 /// Adds the moments of a path's tension. @param force tension [N] at an excursion
 template <class Path, class Force>
 void pull(const Path& path, std::span<const double> q, const Force& force, std::vector<double>& out) {
@@ -178,7 +176,10 @@ double Subject::tip_centre(const std::string& finger) const {
 }
 
 double Subject::tip(const std::string& finger) const {
-  return tip_centre(finger) + shape(last_segment(finger)).radius;
+  const std::vector<model::Fingertip>& tips = model_.hands.front().fingertips;
+  return std::find_if(tips.begin(), tips.end(),
+                      [&](const model::Fingertip& tip) { return tip.name == "right." + finger + "_tip"; })
+      ->point.y();
 }
 
 double Subject::middle(const std::string& segment) const {
@@ -197,21 +198,14 @@ Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const
 
 Eigen::MatrixXd Subject::point_jacobian(const std::string& segment, double along,
                                         std::span<const double> q) const {
-  const std::vector<int> dofs = finger_dofs(segment.substr(0, segment.rfind('_')));
-  const auto pose = [&](std::size_t column, double turn) {
-    std::vector<double> moved(q.begin(), q.end());
-    moved[at(dofs[column])] += turn;
-    return segment_pose(segment, moved);
-  };
-  const Quat frame = segment_pose(segment, q).q;
-  Eigen::MatrixXd out(6, static_cast<Eigen::Index>(dofs.size()));
-  for (std::size_t i = 0; i < dofs.size(); ++i) {
-    const Pose up = pose(i, kTurn), down = pose(i, -kTurn);
-    const Vec3 end(0, along, 0);
-    const Vec3 v = (up.p + up.q * end - down.p - down.q * end) / (2 * kTurn);
-    const Vec3 w = rotation_vector(up.q * down.q.conjugate()) / (2 * kTurn);
-    out.col(static_cast<Eigen::Index>(i)) << frame.conjugate() * v, frame.conjugate() * w;
-  }
+  const std::size_t of = body(segment);
+  const model::State state = model::state_at(model_, q);
+  const Pose frame = state.bodies[of].pose();
+  const model::Jacobian J = model::jacobian(model_, state, static_cast<int>(of), frame * Vec3(0, along, 0));
+  const Mat3 axes = frame.q.conjugate().toRotationMatrix();
+  Eigen::MatrixXd out = J(Eigen::all, finger_dofs(segment.substr(0, segment.rfind('_'))));
+  out.topRows<3>() = (axes * out.topRows<3>()).eval();
+  out.bottomRows<3>() = (axes * out.bottomRows<3>()).eval();
   return out;
 }
 

@@ -8,12 +8,12 @@
 #include "handsim/control/gravity.h"
 #include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"
-#include "handsim/model/inverse_dynamics.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/model/newton_euler.h"
 #include "scene_files.h"
 #include "smooth_motion.h"
+#include "support/momentum_torques.h"
 
 namespace handsim::study {
 namespace {
@@ -252,9 +252,8 @@ TEST(NewtonEuler, AgreesWithTheChangeOfMomentum) {
   const std::span<const double> torques = dynamics.torques();
   // A central difference of the momentum removes the first order.
   const std::vector<double> before =
-      model::inverse_dynamics(model, state_at(-1e-5), state_at(0), model.gravity);
-  const std::vector<double> after =
-      model::inverse_dynamics(model, state_at(0), state_at(1e-5), model.gravity);
+      test::momentum_torques(model, state_at(-1e-5), state_at(0), model.gravity);
+  const std::vector<double> after = test::momentum_torques(model, state_at(0), state_at(1e-5), model.gravity);
   double largest = 0;
   for (std::size_t i = 0; i < n; ++i) {
     EXPECT_NEAR(torques[i], 0.5 * (before[i] + after[i]), 2e-6 + 1e-4 * std::abs(torques[i])) << i;
