@@ -89,7 +89,7 @@ class Hand:
     @cached_property
     def muscles(self) -> list[str]:
         """Names of the muscles, the rows of `moment_arms`; none without ``muscles=True``."""
-        return _core.hand_muscles(self.scene._core)
+        return [muscle.name.partition(".")[2] for muscle in self.scene.muscles]
 
     @cached_property
     def tips(self) -> Table:

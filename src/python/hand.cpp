@@ -224,12 +224,6 @@ py::array_t<double> moment_arms(const SceneHandle& of, const py::object& q) {
   return matrix(out);
 }
 
-std::vector<std::string> muscles(const SceneHandle& of) {
-  std::vector<std::string> out;
-  for (const model::Muscle& muscle : of.scene->model.muscles) out.push_back(part_name(muscle.name));
-  return out;
-}
-
 /// Size, mass and strength of the first hand.
 py::dict dimensions(const SceneHandle& of) {
   first_hand(of);
@@ -259,7 +253,6 @@ void bind_hand(py::module_& module) {
   module.def("hand_joints", &joints, py::arg("scene"));
   module.def("hand_shapes", &shapes, py::arg("scene"));
   module.def("hand_tips", &tips, py::arg("scene"));
-  module.def("hand_muscles", &muscles, py::arg("scene"));
   const py::arg scene("scene"), q("q");
   module.def("hand_poses", &poses, scene, q);
   module.def("hand_jacobian", &jacobian, scene, q, py::arg("body"), py::arg("offset"));
