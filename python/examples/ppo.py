@@ -3,11 +3,12 @@
     python3 python/examples/ppo.py --task pose --drive muscles --minutes 10 --out out/ppo
     python3 python/examples/ppo.py --play out/ppo/policy.npz --out out/played
 
-Writes curve.csv (steps, minutes, success, return), curve.png (with matplotlib), and policy.npz after every tenth update.
+Writes curve.csv (steps, minutes, success, return), curve.png (with gnuplot), and policy.npz after every tenth update.
 --play runs the policy without noise and writes played.mp4 (with ffmpeg) and the share of successes.
 """
 import argparse
 import shutil
+import subprocess
 import time
 from pathlib import Path
 
@@ -174,21 +175,17 @@ def learn(options, folder):
             policy.save(folder / "policy.npz", task=options.task, drive=options.drive)
     policy.save(folder / "policy.npz", task=options.task, drive=options.drive)
     np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],success,return", comments="")
-    draw_curve(np.array(rows), folder / "curve.png", f"{options.task}, driven by {options.drive}")
+    draw_curve(folder, f"{options.task}, driven by {options.drive}")
 
 
-def draw_curve(rows, path, title):
-    try:
-        import matplotlib
-        matplotlib.use("Agg")
-        from matplotlib import pyplot
-    except ImportError:
-        return print("no curve.png: matplotlib is not installed")
-    figure, axes = pyplot.subplots(figsize=(6, 3.2), layout="constrained")
-    axes.plot(rows[:, 1], 100 * rows[:, 2])
-    axes.set(xlabel="minutes on two cores", ylabel="episodes with success [%]", ylim=(0, 100), title=title)
-    axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
+def draw_curve(folder, title):
+    """curve.png of curve.csv, by gnuplot."""
+    if not shutil.which("gnuplot"):
+        return print("no curve.png: gnuplot is not installed")
+    commands = (f"set terminal pngcairo size 800,450; set output '{folder / 'curve.png'}'; set datafile separator ','; "
+                f"set title '{title}'; set xlabel 'minutes'; set ylabel 'episodes with success [%]'; set yrange [0:100]; "
+                f"set grid; plot '{folder / 'curve.csv'}' every ::1 using 2:(100*$3) with lines lw 2 notitle")
+    subprocess.run(["gnuplot", "-e", commands], check=True)
 
 
 def play(path, folder, seed, count=256):

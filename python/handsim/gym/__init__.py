@@ -1,11 +1,11 @@
 """Environments for learning: `make_vec` for gymnasium, ready tasks, and `Episodes` that needs numpy only.
 
-    env = handsim.gym.make_vec("hold", 1024)                         # pose, reach, hold or turn
+    env = handsim.gym.make_vec("hold", 1024)                         # also pose, reach, turn, reorient, pen_twirl
     env = handsim.gym.make_vec("pose", 1024, drive="muscles")        # pose and reach: targets, torques or muscles
     env = handsim.gym.make_vec("two_hands", 1024, reward=my_reward)  # any scene, with a reward of your own
 
 gymnasium is a package of its own (pip install gymnasium). Where it is installed, importing this module also registers
-the tasks with it: ``handsim/Pose-v0``, ``handsim/Reach-v0``, ``handsim/Hold-v0`` and ``handsim/Turn-v0``.
+the tasks with it: ``handsim/Pose-v0``, ``handsim/Reach-v0`` and so on.
 """
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 from .._errors import input_error
 from .._scene import Scene
-from ._tasks import TASKS, BatchFunction, Episodes, HandTask, Hold, Pose, Reach, SceneTask, Task, Turn
+from ._tasks import (TASKS, BatchFunction, Episodes, HandTask, Hold, PenTwirl, Pose, Reach, Reorient, SceneTask, Task,
+                     Turn)
 
 if TYPE_CHECKING:
     from ._envs import HandEnv, HandVectorEnv
@@ -24,7 +25,7 @@ def make_vec(task: Union[Task, Scene, str], n: int, *, reward: Optional[BatchFun
              threads: int = 0, **options: Any) -> "HandVectorEnv":
     """A gymnasium VectorEnv of n environments in one batch.
 
-    :param task: ``pose``, ``reach``, ``hold``, ``turn``, a Task, or a Scene (also by name), which needs a reward
+    :param task: the name of a ready task, a Task, or a Scene (also by name), which needs a reward
     :param reward: of a scene: called with the `Batch` after each step, returns shape (n,)
     :param terminated: of a scene: the same, returns shape (n,) of dtype bool
     :param render_mode: None or ``rgb_array``
@@ -64,5 +65,5 @@ def _register() -> None:
 
 _register()
 
-__all__ = ["TASKS", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "Pose", "Reach", "SceneTask", "Task", "Turn",
-           "make_vec"]
+__all__ = ["TASKS", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "PenTwirl", "Pose", "Reach", "Reorient", "SceneTask",
+           "Task", "Turn", "make_vec"]

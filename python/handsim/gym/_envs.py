@@ -119,7 +119,7 @@ class HandEnv(gymnasium.Env):  # type: ignore[misc]  # without gymnasium's types
 def register() -> None:
     """Makes ``gymnasium.make("handsim/Hold-v0")`` and ``gymnasium.make_vec`` of it work; so for every task."""
     for name in TASKS:
-        word = f"handsim/{name.capitalize()}-v0"
+        word = f"handsim/{name.title().replace('_', '')}-v0"
         if word not in gymnasium.registry:
             gymnasium.register(word, entry_point="handsim.gym:HandEnv", kwargs={"task": name},
                                vector_entry_point="handsim.gym:HandVectorEnv")

@@ -370,29 +370,20 @@ class Hold(_InHand):
         return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.dropped)
 
 
-class Turn(_InHand):
-    """The hand turns a ball that lies in it.
+class _InPalm(_InHand):
+    """An object lies in the bent fingers of a hand whose palm is up, its fingers lower than its wrist."""
 
-    The palm is up, its fingers lower than its wrist; a tennis ball lies in the bent fingers. Observation: q, u, and of the
-    ball its shift from the start [m], quaternion, velocity and angular velocity. Action: target of each joint, 1 is 0.4 rad
-    from its target at the start. Reward of a step (20 ms): the angle that the ball turns about the vertical,
-    counterclockwise from above [rad], minus 0.002 times the mean square of the action. An episode is terminated when the
-    ball has moved by 60 mm, with 5 less of reward; truncated after 200 steps.
-    """
-
-    max_steps = 200
     span = 0.4
     lost = 0.06
-    """Shift at which the ball is lost [m]."""
+    """Shift at which the object is lost [m]."""
     bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
     """Flexion of thumb and fingers at the start [rad]."""
 
-    def __init__(self) -> None:
-        ball = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml"),
-                "position": [0, 0.11, 0.23]}
+    def __init__(self, title: str, **thing: Any) -> None:
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
         self.scene = HandTask(
-            "a hand turns a ball", {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, "targets", objects=[ball],
+            title, {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, "targets",
+            objects=[{"position": [0, 0.11, 0.23], **thing}],
             solver={"engine": "articulated", "step": "2 ms"},
             effects=["gravity", "object_contact", "friction", "joint_stops", "passive_tissue"],
             pictures={"size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18],
@@ -407,15 +398,125 @@ class Turn(_InHand):
         _, joint, kind = axis.split(".")
         return self.bent.get(joint, self.bent.get(joint.partition("_")[2], 0)) if kind == "flexion" else 0
 
+    def _lost(self, batch: Batch) -> Mask:
+        return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.lost)
+
+
+class Turn(_InPalm):
+    """The hand turns a ball that lies in it.
+
+    The palm is up, its fingers lower than its wrist; a tennis ball lies in the bent fingers. Observation: q, u, and of the
+    ball its shift from the start [m], quaternion, velocity and angular velocity. Action: target of each joint, 1 is 0.4 rad
+    from its target at the start. Reward of a step (20 ms): the angle that the ball turns about the vertical,
+    counterclockwise from above [rad], minus 0.002 times the mean square of the action. An episode is terminated when the
+    ball has moved by 60 mm, with 5 less of reward; truncated after 200 steps.
+    """
+
+    max_steps = 200
+
+    def __init__(self) -> None:
+        super().__init__("a hand turns a ball", name="ball", file=str(data_path() / "config/objects/tennis_ball.yaml"))
+
     def reward(self, batch: Batch, action: Array) -> Array:
         turned = batch["objects"][:, 12] * self.scene.step * self.substeps
         return np.asarray(turned - 0.002 * np.square(action).mean(axis=1) - 5.0 * self.terminated(batch))
 
     def terminated(self, batch: Batch) -> Mask:
-        return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.lost)
+        return self._lost(batch)
 
 
-TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": Hold, "turn": Turn}
+class Reorient(_InPalm):
+    """The hand turns a die of 45 mm that lies in it to an orientation that is drawn for each episode: up to ``turned`` from
+    the first one, about any axis.
+
+    Observation: as `Turn`, of the die, and the rotation that is missing, as a rotation vector [rad]. Action: as `Turn`.
+    Reward of a step (20 ms): 1 within ``near`` (0.2 rad), minus the missing angle [rad], minus 0.002 times the mean square
+    of the action; 10 on success, 5 less where the die has moved by 60 mm. Success, after five steps within ``near``, and
+    loss end the episode; it is truncated after 150 steps.
+    """
+
+    max_steps = 150
+    near = 0.2
+    """[rad]"""
+    turned = 1.0
+    """[rad]"""
+    steady = 5
+    thing: Mapping[str, Any] = {"name": "die", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
+
+    def __init__(self) -> None:
+        super().__init__("a hand turns a die", **self.thing)
+        self._goal, self._near = np.empty((0, 4)), np.empty(0, int)
+        first = Simulation(self.scene)
+        first.reset(self._motion)
+        self._first = first.bodies.quaternion[self.scene.bodies.index(self.scene.objects[0])]
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        if len(self._goal) != len(batch):
+            self._goal, self._near = np.zeros((len(batch), 4)), np.zeros(len(batch), int)
+        axis = self._across(random.normal(size=(int(mask.sum()), 3)))
+        half = 0.5 * self.turned * random.uniform(0.3, 1, (len(axis), 1))
+        turn = np.hstack([np.cos(half), np.sin(half) * axis / np.linalg.norm(axis, axis=1, keepdims=True)])
+        self._goal[mask] = _product(turn, np.broadcast_to(self._first, turn.shape))
+        self._near[mask] = 0
+
+    def _across(self, axes: Array) -> Array:
+        """The part of axes of rotation that counts."""
+        return axes
+
+    def missing(self, batch: Batch) -> Array:
+        """Rotation vector from the object's orientation to its goal, world axes [rad], shape (n, 3)."""
+        now = batch["objects"][:, 3:7]
+        turn = _product(self._goal, now * [1, -1, -1, -1])
+        turn = np.where(turn[:, :1] < 0, -turn, turn)
+        length = np.linalg.norm(turn[:, 1:], axis=1, keepdims=True)
+        return np.asarray(2 * np.arctan2(length, turn[:, :1]) * turn[:, 1:] / np.maximum(length, 1e-12))
+
+    def observation(self, batch: Batch) -> Array:
+        return np.concatenate((super().observation(batch), self.missing(batch)), axis=1)
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        angle = np.linalg.norm(self.missing(batch), axis=1)
+        self._near = np.where(angle < self.near, self._near + 1, 0)
+        return np.asarray((angle < self.near) - angle - 0.002 * _mean_square(action)
+                          + 10.0 * (self._near >= self.steady) - 5.0 * self._lost(batch))
+
+    def terminated(self, batch: Batch) -> Mask:
+        return np.asarray((self._near >= self.steady) | self._lost(batch))
+
+
+class PenTwirl(Reorient):
+    """As `Reorient`, with a marker of 139 mm: only the direction of its axis has a goal, up to 1 rad from the first one."""
+
+    thing = {"name": "pen", "file": str(data_path() / "config/objects/large_marker.yaml"),
+             "rotation": {"axis": [0, 1, 0], "angle": "90 deg"}}
+
+    def _across(self, axes: Array) -> Array:
+        own = _axis(self._first[np.newaxis])
+        return np.asarray(axes - np.sum(axes * own, axis=1, keepdims=True) * own)
+
+    def missing(self, batch: Batch) -> Array:
+        """The least rotation of the pen's axis to its goal, world axes [rad], shape (n, 3)."""
+        now, goal = _axis(batch["objects"][:, 3:7]), _axis(self._goal)
+        normal = np.cross(now, goal)
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        angle = np.arctan2(length, np.sum(now * goal, axis=1, keepdims=True))
+        return np.asarray(angle * normal / np.maximum(length, 1e-12))
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Of quaternions w x y z, row by row."""
+    w, v, x, u = a[:, :1], a[:, 1:], b[:, :1], b[:, 1:]
+    return np.hstack([w * x - np.sum(v * u, axis=1, keepdims=True), w * u + x * v + np.cross(v, u)])
+
+
+def _axis(q: Array) -> Array:
+    """The z axis of each orientation w x y z, in the world."""
+    w, x, y, z = q.T
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
+
+
+TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": Hold, "turn": Turn, "reorient": Reorient,
+                                         "pen_twirl": PenTwirl}
 
 
 def task_of(task: Union[Task, str], **options: Any) -> Task:
