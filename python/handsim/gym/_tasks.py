@@ -136,8 +136,8 @@ class HandTask(Task):
         data = data_path()
         motors = {"control": {"controller": str(data / "controllers/implicit.yaml"),
                               "poses": str(data / "controllers/poses.yaml"), "program": "every_pose"}}
-        more = {"targets": ["actuation"], "torques": [], "muscles": ["muscles", "tendon_coupling"]}[drive]
-        effects = [*scene.pop("effects", ["gravity", "joint_stops", "passive_tissue"]), *more]
+        own: dict[str, list[str]] = {"targets": ["actuation"], "torques": [], "muscles": ["muscles", "tendon_coupling"]}
+        effects = [*scene.pop("effects", ["gravity", "joint_stops", "passive_tissue"]), *own[drive]]
         tissue = {} if drive == "muscles" else {"tissue": {"stiffness": 0, "damping": 1}}
         self.driven = drive
         self.scene = load({
