@@ -4,7 +4,7 @@
     python3 python/examples/ppo.py --play out/ppo/policy.npz --out out/played
 
 Writes curve.csv (steps, minutes, success, return), curve.png (with gnuplot), and policy.npz after every tenth update.
---play runs the policy without noise and writes played.mp4 (with ffmpeg) and the share of successes.
+--play runs the policy without noise, prints the share of successes and writes played.mp4 (with ffmpeg) of four hands.
 """
 import argparse
 import shutil
@@ -193,19 +193,18 @@ def play(path, folder, seed, count=256):
     episodes = Episodes(TASKS[task](drive=drive), count, seed=seed)
     observation = episodes.reset(seed=seed)
     success, open_, frames = np.zeros(count, bool), np.ones(count, bool), []
-    shown = min(9, count)
-    for _ in range(episodes.task.max_steps):
+    for step in range(episodes.task.max_steps):
         observation, _, terminated, _ = episodes.step(policy.actor(policy.normal(observation)))
         success |= terminated & open_ & ~episodes.batch.failed
         open_ &= ~terminated
-        frames.append([episodes.batch.frame(i) for i in range(shown)])
+        if step % 2 == 0:
+            frames.append([episodes.batch.frame(i) for i in range(4)])
     print(f"{task} by {drive}: {success.mean():.1%} of {count} new episodes end with success")
     if hs.has_pictures and shutil.which("ffmpeg"):
-        side = 240
-        films = [episodes.task.scene.draw_frames([row[i] for row in frames], size=(side, side)) for i in range(shown)]
-        grid = [np.vstack([np.hstack([np.asarray(films[3 * j + i][t]) for i in range(3)]) for j in range(3)])
+        films = [episodes.task.scene.draw_frames([row[i] for row in frames], size=(240, 240)) for i in range(4)]
+        grid = [np.vstack([np.hstack([np.asarray(film[t]) for film in films[j:j + 2]]) for j in (0, 2)])
                 for t in range(len(frames))]
-        hs.save_video(grid, folder / "played.mp4", fps=50)
+        hs.save_video(grid, folder / "played.mp4", fps=25)
 
 
 if __name__ == "__main__":

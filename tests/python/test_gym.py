@@ -1,6 +1,9 @@
 """Environments for learning."""
 import multiprocessing
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -205,3 +208,13 @@ def _mean_q(seed):
 def test_processes_run_environments_side_by_side():
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         assert pool.map(_mean_q, [1, 2]) == [_mean_q(1), _mean_q(2)]
+
+
+# The example runs to its end, and its policy can be played.
+def test_ppo_writes_a_policy_that_plays(tmp_path):
+    example = Path(__file__).parents[2] / "python/examples/ppo.py"
+    few = ["--task", "reach", "--environments", "16", "--horizon", "8", "--minutes", "0.02"]
+    for options in (few, ["--play", str(tmp_path / "policy.npz")]):
+        done = subprocess.run([sys.executable, str(example), "--out", str(tmp_path), *options], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+    assert "reach by muscles" in done.stdout and hs.study.read_csv(tmp_path / "curve.csv").rows > 0
