@@ -7,11 +7,13 @@ Writes curve.csv (steps, minutes, success, return), curve.png (with gnuplot), an
 --play runs the policy without noise, prints the share of successes and writes played.mp4 (with ffmpeg) of four hands.
 """
 import argparse
+import os
 import shutil
 import subprocess
 import time
 from pathlib import Path
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait for one another between small products
 import numpy as np
 
 import handsim as hs
