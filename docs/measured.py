@@ -442,7 +442,7 @@ def environments():
              " and ".join(f"{of(f'batch_of_one_against_engine/{key}', 'ratio'):.3f} (`{key}`)"
                           for key in ("two_hands", "dropped_hand"))],
             ["two threads, compared with one", f"{of('two_threads', 'times_as_fast'):.2f} times as fast"],
-            ["`reset()` of a hand, of a grasp, of a grasp with mass and friction drawn",
+            ["`reset()` of a hand, of a grasp, of a grasp with mass and gains drawn",
              ", ".join(f"{number(of(f'reset/{key}'))}" for key in ("every_pose", "grasp_pinch", "grasp_pinch_drawn")) + " µs"],
             ["memory of an environment of a batch after 300 steps: two hands, a pinch, a mug",
              ", ".join(f"{of(f'memory/{key}', 'kB'):.0f}" for key in ("every_pose", "grasp_pinch", "grasp_cup")) + " kB"]]
