@@ -9,7 +9,6 @@
 
 #include "handsim/core/index.h"
 #include "handsim/environment/draws.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::environment {
