@@ -1,7 +1,6 @@
 #include "handsim/control/muscle_drive.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <fmt/format.h>
 

@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <set>
-#include <utility>
 
 #ifdef __GLIBC__
 #include <gnu/libc-version.h>

@@ -1,5 +1,7 @@
 #include "handsim/engine/ode/joint_kinds.h"
 
+#include <cmath>
+
 namespace handsim::engine::ode {
 
 using model::JointKind;
@@ -8,31 +10,28 @@ int ode_axis(JointKind kind, std::size_t axis) {
   return kind == JointKind::universal ? 1 - static_cast<int>(axis) : static_cast<int>(axis);
 }
 
-dJointID create_joint(dWorldID world, JointKind kind) {
-  switch (kind) {
-    case JointKind::hinge:
-      return dJointCreateHinge(world, nullptr);
-    case JointKind::universal:
-      return dJointCreateUniversal(world, nullptr);
-    case JointKind::ball:
-      return dJointCreateBall(world, nullptr);
-    case JointKind::slider:
-      return dJointCreateSlider(world, nullptr);
-  }
-  return nullptr;
-}
+namespace {
+
+/// ODE's functions of a kind of joint; a ball joint has no parameters.
+struct Calls {
+  dJointID (*create)(dWorldID, dJointGroupID);
+  void (*set_parameter)(dJointID, int, dReal);
+};
+
+/// In the order of JointKind.
+constexpr Calls kCalls[] = {{dJointCreateHinge, dJointSetHingeParam},
+                            {dJointCreateUniversal, dJointSetUniversalParam},
+                            {dJointCreateBall, nullptr},
+                            {dJointCreateSlider, dJointSetSliderParam}};
+
+const Calls& calls(JointKind kind) { return kCalls[static_cast<std::size_t>(kind)]; }
+
+}  // namespace
+
+dJointID create_joint(dWorldID world, JointKind kind) { return calls(kind).create(world, nullptr); }
 
 void set_parameter(dJointID id, JointKind kind, int parameter, double value) {
-  switch (kind) {
-    case JointKind::hinge:
-      return dJointSetHingeParam(id, parameter, value);
-    case JointKind::universal:
-      return dJointSetUniversalParam(id, parameter, value);
-    case JointKind::slider:
-      return dJointSetSliderParam(id, parameter, value);
-    case JointKind::ball:
-      return;
-  }
+  if (calls(kind).set_parameter) calls(kind).set_parameter(id, parameter, value);
 }
 
 void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
@@ -104,6 +103,28 @@ void add_feedback(dJointFeedback& feedback, JointKind kind, std::span<const Vec3
   const double b = axes[1].dot(did), c = axes[0].dot(axes[1]), scale = 1 / (1 - c * c);
   out[0] += scale * (a - c * b);
   out[1] += scale * (b - c * a);
+}
+
+namespace {
+
+Direction direction_of(double angle) { return {std::sin(angle), std::cos(angle)}; }
+
+/// sin(b - a), times both factors.
+double sin_between(const Direction& a, const Direction& b) { return b.sin * a.cos - b.cos * a.sin; }
+
+}  // namespace
+
+StopArc::StopArc(double low, double high)
+    : low_(low),
+      high_(high),
+      low_end_(direction_of(low)),
+      high_end_(direction_of(high)),
+      narrow_(high - low < 3.1) {}
+
+bool StopArc::reached(const Direction& at) const {
+  if (narrow_) return !(sin_between(low_end_, at) > 0 && sin_between(at, high_end_) > 0);
+  const double angle = at.angle();
+  return angle <= low_ || angle >= high_;
 }
 
 }  // namespace handsim::engine::ode

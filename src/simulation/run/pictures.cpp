@@ -6,7 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "handsim/output/render/draw_list.h"
 #include "handsim/output/render/renderer.h"
 #include "handsim/output/video/workers.h"
 
