@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "handsim/control/hand_axes.h"
 #include "handsim/control/motion_file.h"
@@ -36,7 +37,7 @@ struct MotionNames {
 struct MotionOptions {
   MotionNames names;
   bool clamp = false;            ///< moves angles beyond a stop to it and counts them; otherwise refused
-  std::optional<double> filter;  ///< cut-off of a low-pass [Hz] (filter.h); absent: as recorded
+  std::optional<double> filter;  ///< cut-off of a low-pass [Hz] (low_pass); absent: as recorded
   bool spline = false;           ///< joins the samples by a spline, for rates and accelerations
 };
 
@@ -54,5 +55,18 @@ inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;
 Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
                              std::span<const double> start, const MotionOptions& options,
                              Diagnostics& diagnostics);
+
+/// A low-pass filter of recorded motion without delay: Butterworth low-pass of second order, run forwards and
+/// backwards: order four, no phase shift. At the cut-off the amplitude is 1/sqrt(2) after both passes. Both
+/// ends are extended by their point reflection, so that the first and last values have little influence of
+/// the start of the filter.
+/// @param values samples of one quantity at equal intervals. @param step between them [s].
+/// @param cutoff [Hz], below half the sampling rate.
+void low_pass(std::vector<double>& values, double step, double cutoff);
+
+/// Filters a table of `width` quantities, sample after sample; samples that are not at equal intervals are
+/// first replaced by as many of a spline that are. @returns false, and changes nothing, if the cut-off is not
+/// below half the rate.
+bool low_pass_rows(std::vector<double>& times, std::vector<double>& values, std::size_t width, double cutoff);
 
 }  // namespace handsim::control

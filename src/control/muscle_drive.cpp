@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/core/words.h"
+#include "handsim/core/text.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::control {

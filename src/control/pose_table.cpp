@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
-#include "handsim/control/filter.h"
 #include "handsim/control/motion_file.h"
+#include "handsim/control/motion_trajectory.h"
 #include "handsim/model/spline.h"
 
 namespace handsim::control {

@@ -1,4 +1,4 @@
-#include "handsim/simulation/fingerprint.h"
+#include "handsim/simulation/snapshot.h"
 
 #include <cmath>
 #include <set>

@@ -88,7 +88,6 @@ Row coordinate_row(const model::Joint& joint, int coordinate, const model::State
   const Sides sides(joint, state);
   switch (joint.kind) {
     case JointKind::hinge:
-      return relative_rotation(sides, sides.q_WF * joint.axes[0].axis);
     case JointKind::universal:
       return coordinate == 0 ? relative_rotation(sides, sides.q_WF * joint.axes[0].axis)
                              : relative_rotation(sides, sides.q_WM * joint.axes[1].axis);

@@ -35,31 +35,22 @@ void set_parameter(dJointID id, JointKind kind, int parameter, double value) {
 }
 
 void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
-  const Vec3& p = x_WF.p;
+  const auto set = [&](void (*call)(dJointID, dReal, dReal, dReal), const Vec3& v) {
+    call(id, v.x(), v.y(), v.z());
+  };
   const auto axis = [&](std::size_t i) -> Vec3 { return x_WF.q * joint.axes[i].axis; };
   switch (joint.kind) {
-    case JointKind::hinge: {
-      const Vec3 a = axis(0);
-      dJointSetHingeAnchor(id, p.x(), p.y(), p.z());
-      dJointSetHingeAxis(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::universal: {
-      const Vec3 a = axis(0);
-      const Vec3 b = axis(1);
-      dJointSetUniversalAnchor(id, p.x(), p.y(), p.z());
-      dJointSetUniversalAxis1(id, b.x(), b.y(), b.z());
-      dJointSetUniversalAxis2(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::slider: {
-      const Vec3 a = axis(0);
-      dJointSetSliderAxis(id, a.x(), a.y(), a.z());
-      return;
-    }
+    case JointKind::hinge:
+      set(dJointSetHingeAnchor, x_WF.p);
+      return set(dJointSetHingeAxis, axis(0));
+    case JointKind::universal:
+      set(dJointSetUniversalAnchor, x_WF.p);
+      set(dJointSetUniversalAxis1, axis(1));
+      return set(dJointSetUniversalAxis2, axis(0));
+    case JointKind::slider:
+      return set(dJointSetSliderAxis, axis(0));
     case JointKind::ball:
-      dJointSetBallAnchor(id, p.x(), p.y(), p.z());
-      return;
+      return set(dJointSetBallAnchor, x_WF.p);
   }
 }
 
