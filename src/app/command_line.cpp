@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/words.h"
+#include "handsim/core/text.h"
 
 namespace handsim::app {
 

@@ -10,8 +10,8 @@
 #include "handsim/app/command_line.h"
 #include "handsim/app/console.h"
 #include "handsim/core/error.h"
+#include "handsim/core/text.h"
 #include "handsim/core/version.h"
-#include "handsim/core/words.h"
 
 namespace handsim::app {
 

@@ -3,7 +3,7 @@
 #include <array>
 
 #include "handsim/control/gains.h"
-#include "handsim/control/motion_names.h"
+#include "handsim/control/motion_trajectory.h"
 #include "handsim/control/poses.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/hand/hand_spec.h"

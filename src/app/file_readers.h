@@ -4,7 +4,7 @@
 #include <span>
 #include <string_view>
 
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 

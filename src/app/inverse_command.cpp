@@ -4,7 +4,7 @@
 #include "handsim/app/motion_command.h"
 #include "handsim/app/progress.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 

@@ -4,7 +4,7 @@
 
 #include "handsim/core/data_folder.h"
 #include "handsim/hand/doubts.h"
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 

@@ -15,9 +15,9 @@
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
 #include "handsim/output/video/workers.h"
-#include "handsim/simulation/fingerprint.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
+#include "handsim/simulation/snapshot.h"
 #include "handsim/simulation/watch/state_hash.h"
 #include "handsim/study/rollouts/rollout_study.h"
 

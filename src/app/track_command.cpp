@@ -6,7 +6,7 @@
 #include "handsim/app/progress.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 

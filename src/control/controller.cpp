@@ -126,10 +126,7 @@ void Controller::carry(Archive& archive, Self& self) {
   archive.each(self.memory_.integral);
   archive.each(self.memory_.filtered_rate);
   for (auto& axis : self.axes_) {
-    archive(axis.angle);
-    archive(axis.rate);
-    archive(axis.target);
-    archive(axis.torque);
+    for (auto* value : {&axis.angle, &axis.rate, &axis.target, &axis.torque}) archive(*value);
     archive(axis.at_limit);
   }
 }
@@ -189,12 +186,7 @@ void Controller::command(const model::State& state) {
   update_targets(state.time + step_);
   if (gravity_) gravity_torques_ = gravity_->torques(state);
   if (feed_) update_feed(state);
-  switch (plan_.form) {
-    case Form::explicit_torque:
-      return command_torques();
-    case Form::implicit_gain:
-      return command_servos();
-  }
+  plan_.form == Form::explicit_torque ? command_torques() : command_servos();
 }
 
 void Controller::observe(const model::State& state) {

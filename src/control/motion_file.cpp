@@ -166,15 +166,20 @@ class Reader {
     kept_.push_back(index);
   }
 
-  std::string no_column() const {
-    return content_ == TableContent::poses         ? "no column of a wrist's pose"
-           : content_ == TableContent::excitations ? "no column of a muscle"
-                                                   : "no column of angles";
-  }
-  std::string needed_columns() const {
-    return content_ == TableContent::poses         ? "columns such as right.wrist.x[m] and right.wrist.qw"
-           : content_ == TableContent::excitations ? "columns such as FDP2 or right.FDP2"
-                                                   : "columns such as index_mcp.flexion[deg]";
+  /// The labels after the time. @param factor to rad, of labels without a unit
+  void read_labels(const std::vector<Field>& labels, double factor) {
+    struct Text {
+      const char *none, *need;
+    };
+    // In the order of TableContent.
+    constexpr Text kTexts[] = {
+        {"no column of angles", "columns such as index_mcp.flexion[deg]"},
+        {"no column of a wrist's pose", "columns such as right.wrist.x[m] and right.wrist.qw"},
+        {"no column of a muscle", "columns such as FDP2 or right.FDP2"}};
+    const Text& text = kTexts[static_cast<std::size_t>(content_)];
+    for (std::size_t i = 1; i < labels.size(); ++i) read_label(labels[i], i, factor);
+    if (problems_.empty() && kept_.empty()) problem(1, "", text.none, text.need);
+    table_.header_line = number_;
   }
 
   void read_csv_header() {
@@ -183,9 +188,7 @@ class Reader {
     width_ = fields.size();
     if (fields[0].text != "time" && fields[0].text != "time[s]")
       problem(1, "", fmt::format("\"{}\"", fields[0].text), "time[s] as the first column");
-    for (std::size_t i = 1; i < fields.size(); ++i) read_label(fields[i], i, 1);
-    if (problems_.empty() && kept_.empty()) problem(1, "", no_column(), needed_columns());
-    table_.header_line = number_;
+    read_labels(fields, 1);
   }
 
   void read_header_number(std::string_view key, std::string_view value, std::optional<std::size_t>& out) {
@@ -227,9 +230,7 @@ class Reader {
     if (columns && *columns != width_)
       problem(1, "nColumns", fmt::format("{} labels", width_),
               fmt::format("{}, the value of nColumns", *columns));
-    for (std::size_t i = 1; i < labels.size(); ++i) read_label(labels[i], i, degrees ? kDegree : 1);
-    if (problems_.empty() && kept_.empty()) problem(1, "", no_column(), needed_columns());
-    table_.header_line = number_;
+    read_labels(labels, degrees ? kDegree : 1);
   }
 
   void read_row(const std::vector<Field>& fields) {

@@ -1,12 +1,48 @@
-// Makes trajectories of a hand from the angles of a motion file.
+// Makes trajectories of a hand from the angles of a motion file. The names that other programs give to joint
+// angles, and what an angle that a table lacks follows, are the content of a file such as
+// controllers/names_arms.yaml, and of the block `motion` of a scene's control.
 #pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "handsim/control/hand_axes.h"
 #include "handsim/control/motion_file.h"
-#include "handsim/control/motion_names.h"
 #include "handsim/control/trajectory.h"
 
 namespace handsim::control {
+
+/// angle of `axis` = sign * value in the file + offset.
+struct ColumnName {
+  std::string axis;   ///< `index_mcp.flexion`, or of one hand `right.index_mcp.flexion`
+  double sign = 1;    ///< 1 or -1
+  double offset = 0;  ///< [rad]
+};
+
+/// angle = ratio * angle of `axis` + offset.
+struct Coupling {
+  std::string axis;  ///< `index_pip.flexion`
+  double ratio = 1;
+  double offset = 0;  ///< [rad]
+};
+
+struct MotionNames {
+  std::map<std::string, ColumnName> columns;  ///< by the file's name
+  std::map<std::string, Coupling> couplings;  ///< by the axis that follows, used where a table lacks it
+};
+
+/// How the motion files of a scene are read.
+struct MotionOptions {
+  MotionNames names;
+  bool clamp = false;            ///< moves angles beyond a stop to it and counts them; otherwise refused
+  std::optional<double> filter;  ///< cut-off of a low-pass [Hz] (low_pass); absent: as recorded
+  bool spline = false;           ///< joins the samples by a spline, for rates and accelerations
+};
+
+/// Reads a file of names; every defect goes into the diagnostics.
+MotionNames read_motion_names(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// An angle beyond its range by at most this much is moved to the stop, with a warning [rad].
 inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;
@@ -19,5 +55,18 @@ inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;
 Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
                              std::span<const double> start, const MotionOptions& options,
                              Diagnostics& diagnostics);
+
+/// A low-pass filter of recorded motion without delay: Butterworth low-pass of second order, run forwards and
+/// backwards: order four, no phase shift. At the cut-off the amplitude is 1/sqrt(2) after both passes. Both
+/// ends are extended by their point reflection, so that the first and last values have little influence of
+/// the start of the filter.
+/// @param values samples of one quantity at equal intervals. @param step between them [s].
+/// @param cutoff [Hz], below half the sampling rate.
+void low_pass(std::vector<double>& values, double step, double cutoff);
+
+/// Filters a table of `width` quantities, sample after sample; samples that are not at equal intervals are
+/// first replaced by as many of a spline that are. @returns false, and changes nothing, if the cut-off is not
+/// below half the rate.
+bool low_pass_rows(std::vector<double>& times, std::vector<double>& values, std::size_t width, double cutoff);
 
 }  // namespace handsim::control

@@ -1,12 +1,11 @@
 #include "handsim/control/muscle_drive.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/core/words.h"
+#include "handsim/core/text.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::control {

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/control/inertia.h"
 #include "handsim/control/stability.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"

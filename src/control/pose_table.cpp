@@ -3,12 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
 
 #include <fmt/format.h>
 
-#include "handsim/control/filter.h"
 #include "handsim/control/motion_file.h"
+#include "handsim/control/motion_trajectory.h"
 #include "handsim/model/spline.h"
 
 namespace handsim::control {

@@ -13,7 +13,7 @@ namespace handsim::control {
 /// the rotation `qw`, `qx`, `qy`, `qz`, or an axis `axis.x`, `axis.y`, `axis.z` and its `angle[deg]`, or a
 /// rotation vector `rx[deg]`, `ry[deg]`, `rz[deg]`, or none; each alone or as `HAND.wrist.x[m]`. Other
 /// columns are ignored. Samples are joined by a spline.
-/// @param hand `right`, `left`, ... @param filter cut-off of a low-pass [Hz] (filter.h); absent: as recorded.
+/// @param hand `right`, `left`, ... @param filter cut-off of a low-pass [Hz] (low_pass); absent: as recorded.
 /// @throws Error (input) as read_motion, and for a missing column, a quaternion far from unit length, an axis
 /// of no length, or a cut-off not below half the rate.
 model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand,

@@ -9,7 +9,6 @@
 
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
-#include "handsim/core/words.h"
 
 namespace handsim {
 

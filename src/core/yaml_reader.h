@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "handsim/core/pose.h"
+#include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/core/words.h"
 #include "handsim/core/yaml.h"
 
 namespace handsim {

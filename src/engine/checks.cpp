@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/model/validate.h"
 
 namespace handsim::engine {
@@ -37,10 +38,9 @@ std::vector<Problem> plane_defects(const model::Model& model, const model::Effec
   if (!needs_contacts(model, effects)) return problems;
   const std::vector<bool> immovable = immovable_bodies(model, effects);
   for (const model::Shape& shape : model.shapes)
-    if (shape.kind == model::ShapeKind::plane && !immovable[static_cast<std::size_t>(shape.body)])
+    if (shape.kind == model::ShapeKind::plane && !immovable[at(shape.body)])
       problems.push_back(
-          {std::nullopt, shape.name,
-           "a plane on the moving body " + model.bodies[static_cast<std::size_t>(shape.body)].name,
+          {std::nullopt, shape.name, "a plane on the moving body " + model.bodies[at(shape.body)].name,
            "a plane on the world or on a body that never moves; a moving body can have a box"});
   return problems;
 }
@@ -51,7 +51,7 @@ std::vector<bool> immovable_bodies(const model::Model& model, const model::Effec
   std::vector<bool> immovable(model.bodies.size());
   for (std::size_t i = 0; i < immovable.size(); ++i) immovable[i] = model.bodies[i].kinematic;
   if (effects.has(model::Effect::wrist_motion))
-    for (const model::Drive& drive : model.drives) immovable[static_cast<std::size_t>(drive.body)] = false;
+    for (const model::Drive& drive : model.drives) immovable[at(drive.body)] = false;
   immovable[model::kWorld] = true;
   return immovable;
 }
@@ -83,12 +83,12 @@ double next_time(double time, double step) {
 
 std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
                                          std::span<const double> torques) {
-  if (torques.size() != static_cast<std::size_t>(model.dof_count()))
+  if (torques.size() != at(model.dof_count()))
     throw input_error("torques", fmt::format("{}", torques.size()),
                       fmt::format("one for each of {} coordinates", model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const double torque = torques[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(i)];
+      const double torque = torques[at(joint.first_dof) + at(i)];
       if (std::isfinite(torque)) continue;
       return PhysicsFault{
           time, joint.name, "joint torque [N m]",
@@ -101,13 +101,12 @@ std::optional<PhysicsFault> servo_fault(const model::Model& model, const Setting
                                         std::span<const model::Servo> servos) {
   if (!settings.effects.has(model::Effect::actuation))
     throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
-  if (servos.size() != static_cast<std::size_t>(model.dof_count()))
+  if (servos.size() != at(model.dof_count()))
     throw input_error("servos", fmt::format("{}", servos.size()),
                       fmt::format("one for each of {} coordinates", model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const model::Servo& servo =
-          servos[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(i)];
+      const model::Servo& servo = servos[at(joint.first_dof) + at(i)];
       if (servo.limit == 0) continue;
       if (!std::isfinite(servo.error + servo.feed))
         return PhysicsFault{
@@ -134,13 +133,13 @@ void require_outside(const model::Model& model, const Settings& settings, const 
         fmt::format("engine {} with method {}, which takes none", name(settings.engine()), name(method)),
         "engine ode, or articulated with method semi_implicit_euler");
   for (const BodyForce& each : input.forces) {
-    const bool there = each.body > model::kWorld && static_cast<std::size_t>(each.body) < model.bodies.size();
-    if (!there || model.bodies[static_cast<std::size_t>(each.body)].kinematic)
+    const bool there = each.body > model::kWorld && at(each.body) < model.bodies.size();
+    if (!there || model.bodies[at(each.body)].kinematic)
       throw input_error("forces", fmt::format("a force on body {}", each.body),
                         fmt::format("a body that can move, 1 to {}", model.bodies.size() - 1));
     if (!each.force.allFinite() || !each.moment.allFinite())
-      throw input_error("forces." + model.bodies[static_cast<std::size_t>(each.body)].name,
-                        "a force or moment that is not finite", "finite numbers");
+      throw input_error("forces." + model.bodies[at(each.body)].name, "a force or moment that is not finite",
+                        "finite numbers");
   }
   if (input.drive_targets.empty()) return;
   if (!settings.effects.has(model::Effect::wrist_motion) || input.drive_targets.size() != model.drives.size())
@@ -158,7 +157,7 @@ void require_state(const model::Model& model, const model::State& state) {
   if (state.bodies.size() != model.bodies.size())
     throw input_error("state", fmt::format("{} bodies", state.bodies.size()),
                       fmt::format("{}", model.bodies.size()));
-  const auto dofs = static_cast<std::size_t>(model.dof_count());
+  const auto dofs = at(model.dof_count());
   for (const std::vector<double>* torques : {&state.tau, &state.tau_servo})
     if (torques->size() != dofs ||
         !std::all_of(torques->begin(), torques->end(), [](double tau) { return std::isfinite(tau); }))

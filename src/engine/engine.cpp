@@ -1,5 +1,7 @@
 #include "handsim/engine/engine.h"
 
+#include <array>
+
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
@@ -16,15 +18,9 @@ void Engine::refresh() {
 }
 
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings) {
-  switch (settings.engine()) {
-    case EngineKind::ode:
-      return ode::make(model, settings);
-    case EngineKind::dae:
-      return dae::make(model, settings);
-    case EngineKind::articulated:
-      return articulated::make(model, settings);
-  }
-  return nullptr;
+  // In the order of EngineKind.
+  constexpr std::array kMakers = {ode::make, dae::make, articulated::make};
+  return kMakers[static_cast<std::size_t>(settings.engine())](model, settings);
 }
 
 }  // namespace handsim::engine

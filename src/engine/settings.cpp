@@ -5,18 +5,9 @@
 namespace handsim::engine {
 
 void Settings::use(EngineKind kind) {
-  if (kind == engine()) return;
-  switch (kind) {
-    case EngineKind::ode:
-      own = OdeSettings();
-      break;
-    case EngineKind::dae:
-      own = DaeSettings();
-      break;
-    case EngineKind::articulated:
-      own = ArticulatedSettings();
-      break;
-  }
+  // In the order of EngineKind.
+  const decltype(own) defaults[] = {OdeSettings(), DaeSettings(), ArticulatedSettings()};
+  if (kind != engine()) own = defaults[static_cast<std::size_t>(kind)];
 }
 
 void Settings::use(const Method& method) {

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/scene/compile/overruled.h"
 
 namespace handsim::environment {
@@ -137,9 +136,8 @@ void Environment::reset(const Start& start) {
   const model::Model& model = scene_->model;
   const auto dofs = at(model.dof_count());
   std::vector<int> objects;
-  for (const scene::ObjectSpec& object : scene_->plans.objects)
-    for (std::size_t i = 0; i < model.bodies.size(); ++i)
-      if (!object.is_static && model.bodies[i].name == object.name) objects.push_back(static_cast<int>(i));
+  for (const model::ObjectIndex& object : model.objects)
+    if (object.body) objects.push_back(*object.body);
   require_size("q", start.q.size(), dofs, "coordinates");
   require_size("u", start.u.size(), dofs, "coordinates");
   require_size("objects", start.objects.size(), objects.size(), "objects");

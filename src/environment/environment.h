@@ -18,7 +18,7 @@ namespace handsim::environment {
 
 /// Options of an environment; all environments of a batch have the same.
 struct Setup {
-  std::vector<std::string> observe = {"q", "u"};  ///< observation_parts()
+  std::vector<std::string> observe = {"q", "u"};  ///< names of observation.h
   std::vector<Randomised> randomise = {};         ///< drawn by reset(seed)
   simulation::MakeWatchers watchers = simulation::no_watchers;
 };

@@ -15,22 +15,6 @@ namespace handsim::environment {
 
 namespace {
 
-constexpr std::array<std::string_view, 16> kParts = {"time",
-                                                     "q",
-                                                     "u",
-                                                     "tau",
-                                                     "wrists",
-                                                     "fingertips",
-                                                     "objects",
-                                                     "finger_contacts",
-                                                     "contact_pairs",
-                                                     "excitation",
-                                                     "activation",
-                                                     "fibre_length",
-                                                     "fibre_speed",
-                                                     "tendon_length",
-                                                     "tendon_force",
-                                                     "failed"};
 constexpr std::array kPoseColumns = {".x[m]", ".y[m]", ".z[m]", ".qw", ".qx", ".qy", ".qz"};
 constexpr std::array kRateColumns = {".vx[m/s]",   ".vy[m/s]",   ".vz[m/s]",
                                      ".wx[rad/s]", ".wy[rad/s]", ".wz[rad/s]"};
@@ -49,24 +33,156 @@ double* put(double* out, const Pose& pose) {
   return out;
 }
 
+using Columns = std::vector<std::string>;
+using Simulation = simulation::Simulation;
+
 template <class Names>
-void add_columns(std::vector<std::string>& to, const std::string& of, const Names& names) {
+void add_columns(Columns& to, const std::string& of, const Names& names) {
   for (const char* name : names) to.push_back(of + name);
+}
+
+void add_body_columns(Columns& to, const std::string& of) {
+  add_columns(to, of, kPoseColumns);
+  add_columns(to, of, kRateColumns);
+}
+
+Columns coordinate_columns(const model::Model& model, const char* what) {
+  Columns out = output::coordinate_names(model);
+  for (std::string& name : out) name += what;
+  return out;
+}
+
+Columns muscle_columns(const model::Model& model, const std::string& part, const char* unit) {
+  if (model.muscles.empty())
+    throw input_error("observe", part + " in a scene without muscles", "muscles among the effects");
+  Columns out;
+  for (const model::Muscle& muscle : model.muscles) out.push_back(muscle.name + "." + part + unit);
+  return out;
+}
+
+void copy(std::span<const double> from, std::span<double> to) {
+  std::copy(from.begin(), from.end(), to.begin());
 }
 
 }  // namespace
 
-std::span<const std::string_view> observation_parts() { return kParts; }
+struct Observation::Kind {
+  std::string_view name;
+  Columns (*columns)(const Observation& of);
+  void (*write)(const Observation& of, const Simulation& simulation, std::span<double> to);
+};
+
+std::span<const Observation::Kind> Observation::kinds() {
+  using Values = std::span<double>;
+  static const Kind kAll[] = {
+      {"time", [](auto&) { return Columns{"time[s]"}; },
+       [](auto&, auto& run, Values to) { to[0] = run.state().time; }},
+      {"q", [](auto& of) { return coordinate_columns(of.scene_.model, ""); },
+       [](auto&, auto& run, Values to) { copy(run.state().q, to); }},
+      {"u", [](auto& of) { return coordinate_columns(of.scene_.model, ".rate"); },
+       [](auto&, auto& run, Values to) { copy(run.state().u, to); }},
+      {"tau", [](auto& of) { return coordinate_columns(of.scene_.model, ".torque"); },
+       [](auto&, auto& run, Values to) { copy(run.state().tau, to); }},
+      {"wrists",
+       [](auto& of) {
+         Columns out;
+         for (const model::HandIndex& hand : of.scene_.model.hands)
+           add_body_columns(out, hand.name + ".wrist");
+         return out;
+       },
+       [](auto& of, auto& run, Values to) {
+         double* next = to.data();
+         for (const model::HandIndex& hand : of.scene_.model.hands) {
+           const model::BodyState& palm = run.state().bodies[at(hand.palm)];
+           const Pose wrist = palm.pose() * hand.wrist_frame;
+           next = put(put(put(next, wrist), Vec3(palm.v + palm.w.cross(wrist.p - palm.p))), palm.w);
+         }
+       }},
+      {"fingertips",
+       [](auto& of) {
+         Columns out;
+         for (const model::Fingertip* tip : of.tips_)
+           add_columns(out, of.scene_.model.bodies[at(tip->body)].name + ".tip", kPoseColumns);
+         return out;
+       },
+       [](auto& of, auto& run, Values to) {
+         double* next = to.data();
+         for (const model::Fingertip* tip : of.tips_) {
+           const Pose body = run.state().bodies[at(tip->body)].pose();
+           next = put(next, Pose{body * tip->point, body.q});
+         }
+       }},
+      {"objects",
+       [](auto& of) {
+         Columns out;
+         for (const int body : of.objects_) add_body_columns(out, of.scene_.model.bodies[at(body)].name);
+         return out;
+       },
+       [](auto& of, auto& run, Values to) {
+         double* next = to.data();
+         for (const int index : of.objects_) {
+           const model::BodyState& body = run.state().bodies[at(index)];
+           next = put(put(put(next, body.pose()), body.v), body.w);
+         }
+       }},
+      {"finger_contacts",
+       [](auto& of) {
+         Columns out;
+         for (const std::string& part : of.hand_parts_) add_columns(out, part, kFingerColumns);
+         return out;
+       },
+       [](auto& of, auto& run, Values to) { of.write_contacts(run.engine().contacts(), to, {}); }},
+      {"contact_pairs",
+       [](auto& of) {
+         Columns out;
+         for (const std::string& part : of.hand_parts_)
+           for (const std::string& other : of.others_) add_columns(out, part + "-" + other, kPairColumns);
+         return out;
+       },
+       [](auto& of, auto& run, Values to) { of.write_contacts(run.engine().contacts(), {}, to); }},
+      {"excitation", [](auto& of) { return muscle_columns(of.scene_.model, "excitation", ""); },
+       [](auto&, auto& run, Values to) {
+         // None has been given before the first step.
+         if (run.excitations().empty()) std::fill(to.begin(), to.end(), 0);
+         copy(run.excitations(), to);
+       }},
+      {"activation", [](auto& of) { return muscle_columns(of.scene_.model, "activation", ""); },
+       [](auto&, auto& run, Values to) { copy(run.state().activation, to); }},
+      {"fibre_length", [](auto& of) { return muscle_columns(of.scene_.model, "fibre_length", "[m]"); },
+       [](auto&, auto& run, Values to) { copy(run.state().fibre_length, to); }},
+      {"fibre_speed", [](auto& of) { return muscle_columns(of.scene_.model, "fibre_speed", "[m/s]"); },
+       [](auto&, auto& run, Values to) { copy(run.state().fibre_speed, to); }},
+      {"tendon_length", [](auto& of) { return muscle_columns(of.scene_.model, "tendon_length", "[m]"); },
+       [](auto& of, auto& run, Values to) {
+         for (std::size_t i = 0; i < to.size(); ++i) {
+           const model::Muscle& muscle = of.scene_.model.muscles[i];
+           const double excursion = model::path_state(muscle.path, run.state().q).excursion;
+           to[i] = model::tendon_length(muscle, excursion, run.state().fibre_length[i]);
+         }
+       }},
+      {"tendon_force", [](auto& of) { return muscle_columns(of.scene_.model, "tendon_force", "[N]"); },
+       [](auto&, auto& run, Values to) { copy(run.state().tendon_force, to); }},
+      {"failed", [](auto&) { return Columns{"failed"}; },
+       [](auto&, auto& run, Values to) { to[0] = failed(run) ? 1 : 0; }}};
+  return kAll;
+}
 
 Observation::Observation(const scene::Scene& scene, std::span<const std::string> names) : scene_(scene) {
+  std::vector<std::string_view> known;
+  for (const Kind& kind : kinds()) known.push_back(kind.name);
   std::vector<Problem> problems;
   for (const std::string& name : names)
-    if (std::find(kParts.begin(), kParts.end(), name) == kParts.end())
-      problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(kParts, ", "))});
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(known, ", "))});
   if (!problems.empty()) throw Error(std::move(problems));
   find_things();
-  const std::vector<std::string> coordinates = output::coordinate_names(scene.model);
-  for (const std::string& name : names) add(name, coordinates);
+  for (const std::string& name : names) {
+    const Kind& kind =
+        *std::find_if(kinds().begin(), kinds().end(), [&](auto& each) { return each.name == name; });
+    kinds_.push_back(&kind);
+    parts_.push_back({name, size_, kind.columns(*this)});
+    size_ += parts_.back().columns.size();
+  }
 }
 
 void Observation::find_things() {
@@ -95,80 +211,10 @@ void Observation::find_things() {
   }
 }
 
-void Observation::add(const std::string& name, const std::vector<std::string>& coordinates) {
-  const model::Model& model = scene_.model;
-  const auto kind = static_cast<Kind>(std::find(kParts.begin(), kParts.end(), name) - kParts.begin());
-  std::vector<std::string> columns;
-  const auto of_coordinates = [&](const char* what) {
-    for (const std::string& coordinate : coordinates) columns.push_back(coordinate + what);
-  };
-  const auto of_body = [&](const std::string& body) {
-    add_columns(columns, body, kPoseColumns);
-    add_columns(columns, body, kRateColumns);
-  };
-  const auto of_muscles = [&](const std::string& what) {
-    if (model.muscles.empty())
-      throw input_error("observe", name + " in a scene without muscles", "muscles among the effects");
-    for (const model::Muscle& muscle : model.muscles) columns.push_back(muscle.name + what);
-  };
-  switch (kind) {
-    case Kind::time:
-      columns = {"time[s]"};
-      break;
-    case Kind::q:
-      of_coordinates("");
-      break;
-    case Kind::u:
-      of_coordinates(".rate");
-      break;
-    case Kind::tau:
-      of_coordinates(".torque");
-      break;
-    case Kind::wrists:
-      for (const model::HandIndex& hand : model.hands) of_body(hand.name + ".wrist");
-      break;
-    case Kind::fingertips:
-      for (const model::Fingertip* tip : tips_)
-        add_columns(columns, model.bodies[at(tip->body)].name + ".tip", kPoseColumns);
-      break;
-    case Kind::objects:
-      for (const int body : objects_) of_body(model.bodies[at(body)].name);
-      break;
-    case Kind::finger_contacts:
-      for (const std::string& part : hand_parts_) add_columns(columns, part, kFingerColumns);
-      break;
-    case Kind::contact_pairs:
-      for (const std::string& part : hand_parts_)
-        for (const std::string& other : others_) add_columns(columns, part + "-" + other, kPairColumns);
-      break;
-    case Kind::excitation:
-    case Kind::activation:
-      of_muscles("." + name);
-      break;
-    case Kind::fibre_length:
-    case Kind::tendon_length:
-      of_muscles("." + name + "[m]");
-      break;
-    case Kind::fibre_speed:
-      of_muscles(".fibre_speed[m/s]");
-      break;
-    case Kind::tendon_force:
-      of_muscles(".tendon_force[N]");
-      break;
-    case Kind::failed:
-      columns = {"failed"};
-      break;
-  }
-  kinds_.push_back(kind);
-  parts_.push_back({name, size_, std::move(columns)});
-  size_ += parts_.back().columns.size();
+bool Observation::has(std::string_view part) const {
+  return std::any_of(parts_.begin(), parts_.end(),
+                     [&](const ObservedPart& each) { return each.name == part; });
 }
-
-bool Observation::has(Kind kind) const {
-  return std::find(kinds_.begin(), kinds_.end(), kind) != kinds_.end();
-}
-
-bool Observation::needs_forces() const { return has(Kind::finger_contacts) || has(Kind::contact_pairs); }
 
 void Observation::write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                                  std::span<double> by_pair) const {
@@ -194,89 +240,9 @@ void Observation::write_contacts(std::span<const engine::Contact> contacts, std:
   }
 }
 
-void Observation::write(const simulation::Simulation& simulation, std::span<double> out) const {
-  const model::State& state = simulation.state();
-  std::span<double> by_finger, by_pair;
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const std::span<double> to = out.subspan(parts_[i].first, parts_[i].columns.size());
-    switch (kinds_[i]) {
-      case Kind::time:
-        to[0] = state.time;
-        break;
-      case Kind::q:
-        std::copy(state.q.begin(), state.q.end(), to.begin());
-        break;
-      case Kind::u:
-        std::copy(state.u.begin(), state.u.end(), to.begin());
-        break;
-      case Kind::tau:
-        std::copy(state.tau.begin(), state.tau.end(), to.begin());
-        break;
-      case Kind::wrists:
-      case Kind::fingertips:
-      case Kind::objects:
-        write_poses(kinds_[i], state, to.data());
-        break;
-      case Kind::finger_contacts:
-        by_finger = to;
-        break;
-      case Kind::contact_pairs:
-        by_pair = to;
-        break;
-      case Kind::failed:
-        to[0] = failed(simulation) ? 1 : 0;
-        break;
-      default:
-        write_muscles(kinds_[i], simulation, to);
-    }
-  }
-  if (!by_finger.empty() || !by_pair.empty())
-    write_contacts(simulation.engine().contacts(), by_finger, by_pair);
-}
-
-void Observation::write_muscles(Kind kind, const simulation::Simulation& simulation,
-                                std::span<double> to) const {
-  const model::State& state = simulation.state();
-  const auto copy = [&](std::span<const double> from) { std::copy(from.begin(), from.end(), to.begin()); };
-  switch (kind) {
-    case Kind::excitation:
-      // None has been given before the first step.
-      if (simulation.excitations().empty()) std::fill(to.begin(), to.end(), 0);
-      return copy(simulation.excitations());
-    case Kind::activation:
-      return copy(state.activation);
-    case Kind::fibre_length:
-      return copy(state.fibre_length);
-    case Kind::fibre_speed:
-      return copy(state.fibre_speed);
-    case Kind::tendon_force:
-      return copy(state.tendon_force);
-    default:
-      for (std::size_t i = 0; i < to.size(); ++i) {
-        const model::Muscle& muscle = scene_.model.muscles[i];
-        const double excursion = model::path_state(muscle.path, state.q).excursion;
-        to[i] = model::tendon_length(muscle, excursion, state.fibre_length[i]);
-      }
-  }
-}
-
-void Observation::write_poses(Kind kind, const model::State& state, double* to) const {
-  if (kind == Kind::wrists)
-    for (const model::HandIndex& hand : scene_.model.hands) {
-      const model::BodyState& palm = state.bodies[at(hand.palm)];
-      const Pose wrist = palm.pose() * hand.wrist_frame;
-      to = put(put(put(to, wrist), Vec3(palm.v + palm.w.cross(wrist.p - palm.p))), palm.w);
-    }
-  if (kind == Kind::fingertips)
-    for (const model::Fingertip* tip : tips_) {
-      const Pose body = state.bodies[at(tip->body)].pose();
-      to = put(to, Pose{body * tip->point, body.q});
-    }
-  if (kind == Kind::objects)
-    for (const int body : objects_) {
-      const model::BodyState& of = state.bodies[at(body)];
-      to = put(put(put(to, of.pose()), of.v), of.w);
-    }
+void Observation::write(const Simulation& simulation, std::span<double> out) const {
+  for (std::size_t i = 0; i < parts_.size(); ++i)
+    kinds_[i]->write(*this, simulation, out.subspan(parts_[i].first, parts_[i].columns.size()));
 }
 
 }  // namespace handsim::environment

@@ -9,22 +9,6 @@
 
 namespace handsim::environment {
 
-/// Names of all parts:
-///   time              [s]
-///   q, u, tau         coordinates, rates, and torques that acted in the last step, as State has them
-///   wrists            of each hand, hand frame H: p [m], quaternion w x y z, v [m/s], w [rad/s]; world axes
-///   fingertips        of each finger, hand after hand: p [m] and quaternion w x y z of the last segment
-///   objects           of each object that can move: p [m], quaternion, v [m/s], w [rad/s] of its body
-///   (centre
-///                     of mass), world axes
-///   finger_contacts   of palm and fingers of each hand: force on it [N], world axes, and number of points
-///   contact_pairs     of palm and fingers with each object, then with all else: normal force [N], points
-///   excitation, activation            of each muscle, 0 to 1
-///   fibre_length, fibre_speed         of each muscle [m], lengthening [m/s]
-///   tendon_length, tendon_force       of each muscle [m], [N]; speed and force at the end of the last step
-///   failed            1 where a criterion of the scene is not held up to now, else 0; needs watchers
-std::span<const std::string_view> observation_parts();
-
 /// A part and the names of its numbers, e.g. `right.index_mcp.flexion.rate[rad/s]`.
 struct ObservedPart {
   std::string name;
@@ -32,6 +16,19 @@ struct ObservedPart {
   std::vector<std::string> columns;
 };
 
+/// The parts that a name selects:
+///   time              [s]
+///   q, u, tau         coordinates, rates, and torques that acted in the last step, as State has them
+///   wrists            of each hand, hand frame H: p [m], quaternion w x y z, v [m/s], w [rad/s]; world axes
+///   fingertips        of each finger, hand after hand: p [m] and quaternion w x y z of the last segment
+///   objects           of each object that can move: p [m], quaternion, v [m/s], w [rad/s] of its body
+///                     (centre of mass), world axes
+///   finger_contacts   of palm and fingers of each hand: force on it [N], world axes, and number of points
+///   contact_pairs     of palm and fingers with each object, then with all else: normal force [N], points
+///   excitation, activation            of each muscle, 0 to 1
+///   fibre_length, fibre_speed         of each muscle [m], lengthening [m/s]
+///   tendon_length, tendon_force       of each muscle [m], [N]; speed and force at the end of the last step
+///   failed            1 where a criterion of the scene is not held up to now, else 0; needs watchers
 class Observation {
  public:
   /// The scene must outlive this. @throws Error (input) for unknown names.
@@ -40,43 +37,24 @@ class Observation {
   std::size_t size() const { return size_; }
   std::span<const ObservedPart> parts() const { return parts_; }
   /// Whether it needs watchers, which measure what the criteria judge.
-  bool needs_watchers() const { return has(Kind::failed); }
+  bool needs_watchers() const { return has("failed"); }
   /// Whether it needs the contact forces of the engine (settings.contact_forces).
-  bool needs_forces() const;
+  bool needs_forces() const { return has("finger_contacts") || has("contact_pairs"); }
   /// @param out of size().
   void write(const simulation::Simulation& simulation, std::span<double> out) const;
 
  private:
-  /// In the order of observation_parts().
-  enum class Kind {
-    time,
-    q,
-    u,
-    tau,
-    wrists,
-    fingertips,
-    objects,
-    finger_contacts,
-    contact_pairs,
-    excitation,
-    activation,
-    fibre_length,
-    fibre_speed,
-    tendon_length,
-    tendon_force,
-    failed
-  };
+  /// A kind of part: its name, the names of its numbers, and how they are written.
+  struct Kind;
+  static std::span<const Kind> kinds();
   void find_things();
-  void add(const std::string& name, const std::vector<std::string>& coordinates);
-  bool has(Kind kind) const;
-  void write_muscles(Kind kind, const simulation::Simulation& simulation, std::span<double> to) const;
-  void write_poses(Kind kind, const model::State& state, double* to) const;
+  bool has(std::string_view part) const;
   void write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                       std::span<double> by_pair) const;
 
   const scene::Scene& scene_;
   std::vector<ObservedPart> parts_;
-  std::vector<Kind> kinds_;  ///< of the parts
+  std::vector<const Kind*> kinds_;  ///< of the parts
   std::size_t size_ = 0;
   std::vector<const model::Fingertip*> tips_;
   std::vector<int> objects_;             ///< bodies

@@ -9,7 +9,6 @@
 
 #include "handsim/core/index.h"
 #include "handsim/environment/draws.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::environment {
@@ -26,19 +25,13 @@ constexpr std::string_view kNames =
 }  // namespace
 
 Variation::Variation(scene::Scene& scene) : scene_(&scene) {
-  for (const scene::ObjectSpec& spec : scene.plans.objects) {
-    Object object;
-    object.position = object.own_position = spec.pose.p;
-    for (std::size_t i = 0; i < scene.model.bodies.size(); ++i)
-      if (!spec.is_static && scene.model.bodies[i].name == spec.name) {
-        object.body = static_cast<int>(i);
-        object.mass = scene.model.bodies[i].mass;
-        object.inertia = scene.model.bodies[i].inertia;
-      }
-    for (const model::Shape& shape : scene.model.shapes)
-      if (shape.part == model::Part::object && shape.name.substr(0, shape.name.find(".part")) == spec.name)
-        object.material = shape.material;
-    objects_.push_back(object);
+  for (std::size_t i = 0; i < scene.model.objects.size(); ++i) {
+    Object& object = objects_.emplace_back();
+    object.position = object.own_position = scene.plans.objects[i].pose.p;
+    if (const std::optional<int> body = scene.model.objects[i].body) {
+      object.mass = scene.model.bodies[at(*body)].mass;
+      object.inertia = scene.model.bodies[at(*body)].inertia;
+    }
   }
   if (scene.control)
     for (const control::DrivenAxis& axis : scene.control->axes) gains_.push_back(axis.gains);
@@ -61,9 +54,13 @@ std::size_t Variation::object_index(std::string_view name, std::string_view& key
            fmt::format("one of the scene's {} objects", objects_.size()));
   if (key != "mass" && key != "friction" && key != "position")
     refuse("vary", std::string(name), fmt::format("one of {}", kNames));
-  if (key != "friction" && objects_[index].body < 0)
+  if (key != "friction" && !scene_->model.objects[index].body)
     refuse(name, "an object that is static", "one that can move");
   return index;
+}
+
+std::size_t Variation::material_of(std::size_t object) const {
+  return at(scene_->model.shapes[at(scene_->model.objects[object].shapes.front())].material);
 }
 
 std::size_t Variation::size_of(std::string_view name) const {
@@ -102,7 +99,8 @@ void Variation::set(std::string_view name, std::span<const double> values) {
 
 void Variation::set_of_object(std::string_view name, std::span<const double> values) {
   std::string_view key;
-  Object& object = objects_[object_index(name, key)];
+  const std::size_t index = object_index(name, key);
+  Object& object = objects_[index];
   if (key == "position") {
     object.position = {values[0], values[1], values[2]};
     moves_start_ = true;
@@ -110,12 +108,12 @@ void Variation::set_of_object(std::string_view name, std::span<const double> val
   }
   if (key == "mass") {
     if (!(values[0] > 0)) refuse(name, fmt::format("{:g} kg", values[0]), "above 0 kg");
-    model::Body& body = scene_->model.bodies[at(object.body)];
+    model::Body& body = scene_->model.bodies[at(*scene_->model.objects[index].body)];
     body.mass = values[0];
     body.inertia = object.inertia * (values[0] / object.mass);
   } else {
     if (!(values[0] >= 0)) refuse(name, fmt::format("{:g}", values[0]), "0 or more");
-    scene_->model.materials[at(object.material)].friction = values[0];
+    scene_->model.materials[material_of(index)].friction = values[0];
   }
   changed_ = true;
 }
@@ -127,10 +125,10 @@ std::vector<double> Variation::get(std::string_view name) const {
   if (name == "torque_limits") return {torque_limit_};
   if (name == "q") return q_;
   std::string_view key;
-  const Object& object = objects_[object_index(name, key)];
-  if (key == "position") return numbers(object.position);
-  return {key == "mass" ? scene_->model.bodies[at(object.body)].mass
-                        : scene_->model.materials[at(object.material)].friction};
+  const std::size_t index = object_index(name, key);
+  if (key == "position") return numbers(objects_[index].position);
+  return {key == "mass" ? scene_->model.bodies[at(*scene_->model.objects[index].body)].mass
+                        : scene_->model.materials[material_of(index)].friction};
 }
 
 void Variation::check(std::span<const Randomised> randomised, const model::State& start) {
@@ -180,8 +178,9 @@ void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed)
 
 void Variation::place(model::State& state) const {
   if (!moves_start_) return;
-  for (const Object& object : objects_)
-    if (object.body >= 0) state.bodies[at(object.body)].p += object.position - object.own_position;
+  for (std::size_t i = 0; i < objects_.size(); ++i)
+    if (const std::optional<int> body = scene_->model.objects[i].body)
+      state.bodies[at(*body)].p += objects_[i].position - objects_[i].own_position;
   std::vector<double> q = state.q;
   for (std::size_t i = 0; i < q.size(); ++i) q[i] += q_[i];
   simulation::place_start(*scene_, q, std::vector<double>(state.u), state);

@@ -48,8 +48,7 @@ class Variation {
   /// As the scene had it at the start, or as last set.
   std::vector<double> get(std::string_view name) const;
   /// @param start of the scene. @throws Error (input) with all that cannot be drawn: unknown names, bounds
-  /// that
-  ///        are not finite, in the wrong order or out of range. Sets numbers: a draw has to follow.
+  /// that are not finite, in the wrong order or out of range. Sets numbers: a draw has to follow.
   void check(std::span<const Randomised> randomised, const model::State& start);
   /// Draws all of them: a function of the seed and the names alone. @throws Error (input) as `set`
   void draw(std::span<const Randomised> randomised, std::uint64_t seed);
@@ -62,10 +61,8 @@ class Variation {
   void place(model::State& state) const;
 
  private:
-  /// An object that can move: its numbers as the scene has them.
+  /// Numbers of an object, mass and inertia of one that can move, as the scene has them.
   struct Object {
-    int body = -1;      ///< -1: static
-    int material = -1;  ///< of its shapes
     double mass = 0;
     Mat3 inertia = Mat3::Zero();
     Vec3 own_position = Vec3::Zero();  ///< of its origin at the start, as the scene has it
@@ -73,11 +70,13 @@ class Variation {
   };
   /// The object of a name such as objects.0.mass. @throws Error (input)
   std::size_t object_index(std::string_view name, std::string_view& key) const;
+  /// The material of an object's shapes.
+  std::size_t material_of(std::size_t object) const;
   std::size_t size_of(std::string_view name) const;
   void set_of_object(std::string_view name, std::span<const double> values);
 
   scene::Scene* scene_;
-  std::vector<Object> objects_;
+  std::vector<Object> objects_;        ///< as Model::objects
   std::vector<control::Gains> gains_;  ///< of the plan's axes, as the scene has them
   double gain_ = 1, torque_limit_ = 1;
   std::vector<double> q_;  ///< added at the start

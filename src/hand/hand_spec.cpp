@@ -7,7 +7,7 @@
 
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/hand/material.h"
+#include "handsim/hand/shape_spec.h"
 
 namespace handsim::hand {
 
@@ -16,11 +16,6 @@ namespace {
 using model::JointKind;
 using model::Part;
 
-const std::vector<std::pair<std::string_view, Part>> kFingers = {{"thumb", Part::thumb},
-                                                                 {"index", Part::index},
-                                                                 {"middle", Part::middle},
-                                                                 {"ring", Part::ring},
-                                                                 {"little", Part::little}};
 /// Types of a row's joint; a ball is a universal joint and a hinge, with a carrier between them.
 enum class RowJoint { hinge, universal, ball, fixed };
 const std::vector<std::pair<std::string_view, RowJoint>> kTypes = {{"hinge", RowJoint::hinge},

@@ -15,6 +15,14 @@
 
 namespace handsim::hand {
 
+/// Names of the fingers.
+inline const std::vector<std::pair<std::string_view, model::Part>> kFingers = {
+    {"thumb", model::Part::thumb},
+    {"index", model::Part::index},
+    {"middle", model::Part::middle},
+    {"ring", model::Part::ring},
+    {"little", model::Part::little}};
+
 /// A joint row. Axes are given in the segment's frame (wrist: in the hand frame), for a right hand.
 struct JointSpec {
   std::string name;

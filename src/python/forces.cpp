@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "handsim/core/words.h"
+#include "handsim/core/text.h"
 
 namespace handsim::python {
 

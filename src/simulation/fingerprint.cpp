@@ -1,8 +1,7 @@
-#include "handsim/simulation/fingerprint.h"
+#include "handsim/simulation/snapshot.h"
 
 #include <cmath>
 #include <set>
-#include <utility>
 
 #ifdef __GLIBC__
 #include <gnu/libc-version.h>

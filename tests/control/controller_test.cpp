@@ -8,7 +8,6 @@
 #include <random>
 
 #include "engine/models.h"
-#include "handsim/control/inertia.h"
 #include "handsim/control/stability.h"
 #include "scene_files.h"
 

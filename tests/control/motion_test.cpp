@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/control/filter.h"
 #include "handsim/control/motion_trajectory.h"
 #include "handsim/control/pose_table.h"
 #include "handsim/model/spline.h"

@@ -3,7 +3,7 @@
 #include <fstream>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 #include "scene_files.h"
 
 namespace handsim::scene {

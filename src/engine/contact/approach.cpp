@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "handsim/engine/contact/clearance.h"
-#include "handsim/engine/contact/narrow_phase.h"
 #include "handsim/model/shape_extent.h"
 
 namespace handsim::engine {

@@ -53,19 +53,6 @@ Row relative_rotation(const Sides& sides, const Vec3& direction) {
 
 }  // namespace
 
-int constraint_count(JointKind kind) {
-  switch (kind) {
-    case JointKind::hinge:
-    case JointKind::slider:
-      return 5;
-    case JointKind::universal:
-      return 4;
-    case JointKind::ball:
-      return 3;
-  }
-  return 0;
-}
-
 void append_constraints(const model::Joint& joint, const model::State& state, std::vector<Row>& rows) {
   const Sides sides(joint, state);
   if (joint.kind != JointKind::slider)
@@ -101,7 +88,6 @@ Row coordinate_row(const model::Joint& joint, int coordinate, const model::State
   const Sides sides(joint, state);
   switch (joint.kind) {
     case JointKind::hinge:
-      return relative_rotation(sides, sides.q_WF * joint.axes[0].axis);
     case JointKind::universal:
       return coordinate == 0 ? relative_rotation(sides, sides.q_WF * joint.axes[0].axis)
                              : relative_rotation(sides, sides.q_WM * joint.axes[1].axis);

@@ -22,7 +22,7 @@ struct Row {
 };
 
 /// Constraint rows of a joint kind: hinge 5, universal 4, ball 3, slider 5.
-int constraint_count(model::JointKind kind);
+inline int constraint_count(model::JointKind kind) { return 6 - model::dof_count(kind); }
 
 /// Appends the constraint rows of a joint; their values are zero if it is closed. They make the anchors
 /// coincide (along the world axes, or perpendicular to a slider's axis) and keep axes perpendicular.

@@ -5,11 +5,13 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include <ode/ode.h>
 
 #include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/contact/sweep.h"
 #include "handsim/engine/engine.h"
 
 namespace handsim::engine::ode {
@@ -66,6 +68,27 @@ class StepStart {
     Vec3 force = Vec3::Zero(), torque = Vec3::Zero();  ///< world [N], [N m]
   };
   std::vector<Loaded> loaded_;  ///< as the moving bodies
+};
+
+/// Driven bodies: each step they get the velocities that carry them exactly to their drive's pose at the end
+/// of the step. The error of one step is made good in the next, so none adds up.
+class Drives {
+ public:
+  /// The model and the bodies must outlive this.
+  Drives(const model::Model& model, const std::vector<OdeBody>& bodies);
+  /// Sets the velocities for the step that ends at time `end` [s] and takes `step` [s].
+  void set_velocities(double end, double step);
+  /// The same towards X_WD of each drive, which its body has to reach in `remaining` [s] from now.
+  void set_velocities(std::span<const Pose> targets, double remaining, double step);
+  /// Where the bodies go in the step aimed for.
+  std::span<const Prospect::Driven> ways() const { return ways_; }
+
+ private:
+  void set_velocity(const model::Drive& drive, const Pose& frame, double remaining, double step);
+
+  const model::Model& model_;
+  const std::vector<OdeBody>& bodies_;
+  std::vector<Prospect::Driven> ways_;
 };
 
 }  // namespace handsim::engine::ode

@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/checks.h"
 #include "handsim/engine/ode/ode_engine.h"
 #include "handsim/model/kinematics.h"
 

@@ -1,5 +1,7 @@
 #include "handsim/engine/ode/joint_kinds.h"
 
+#include <cmath>
+
 namespace handsim::engine::ode {
 
 using model::JointKind;
@@ -8,59 +10,47 @@ int ode_axis(JointKind kind, std::size_t axis) {
   return kind == JointKind::universal ? 1 - static_cast<int>(axis) : static_cast<int>(axis);
 }
 
-dJointID create_joint(dWorldID world, JointKind kind) {
-  switch (kind) {
-    case JointKind::hinge:
-      return dJointCreateHinge(world, nullptr);
-    case JointKind::universal:
-      return dJointCreateUniversal(world, nullptr);
-    case JointKind::ball:
-      return dJointCreateBall(world, nullptr);
-    case JointKind::slider:
-      return dJointCreateSlider(world, nullptr);
-  }
-  return nullptr;
-}
+namespace {
+
+/// ODE's functions of a kind of joint; a ball joint has no parameters.
+struct Calls {
+  dJointID (*create)(dWorldID, dJointGroupID);
+  void (*set_parameter)(dJointID, int, dReal);
+};
+
+/// In the order of JointKind.
+constexpr Calls kCalls[] = {{dJointCreateHinge, dJointSetHingeParam},
+                            {dJointCreateUniversal, dJointSetUniversalParam},
+                            {dJointCreateBall, nullptr},
+                            {dJointCreateSlider, dJointSetSliderParam}};
+
+const Calls& calls(JointKind kind) { return kCalls[static_cast<std::size_t>(kind)]; }
+
+}  // namespace
+
+dJointID create_joint(dWorldID world, JointKind kind) { return calls(kind).create(world, nullptr); }
 
 void set_parameter(dJointID id, JointKind kind, int parameter, double value) {
-  switch (kind) {
-    case JointKind::hinge:
-      return dJointSetHingeParam(id, parameter, value);
-    case JointKind::universal:
-      return dJointSetUniversalParam(id, parameter, value);
-    case JointKind::slider:
-      return dJointSetSliderParam(id, parameter, value);
-    case JointKind::ball:
-      return;
-  }
+  if (calls(kind).set_parameter) calls(kind).set_parameter(id, parameter, value);
 }
 
 void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
-  const Vec3& p = x_WF.p;
+  const auto set = [&](void (*call)(dJointID, dReal, dReal, dReal), const Vec3& v) {
+    call(id, v.x(), v.y(), v.z());
+  };
   const auto axis = [&](std::size_t i) -> Vec3 { return x_WF.q * joint.axes[i].axis; };
   switch (joint.kind) {
-    case JointKind::hinge: {
-      const Vec3 a = axis(0);
-      dJointSetHingeAnchor(id, p.x(), p.y(), p.z());
-      dJointSetHingeAxis(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::universal: {
-      const Vec3 a = axis(0);
-      const Vec3 b = axis(1);
-      dJointSetUniversalAnchor(id, p.x(), p.y(), p.z());
-      dJointSetUniversalAxis1(id, b.x(), b.y(), b.z());
-      dJointSetUniversalAxis2(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::slider: {
-      const Vec3 a = axis(0);
-      dJointSetSliderAxis(id, a.x(), a.y(), a.z());
-      return;
-    }
+    case JointKind::hinge:
+      set(dJointSetHingeAnchor, x_WF.p);
+      return set(dJointSetHingeAxis, axis(0));
+    case JointKind::universal:
+      set(dJointSetUniversalAnchor, x_WF.p);
+      set(dJointSetUniversalAxis1, axis(1));
+      return set(dJointSetUniversalAxis2, axis(0));
+    case JointKind::slider:
+      return set(dJointSetSliderAxis, axis(0));
     case JointKind::ball:
-      dJointSetBallAnchor(id, p.x(), p.y(), p.z());
-      return;
+      return set(dJointSetBallAnchor, x_WF.p);
   }
 }
 
@@ -104,6 +94,28 @@ void add_feedback(dJointFeedback& feedback, JointKind kind, std::span<const Vec3
   const double b = axes[1].dot(did), c = axes[0].dot(axes[1]), scale = 1 / (1 - c * c);
   out[0] += scale * (a - c * b);
   out[1] += scale * (b - c * a);
+}
+
+namespace {
+
+Direction direction_of(double angle) { return {std::sin(angle), std::cos(angle)}; }
+
+/// sin(b - a), times both factors.
+double sin_between(const Direction& a, const Direction& b) { return b.sin * a.cos - b.cos * a.sin; }
+
+}  // namespace
+
+StopArc::StopArc(double low, double high)
+    : low_(low),
+      high_(high),
+      low_end_(direction_of(low)),
+      high_end_(direction_of(high)),
+      narrow_(high - low < 3.1) {}
+
+bool StopArc::reached(const Direction& at) const {
+  if (narrow_) return !(sin_between(low_end_, at) > 0 && sin_between(at, high_end_) > 0);
+  const double angle = at.angle();
+  return angle <= low_ || angle >= high_;
 }
 
 }  // namespace handsim::engine::ode

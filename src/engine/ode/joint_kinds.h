@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "handsim/engine/ode/bodies.h"
+#include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::ode {
 
@@ -34,5 +35,22 @@ void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector
 /// [N m], of a slider its force [N]. Clears the feedback: ODE leaves that of a motor without a row in a step
 /// as it was.
 void add_feedback(dJointFeedback& feedback, model::JointKind kind, std::span<const Vec3> axes, double* out);
+
+using model::Direction;
+
+/// A stop as an arc, which an angle reaches to the last bit of its sine and cosine.
+class StopArc {
+ public:
+  StopArc(double low, double high);
+  /// True at or beyond an end of the arc, ends included, as ODE decides it.
+  bool reached(const Direction& at) const;
+  double low() const { return low_; }    ///< [rad]
+  double high() const { return high_; }  ///< [rad]
+
+ private:
+  double low_, high_;
+  Direction low_end_, high_end_;
+  bool narrow_;  ///< spans less than half a turn
+};
 
 }  // namespace handsim::engine::ode

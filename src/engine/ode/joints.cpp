@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/ode/joint_kinds.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {

@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "handsim/engine/ode/bodies.h"
+#include "handsim/engine/ode/joint_kinds.h"
 #include "handsim/engine/ode/servos.h"
-#include "handsim/engine/ode/stop_arc.h"
 #include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::ode {

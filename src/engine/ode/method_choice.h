@@ -5,7 +5,6 @@
 #pragma once
 
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "handsim/engine/ode/joints.h"

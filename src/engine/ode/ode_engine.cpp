@@ -1,12 +1,9 @@
 #include "handsim/engine/ode/ode_engine.h"
 
-#include <cmath>
-
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
 #include "handsim/engine/multibody/projection.h"
-#include "handsim/engine/ode/world_resources.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine::ode {

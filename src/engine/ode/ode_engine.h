@@ -17,7 +17,6 @@
 #include "handsim/engine/muscles.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
-#include "handsim/engine/ode/drives.h"
 #include "handsim/engine/ode/joints.h"
 #include "handsim/engine/ode/method_choice.h"
 #include "handsim/engine/ode/residual.h"

@@ -1,7 +1,6 @@
 #include "handsim/engine/ode/presliding.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace handsim::engine::ode {

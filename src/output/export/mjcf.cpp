@@ -1,7 +1,6 @@
 #include "handsim/output/export/export.h"
 
 #include <algorithm>
-#include <cmath>
 #include <map>
 
 #include <fmt/format.h>
@@ -10,8 +9,7 @@
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
-#include "handsim/output/export/mjcf_pairs.h"
-#include "handsim/output/export/mjcf_tendons.h"
+#include "handsim/output/export/mjcf_parts.h"
 
 namespace handsim::output {
 

@@ -1,4 +1,4 @@
-#include "handsim/output/export/mjcf_pairs.h"
+#include "handsim/output/export/mjcf_parts.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,4 +1,4 @@
-#include "handsim/output/export/mjcf_tendons.h"
+#include "handsim/output/export/mjcf_parts.h"
 
 #include <vector>
 

@@ -1,7 +1,5 @@
 #include "handsim/output/render/canvas.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"

@@ -5,7 +5,6 @@
 #include <array>
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "handsim/model/model.h"
@@ -55,7 +54,7 @@ struct DrawShape {
   Solid solid;
   Colour colour;
   int shape = 0;       ///< index into Model::shapes; of a mark: that of the shape that it is on
-  bool mark = false;   ///< of pictures alone (hand_marks.h)
+  bool mark = false;   ///< of pictures alone (HandMark)
   bool shades = true;  ///< others; a nail lies on its fingertip and does not
   bool fine = false;   ///< with more triangles: a nail and its fingertip, for the edge between them
 };
@@ -138,5 +137,17 @@ class Framing {
   std::array<Vec3, 6> directions_;  ///< directions of the support function
   Extents extents_;                 ///< largest value of the support in each direction so far
 };
+
+/// What a hand is drawn with beyond its shapes, so that one sees which side is the back and where the arm
+/// would be: nails and a stump of the wrist. They belong to pictures alone and touch nothing.
+struct HandMark {
+  Solid solid;        ///< in the frame of its body, X_BS
+  int body = 0;       ///< index into Model::bodies
+  int shape = 0;      ///< the shape that it is on: index into Model::shapes
+  bool nail = false;  ///< else a stump
+};
+
+/// Of all hands. Only fingertips that are capsules have nails, only palms with shapes a stump.
+std::vector<HandMark> hand_marks(const model::Model& model);
 
 }  // namespace handsim::output

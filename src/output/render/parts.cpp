@@ -79,14 +79,8 @@ Buffer Meshes::fitting(const RoundBuffers& buffers, const Scene& scene, const Dr
 Buffer Meshes::buffer_of(const Scene& scene, const DrawShape& shape, int height) {
   const Solid& solid = shape.solid;
   if (is_capsule(solid)) return fitting(capsule_, scene, shape, height);
-  switch (solid.core) {
-    case Core::box:
-      return box_;
-    case Core::cylinder:
-      return fitting(cylinder_, scene, shape, height);
-    case Core::hull:
-      break;
-  }
+  if (solid.core == Core::box) return box_;
+  if (solid.core == Core::cylinder) return fitting(cylinder_, scene, shape, height);
   const auto [found, fresh] = hulls_.try_emplace(solid.mesh);
   if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
   return found->second;

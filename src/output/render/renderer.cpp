@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/index.h"
 #include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
@@ -349,9 +350,7 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
   const std::uint8_t* from = pixels.data();
   for (int row = 0; row < tile.height; ++row) {
     const int line = image.height - 1 - tile.y - row;
-    std::uint8_t* to =
-        &image.rgb[3UL * (static_cast<std::size_t>(line) * static_cast<std::size_t>(image.width) +
-                          static_cast<std::size_t>(tile.x))];
+    std::uint8_t* to = &image.rgb[3UL * (at(line) * static_cast<std::size_t>(image.width) + at(tile.x))];
     for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::memcpy(to, from, 3);
   }
 }

@@ -10,7 +10,9 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <iterator>
 #include <optional>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -70,41 +72,18 @@ Error no_ffmpeg() {
 }
 
 std::vector<std::string> words_of(const VideoFormat& format, const fs::path& part) {
-  std::vector<std::string> words = {"ffmpeg",
-                                    "-v",
-                                    "error",
-                                    "-nostdin",
-                                    "-y",
-                                    "-f",
-                                    "rawvideo",
-                                    "-pix_fmt",
-                                    "rgb24",
-                                    "-s",
-                                    fmt::format("{}x{}", format.width, format.height),
-                                    "-r",
-                                    fmt::format("{:.9g}", format.fps),
-                                    "-i",
-                                    "pipe:0",
-                                    "-an"};
-  const std::vector<std::string> own =
-      is_gif(format.file)
-          // A palette for each frame: one for all would need all frames in memory.
-          ? std::vector<std::string>{"-vf",
-                                     "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:"
-                                     "dither=bayer:bayer_scale=4",
-                                     "-loop",
-                                     "0",
-                                     "-f",
-                                     "gif"}  // Players everywhere read 4:2:0, which needs even sizes; the
-                                             // index at the front lets them start at once.
-          : std::vector<std::string>{"-vf",       "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0xD8DCE1",
-                                     "-c:v",      "libx264",
-                                     "-preset",   "veryfast",
-                                     "-crf",      "18",
-                                     "-pix_fmt",  "yuv420p",
-                                     "-movflags", "+faststart",
-                                     "-f",        "mp4"};
-  words.insert(words.end(), own.begin(), own.end());
+  const std::string input =
+      fmt::format("ffmpeg -v error -nostdin -y -f rawvideo -pix_fmt rgb24 -s {}x{} -r {:.9g} -i pipe:0 -an ",
+                  format.width, format.height, format.fps);
+  // GIF: a palette for each frame; one for all would need all frames in memory. MP4: players everywhere read
+  // 4:2:0, which needs even sizes; the index at the front lets them start at once.
+  std::istringstream all(input +
+                         (is_gif(format.file)
+                              ? "-vf split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse="
+                                "new=1:dither=bayer:bayer_scale=4 -loop 0 -f gif"
+                              : "-vf pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0xD8DCE1 -c:v libx264 "
+                                "-preset veryfast -crf 18 -pix_fmt yuv420p -movflags +faststart -f mp4"));
+  std::vector<std::string> words{std::istream_iterator<std::string>(all), {}};
   words.push_back("file:" + part.string());
   return words;
 }

@@ -63,6 +63,12 @@ bool receive_all(int pipe, void* bytes, std::size_t size) {
   if (getppid() != parent) _exit(1);
   // One thread: the forks use all cores already.
   setenv("LP_NUM_THREADS", "0", 0);
+  const auto fail = [&](std::string_view reason) {
+    const Head head = {0, static_cast<int>(reason.size())};
+    send_all(pipe, &head, sizeof head);
+    send_all(pipe, reason.data(), reason.size());
+    _exit(1);
+  };
   try {
     const MakeImage make = maker();
     for (std::size_t i = first; i < count; i += stride) {
@@ -73,15 +79,9 @@ bool receive_all(int pipe, void* bytes, std::size_t size) {
     }
     _exit(0);
   } catch (const std::bad_alloc&) {
-    const std::string_view what = "out of memory";
-    const Head head = {0, static_cast<int>(what.size())};
-    send_all(pipe, &head, sizeof head);
-    send_all(pipe, what.data(), what.size());
+    fail("out of memory");
   } catch (const std::exception& error) {
-    const std::string what = printable(error.what(), kLongestReason);
-    const Head head = {0, static_cast<int>(what.size())};
-    send_all(pipe, &head, sizeof head);
-    send_all(pipe, what.data(), what.size());
+    fail(printable(error.what(), kLongestReason));
   }
   _exit(1);
 }

@@ -1,6 +1,6 @@
 #include "handsim/scene/read/contact_spec.h"
 
-#include "handsim/hand/material.h"
+#include "handsim/hand/shape_spec.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {

@@ -50,17 +50,9 @@ SceneKind kind_of_motion(const SceneSpec& scene) {
 }
 
 std::string_view described(SceneKind kind) {
-  switch (kind) {
-    case SceneKind::tree:
-      return "free motion of trees of bodies";
-    case SceneKind::loop:
-      return "free motion with closed loops";
-    case SceneKind::stops:
-      return "motion with joint stops";
-    case SceneKind::contact:
-      return "motion with contact";
-  }
-  return {};
+  constexpr std::string_view kTexts[] = {"free motion of trees of bodies", "free motion with closed loops",
+                                         "motion with joint stops", "motion with contact"};
+  return kTexts[static_cast<std::size_t>(kind)];
 }
 
 /// True if the row's engine cannot run the scene.

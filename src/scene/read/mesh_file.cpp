@@ -11,7 +11,6 @@
 
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
-#include "handsim/scene/read/mesh_reader.h"
 
 namespace handsim::scene {
 

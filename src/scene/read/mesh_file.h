@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "handsim/model/convex_mesh.h"
+#include "handsim/scene/read/convex_hull.h"
 
 namespace handsim::scene {
 
@@ -21,5 +22,12 @@ struct LoadedMesh {
 /// @param scale of the file's unit [m].
 /// @throws Error (input); if the mesh's file cannot be read, with the place in it, otherwise without a place.
 LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale);
+
+/// The polygons of an OBJ or STL file, in the file's unit. Reads nothing else of these formats and opens no
+/// other file. Limits: 64 MB, 100000 triangles. OBJ: `v` and `f` (negative indices, too); groups, materials,
+/// normals, textures, points and lines are ignored. STL: text or binary, recognised by the file's size.
+/// @throws Error (input) with the place in the mesh's file: an unknown statement, an invalid number, a face
+/// of fewer than three corners, an incomplete or too large file.
+Surface read_surface_file(const std::filesystem::path& path);
 
 }  // namespace handsim::scene

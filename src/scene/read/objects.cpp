@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/hand/material.h"
+#include "handsim/hand/shape_spec.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_spec.h"

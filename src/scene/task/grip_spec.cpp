@@ -1,31 +1,16 @@
 #include "handsim/scene/task/grip_spec.h"
 
-#include <array>
-
+#include "handsim/hand/hand_spec.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
 
-namespace {
-
-struct FingerName {
-  const char* name;
-  model::Part part;
-};
-constexpr std::array kFingers = {
-    FingerName{"thumb", model::Part::thumb}, FingerName{"index", model::Part::index},
-    FingerName{"middle", model::Part::middle}, FingerName{"ring", model::Part::ring},
-    FingerName{"little", model::Part::little}};
-
-}  // namespace
-
 GripSpec read_grip(MapReader reader) {
   GripSpec out;
   MapReader forces = reader.required_map("forces", "a mapping of fingers to forces");
-  for (const FingerName& finger : kFingers)
-    if (forces.has(finger.name))
-      out.forces[finger.part] = forces.number(finger.name, {Dimension::force, 0, 1e3});
+  for (const auto& [name, part] : hand::kFingers)
+    if (forces.has(name)) out.forces[part] = forces.number(name, {Dimension::force, 0, 1e3});
   if (forces.sound() && out.forces.empty()) forces.problem("", "no finger", "a force of at least one finger");
   forces.finish();
   if (YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
@@ -37,9 +22,9 @@ GripSpec read_grip(MapReader reader) {
   return out;
 }
 
-const char* part_name(model::Part part) {
-  for (const FingerName& finger : kFingers)
-    if (finger.part == part) return finger.name;
+std::string_view part_name(model::Part part) {
+  for (const auto& [name, finger] : hand::kFingers)
+    if (finger == part) return name;
   return "palm";
 }
 

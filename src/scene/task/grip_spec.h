@@ -27,6 +27,6 @@ struct GripSpec {
 GripSpec read_grip(MapReader reader);
 
 /// `thumb`, `index`, ...; all other parts are `palm`.
-const char* part_name(model::Part part);
+std::string_view part_name(model::Part part);
 
 }  // namespace handsim::scene

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"

@@ -6,7 +6,7 @@
 #include <memory>
 #include <utility>
 
-#include "handsim/output/render/draw_list.h"
+#include "handsim/core/index.h"
 #include "handsim/output/render/renderer.h"
 #include "handsim/output/video/workers.h"
 
@@ -25,17 +25,13 @@ constexpr double kLost = 1;
 
 bool is_hand(model::Part part) { return part <= model::Part::little; }
 
-Vec3 place_of(const model::State& state, int body) {
-  return state.bodies[static_cast<std::size_t>(body)].pose().p;
-}
-
 /// Bodies that move and are far from every hand, by their index.
 std::vector<bool> lost_bodies(const model::Model& model, const model::State& state) {
   std::vector<bool> out(model.bodies.size(), false);
   if (model.hands.empty()) return out;
   for (std::size_t i = 1; i < out.size(); ++i)
     out[i] = std::none_of(model.hands.begin(), model.hands.end(), [&](const model::HandIndex& hand) {
-      return (state.bodies[i].pose().p - place_of(state, hand.palm)).norm() < kLost;
+      return (state.bodies[i].p - state.bodies[at(hand.palm)].p).norm() < kLost;
     });
   return out;
 }
@@ -43,7 +39,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
 void add_shake(const model::Model& model, const Moment& moment, output::DrawList& list) {
   if (moment.shaken.isZero() || model.hands.empty()) return;
   const model::HandIndex& hand = model.hands.front();
-  const Vec3 wrist = moment.state.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p;
+  const Vec3 wrist = moment.state.bodies[at(hand.palm)].pose() * hand.wrist_frame.p;
   list.arrows.push_back({wrist - moment.shaken, wrist, kShakeRadius, {0.05F, 0.06F, 0.08F}, true});
 }
 
@@ -66,7 +62,7 @@ output::Framing framing(const scene::Scene& scene) {
   model::Side side = model::Side::right;
   if (!model.hands.empty()) {
     const model::HandIndex& first = model.hands.front();
-    hand = model.bodies[static_cast<std::size_t>(first.palm)].zero_pose * first.wrist_frame;
+    hand = model.bodies[at(first.palm)].zero_pose * first.wrist_frame;
     side = first.side;
   }
   return {pictures.view, hand, side, static_cast<double>(pictures.size[0]) / pictures.size[1]};
@@ -109,8 +105,8 @@ Moment moment_of(const engine::Engine& engine) {
 }
 
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
-  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
-  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
+  const model::Shape& a = model.shapes[at(contact.shape_a)];
+  const model::Shape& b = model.shapes[at(contact.shape_b)];
   const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
@@ -133,9 +129,8 @@ output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::opt
   const scene::PictureSpec& pictures = scene.spec.pictures;
   output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
   const std::vector<bool> lost = lost_bodies(model, moment.state);
-  std::erase_if(list.shapes, [&](const output::DrawShape& drawn) {
-    return lost[static_cast<std::size_t>(model.shapes[static_cast<std::size_t>(drawn.shape)].body)];
-  });
+  std::erase_if(list.shapes,
+                [&](const output::DrawShape& drawn) { return lost[at(model.shapes[at(drawn.shape)].body)]; });
   if (force_scale)
     for (const engine::Contact& contact : moment.contacts)
       list.arrows.push_back({contact.position,
@@ -155,7 +150,7 @@ output::DrawList followed(const scene::Scene& scene, const Moment& moment, const
   std::vector<bool> in(shapes.size(), false);
   for (std::size_t i = 0; i < shapes.size(); ++i) in[i] = is_hand(shapes[i].part);
   for (const engine::Contact& contact : moment.contacts) {
-    const auto a = static_cast<std::size_t>(contact.shape_a), b = static_cast<std::size_t>(contact.shape_b);
+    const auto a = at(contact.shape_a), b = at(contact.shape_b);
     if (is_hand(shapes[a].part) == is_hand(shapes[b].part)) continue;
     const std::size_t other = is_hand(shapes[a].part) ? b : a;
     in[other] = true;
@@ -165,7 +160,7 @@ output::DrawList followed(const scene::Scene& scene, const Moment& moment, const
   }
   output::DrawList out;
   for (const output::DrawShape& drawn : shown.shapes)
-    if (in[static_cast<std::size_t>(drawn.shape)]) out.shapes.push_back(drawn);
+    if (in[at(drawn.shape)]) out.shapes.push_back(drawn);
   return out;
 }
 

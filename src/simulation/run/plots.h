@@ -4,7 +4,6 @@
 
 #include <filesystem>
 
-#include "handsim/control/plan.h"
 #include "handsim/scene/compile/scene.h"
 
 namespace handsim::simulation {

@@ -15,7 +15,6 @@
 #include "handsim/output/video/workers.h"
 #include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/output_size.h"
-#include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/plots.h"
 #include "handsim/simulation/run/recorder.h"
 #include "handsim/simulation/run/snapshot_file.h"

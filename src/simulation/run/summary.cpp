@@ -1,7 +1,7 @@
 #include "handsim/simulation/run/summary.h"
 
 #include "handsim/core/version.h"
-#include "handsim/simulation/fingerprint.h"
+#include "handsim/simulation/snapshot.h"
 #include "handsim/simulation/watch/state_hash.h"
 #include "handsim/simulation/watch/summary_json.h"
 

@@ -34,9 +34,6 @@ class Convergence final : public Watcher {
   /// solver failed; and steps of the articulated engine with contact, whose contact solver reports its
   /// residual.
   long measured() const { return measured_; }
-  /// Number of steps in which Newton's method did not converge to Coulomb's law, and an outer loop updated
-  /// the friction limits (articulated engine).
-  long limit_steps() const { return limit_steps_; }
   /// Largest residuals of the measured steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }
   const Peak& angular() const { return angular_; }

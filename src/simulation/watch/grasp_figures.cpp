@@ -1,7 +1,6 @@
 #include "handsim/simulation/watch/grasp_figures.h"
 
 #include <algorithm>
-#include <cmath>
 #include <concepts>
 
 #include <fmt/format.h>
@@ -20,13 +19,8 @@ template <class Archive, class T>
 void carry_grip(Archive& archive, T& grip) {
   archive(grip.time);
   archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
-  archive(grip.contacts);
-  archive(grip.others);
-  archive(grip.normal);
-  archive(grip.friction_used);
-  archive(grip.wrenches.force_closure);
-  archive(grip.wrenches.epsilon);
-  archive(grip.wrenches.volume);
+  carry_all(archive, grip.contacts, grip.others, grip.normal, grip.friction_used, grip.wrenches.force_closure,
+            grip.wrenches.epsilon, grip.wrenches.volume);
 }
 
 template <class Archive, class T>
@@ -34,14 +28,9 @@ void carry_figures(Archive& archive, T& figures) {
   archive(figures.complete);
   carry_grip(archive, figures.hold);
   carry_grip(archive, figures.after);
-  for (auto* value : {&figures.slip, &figures.spin, &figures.shaken_shift, &figures.shaken_time,
-                      &figures.shift, &figures.turn})
-    archive(*value);
-  archive(figures.held);
-  archive(figures.left);
-  archive(figures.left_time);
-  archive(figures.last_part);
-  archive(figures.moved_time);
+  carry_all(archive, figures.slip, figures.spin, figures.shaken_shift, figures.shaken_time, figures.shift,
+            figures.turn, figures.held, figures.left, figures.left_time, figures.last_part,
+            figures.moved_time);
 }
 
 template <class Archive, class T>
@@ -193,20 +182,6 @@ void GraspWatch::finish(const engine::Engine& engine, const Pose& now) {
   figures_.held = figures_.shift <= kHeldShift && figures_.turn <= kHeldTurn &&
                   figures_.shaken_shift <= kShakenShift && figures_.after.contacts > 0 &&
                   figures_.after.others == 0 && figures_.hold.others == 0;
-}
-
-const char* word(Outcome outcome) {
-  switch (outcome) {
-    case Outcome::cut_off:
-      return "cut off";
-    case Outcome::held:
-      return "held";
-    case Outcome::moved:
-      return "MOVED";
-    case Outcome::lost:
-      return "LOST";
-  }
-  return "";
 }
 
 Outcome GraspFigures::outcome() const {

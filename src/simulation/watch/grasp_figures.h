@@ -2,7 +2,6 @@
 // at every step of the plan's hold and shake, contacts at the end of the hold and after the shake.
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -85,7 +84,10 @@ struct GraspFigures {
 };
 
 /// `held`, `MOVED`, `LOST`, `cut off`.
-const char* word(Outcome outcome);
+inline const char* word(Outcome outcome) {
+  constexpr const char* kWords[] = {"cut off", "held", "MOVED", "LOST"};
+  return kWords[static_cast<std::size_t>(outcome)];
+}
 
 /// One grasp of the scene.
 class GraspWatch {

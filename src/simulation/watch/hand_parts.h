@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <string>
-#include <vector>
 
 #include "handsim/model/model.h"
 
@@ -43,8 +42,7 @@ template <class Archive, class T>
 void carry_part(Archive& archive, T& part) {
   archive(part.part);
   archive(part.contacts);
-  archive(part.normal);
-  archive(part.friction);
+  for (auto* force : {&part.normal, &part.friction}) archive(*force);
 }
 
 }  // namespace handsim::simulation

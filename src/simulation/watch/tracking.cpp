@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include <fmt/format.h>
-
 namespace handsim::simulation {
 
 Tracking::Tracking(const Watched& watched)

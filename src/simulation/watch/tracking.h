@@ -2,7 +2,6 @@
 // of each movement of its program; torques and the share of time at the torque limit.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 

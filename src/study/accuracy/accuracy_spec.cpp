@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/yaml_reader.h"
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/spec_reader.h"
 

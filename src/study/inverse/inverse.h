@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/control/motion_names.h"
+#include "handsim/control/motion_trajectory.h"
 #include "handsim/core/units.h"
 #include "handsim/scene/compile/scene.h"
 

@@ -10,7 +10,6 @@
 #include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/core/words.h"
 
 namespace handsim::study {
 

@@ -7,10 +7,10 @@
 
 #include "handsim/core/version.h"
 #include "handsim/output/table/csv_rows.h"
-#include "handsim/simulation/fingerprint.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/simulation/snapshot.h"
 #include "handsim/study/rollouts/rollout_figures.h"
 
 namespace handsim::study {

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 #include "handsim/study/spec_reader.h"
 
 namespace handsim::study {

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/core/words.h"
+#include "handsim/core/text.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/spline.h"

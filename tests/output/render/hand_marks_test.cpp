@@ -1,4 +1,4 @@
-#include "handsim/output/render/hand_marks.h"
+#include "handsim/output/render/draw_list.h"
 
 #include <gtest/gtest.h>
 

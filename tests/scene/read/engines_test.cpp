@@ -6,7 +6,7 @@
 #include <iostream>
 
 #include "handsim/engine/engine.h"
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 #include "scene_files.h"
 
 namespace handsim::scene {

@@ -1,5 +1,4 @@
 // OBJ and STL files. Oracle: the points and faces written here; formats as their authors describe them.
-#include "handsim/scene/read/mesh_reader.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

@@ -2,7 +2,7 @@
 // the scene was made of. Oracle: bit equality of states (state_hash) and of the resolved text itself.
 #include <gtest/gtest.h>
 
-#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/grasp/grasp_study.h"

@@ -1,4 +1,4 @@
-// Surfaces in MJCF. Private to this folder.
+// Surfaces, muscles and bands in MJCF. Private to this folder.
 #pragma once
 
 #include <string>
@@ -6,6 +6,7 @@
 
 #include "handsim/engine/settings.h"
 #include "handsim/model/model.h"
+#include "handsim/model/state.h"
 
 namespace handsim::output {
 
@@ -20,5 +21,18 @@ std::string mjcf_pairs(const model::Model& model, const engine::Settings& settin
 /// MuJoCo's `body_invweight0` of bodies by index [1/kg]: how fast a force at the centre of mass accelerates
 /// it, the mean over three directions, at zero coordinates. Zero for the world and kinematic bodies.
 std::vector<double> mobilities(const model::Model& model);
+
+/// Elements of <tendon> and <actuator>, each a line, indented by four; empty without muscles and bands in
+/// effect.
+struct MjcfTendons {
+  std::string tendons, actuators;
+  int count = 0;  ///< of actuators
+};
+
+/// MJCF's fixed tendons have constant moment arms: a tendon gets the arms that it has at the state, an
+/// actuator the isometric force of its muscle there, per activation, beside the passive one. Excitation
+/// drives activation by MuJoCo's muscle law, which is that of muscle_curves.h.
+MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& settings,
+                         const model::State& state);
 
 }  // namespace handsim::output
