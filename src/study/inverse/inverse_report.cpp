@@ -26,10 +26,11 @@ std::map<std::string, std::vector<output::Panel>> panels_of(const InverseResult&
   }
   std::map<std::string, std::vector<output::Panel>> out;
   for (const auto& [hand, axes] : names)
-    out[hand] = output::hand_panels(axes, [&](std::size_t i, const char* colour) {
-      return fmt::format("data skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'", columns[hand][i],
-                         colour, axes[i]);
-    });
+    out[hand] =
+        output::hand_panels(axes, [&hand = hand, &axes = axes, &columns](std::size_t i, const char* colour) {
+          return fmt::format("data skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'",
+                             columns[hand][i], colour, axes[i]);
+        });
   return out;
 }
 
@@ -106,7 +107,7 @@ void write_torques(const scene::Scene& scene, const InverseResult& result, const
   for (const auto& [name, of] :
        {std::pair("activations", &InverseRow::activation), std::pair("excitations", &InverseRow::excitation)})
     write_rows(out / fmt::format("{}.sto", name), scene.spec.title + ": " + name, muscles, result,
-               [&](const InverseRow& row, std::vector<double>& to) { to = row.*of; });
+               [of = of](const InverseRow& row, std::vector<double>& to) { to = row.*of; });
   write_rows(out / "reserves.sto", scene.spec.title + ": torques that the muscles leave undone [N m]", axes,
              result, [&](const InverseRow& row, std::vector<double>& to) {
                for (const InverseAxis& axis : result.axes) to.push_back(row.reserve[axis.dof]);
