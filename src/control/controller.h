@@ -59,7 +59,7 @@ class Controller {
     double smoothing = 1;         ///< weight of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
-  // For steps of several controllers at once (environment/lanes.h).
+  // For steps of several controllers at once (environment/batch.cpp).
   std::span<const AxisConstants> constants() const { return constants_; }
   /// Null without compensation.
   const GravityLoad* gravity() const { return gravity_ ? &*gravity_ : nullptr; }

@@ -1,5 +1,5 @@
 // Convex polyhedra as shapes: vertices, planar faces, edges, and the mass properties of the uniform solid.
-// Built once from a hull (scene/read/convex_hull.h), then shared.
+// Built once from a hull (scene/read/mesh_file.h), then shared.
 #pragma once
 
 #include <memory>

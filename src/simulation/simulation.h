@@ -54,7 +54,7 @@ class Simulation {
   ///         reset.
   void step(const engine::StepInput& action = {}, std::span<const double> angles = {});
 
-  /// What steps the simulation where several ones step at once (environment/lanes.h).
+  /// What steps the simulation where several ones step at once (environment/batch.cpp).
   struct Parts {
     engine::Engine& engine;
     control::Controller* controller;           ///< null without control

@@ -1,4 +1,4 @@
-#include "handsim/scene/read/convex_hull.h"
+#include "handsim/scene/read/mesh_file.h"
 
 extern "C" {
 #include <libqhull_r/qhull_ra.h>

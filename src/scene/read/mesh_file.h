@@ -3,11 +3,24 @@
 
 #include <filesystem>
 #include <memory>
+#include <string>
+#include <vector>
 
+#include "handsim/core/pose.h"
 #include "handsim/model/convex_mesh.h"
-#include "handsim/scene/read/convex_hull.h"
 
 namespace handsim::scene {
+
+/// Points and the polygons between them.
+struct Surface {
+  std::vector<Vec3> vertices;
+  std::vector<std::vector<int>> faces;
+};
+
+/// The vertices of the hull and its planar faces, counter-clockwise seen from outside.
+/// @param points finite, at least 4.
+/// @throws Error (input) if they span no volume. Thread-safe.
+Surface convex_hull(const std::vector<Vec3>& points);
 
 /// A convex mesh and the position of its centroid in the file's coordinates.
 struct LoadedMesh {

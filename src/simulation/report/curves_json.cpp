@@ -11,7 +11,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/report/binary.h"
 #include "handsim/simulation/report/run_data.h"
-#include "handsim/simulation/run/columns.h"
+#include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/watch/hand_parts.h"
 
 namespace handsim::simulation {

@@ -11,7 +11,6 @@
 
 #include "handsim/core/error.h"
 #include "handsim/engine/engine.h"
-#include "handsim/simulation/run/columns.h"
 #include "handsim/simulation/run/extra_tables.h"
 
 namespace handsim::simulation {

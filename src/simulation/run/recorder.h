@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "handsim/output/table/motion_table.h"
-#include "handsim/simulation/run/columns.h"
 #include "handsim/simulation/run/extra_tables.h"
+#include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"

@@ -7,7 +7,7 @@
 #include "engine/models.h"
 #include "handsim/engine/contact/narrow_phase.h"
 #include "handsim/engine/contact/polytope.h"
-#include "handsim/scene/read/convex_hull.h"
+#include "handsim/scene/read/mesh_file.h"
 
 namespace handsim::engine {
 namespace {
