@@ -34,9 +34,8 @@ class StaticOptimisation {
   StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least = 0);
 
   /// Activations, as Model::muscles. @param torques by Model::dof_count() [N m]
-  /// @param rested they are without what the muscles pull at rest, and a muscle counts with what it gives at
-  /// the
-  ///        activation found, not at full activation: at speed these differ
+  /// @param rested the torques are without what the muscles pull at rest, and a muscle counts with what it
+  ///        gives at the activation found, not at full activation: at speed these differ
   std::span<const double> solve(const model::State& state, std::span<const double> torques,
                                 bool rested = false);
   /// Torques that the activations of the last `solve` leave undone, by `dofs` [N m].

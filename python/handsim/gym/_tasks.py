@@ -105,7 +105,7 @@ class SceneTask(Task):
         return {"torques": self._torque * action}
 
     def reward(self, batch: Batch, action: Array) -> Array:
-        return np.array(self._reward(batch), dtype=float)
+        return np.asarray(self._reward(batch), dtype=float)
 
     def terminated(self, batch: Batch) -> Mask:
         if self._terminated is None:
@@ -561,7 +561,6 @@ class Episodes:
         self.batch.step(**self.task.drive(self.batch, clipped, self.random), substeps=self.task.substeps)
         self.steps += 1
         failed = self.batch.failed
-        reward = self.task.reward(self.batch, clipped)
-        reward[failed] = 0
+        reward = np.where(failed, 0, self.task.reward(self.batch, clipped))
         terminated = self.task.terminated(self.batch) | failed
         return self.task.observation(self.batch), reward, terminated, (self.steps >= self.task.max_steps) & ~terminated

@@ -64,9 +64,8 @@ std::string degrees(const std::optional<double>& angle, const char* format, cons
 
 std::string summary_csv(const InverseResult& result) {
   std::string out =
-      "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg],largest_reserve[N_m],rms_"
-      "reserve[N_"
-      "m]\n";
+      "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg],largest_reserve[N_m],"
+      "rms_reserve[N_m]\n";
   const auto number = [](const std::optional<double>& x) { return x ? fmt::format("{}", *x) : ""; };
   for (const InverseAxis& axis : result.axes)
     out += fmt::format("{},{},{},{},{},{},{}\n", axis.name, axis.largest_torque, axis.rms_torque,
@@ -148,6 +147,7 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
                       {"passed", result.agrees()}};
     if (result.fault) out["forward"]["fault"] = *result.fault;
   }
+  if (input.least_activation) out["least_activation"] = *input.least_activation;
   if (result.reserve_share) out["reserve_share"] = *result.reserve_share;
   add_origin(out);
   out["axes"] = Json::array();
