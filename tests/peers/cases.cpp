@@ -1,7 +1,6 @@
 // The hard cases of config/stability.yaml on other engines: `peer_cases STUDY OUT.json ENGINE [CASE...]`,
 // ENGINE handsim, mujoco or drake. What only handsim's own engines are asked (how often the LCP solver gave
-// up, whether a run repeats to the bit, softness of ODE's constraints) is left out, and the quick suite's
-// durations serve.
+// up, softness of ODE's constraints) is left out, and the quick suite's durations serve.
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -41,7 +40,7 @@ constexpr double kDrakeTime = 8;
 
 /// Long, and with palms that move as told, which no peer is asked.
 const std::set<std::string> kTooLong = {"soak", "grasp_and_shake", "pinch_and_shake"};
-const std::set<std::string> kOnlyOurs = {"lcp_failures", "abuse", "repeats", "memory_growth", "twin"};
+const std::set<std::string> kOnlyOurs = {"lcp_failures", "memory_growth"};
 
 #ifdef HANDSIM_WITH_MUJOCO
 std::vector<Setting> mujoco_settings() {

@@ -1,6 +1,8 @@
 // Measures of hard cases: joints and stops.
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <memory>
 
 #include "handsim/core/index.h"
 #include "handsim/study/stability/stability_measures.h"
@@ -92,6 +94,25 @@ Sampler rate_jump(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
+/// Rate of a joint that starts on its stop over that in the same run without stops, in the first two steps;
+/// infinite if the stop does not release it.
+Sampler release_ratio(const scene::Scene& scene, const MeasureSpec& spec) {
+  struct Unstopped {
+    explicit Unstopped(const scene::Scene& of)
+        : scene(scene::without_effect(of, model::Effect::joint_stops)), simulation(scene) {}
+    scene::Scene scene;
+    Simulation simulation;
+  };
+  const auto other = std::make_shared<Unstopped>(scene);
+  return [=, joint = coordinate_of(scene, spec.joint)](const Simulation& now) -> Sample {
+    if (now.steps() < 1 || now.steps() > 2) return {};
+    other->simulation.step();
+    const double ratio = joint.rate(now.state()) / joint.rate(other->simulation.state());
+    const bool held = now.steps() == 2 && !(ratio > 0);
+    return Figure{held ? std::numeric_limits<double>::infinity() : ratio, spec.joint};
+  };
+}
+
 /// |a . b| of the two axes of universal joints.
 Sampler axis_error(const scene::Scene&, const MeasureSpec&) {
   return [](const Simulation& now) {
@@ -167,6 +188,7 @@ const MeasureKind kJointMeasures[] = {
     {"axis_error", D::none, "", R::largest, axis_error},
     {"stop_late", D::angle, "rad", R::largest, stop_late, kJoint},
     {"rebound_error", D::none, "", R::total, rebound_error, kJoint},
+    {"release_ratio", D::none, "", R::largest, release_ratio, kJoint},
     {"wraps", D::none, "", R::total, wraps, kJoint},
     {"rate_jump", D::none, "", R::largest, rate_jump, kJoint},
     {"slider_error", D::length, "m", R::largest, slider_error, kSliderCrank},

@@ -314,7 +314,7 @@ const MeasureKind kMotionMeasures[] = {
     {"grasp_slip", D::speed, "m/s", R::at_end, at_end<of_grasps<&Grasp::slip>>},
     {"grasp_shift", D::length, "m", R::at_end, at_end<of_grasps<&Grasp::shift>>},
     {"grasp_turn", D::angle, "rad", R::at_end, at_end<of_grasps<&Grasp::turn>>},
-    {"grasp_epsilon", D::none, "", R::at_end, at_end<grasp_epsilon>, kNothing, nullptr, true},
+    {"grasp_epsilon", D::none, "", R::at_end, at_end<grasp_epsilon>, kNothing, true},
     {"memory_growth", D::none, "", R::largest, memory_growth},
     {"energy_gain", D::none, "", R::largest, energy<Change::gain>},
     {"energy_error", D::none, "", R::largest, energy<Change::error>},

@@ -74,11 +74,7 @@ std::vector<Job> jobs_of(const StabilityCase& of, std::size_t index, bool quick)
   return out;
 }
 
-scene::Scene load(const Job& job, const std::vector<std::string>& more = {}) {
-  std::vector<std::string> set = job.set;
-  append(set, more);
-  return scene::load_scene(job.scene, set);
-}
+scene::Scene load(const Job& job) { return scene::load_scene(job.scene, job.set); }
 
 /// The row of a measure, still without its figure.
 StabilityRow row_for(const Job& job, const MeasureSpec& spec) {
@@ -131,16 +127,17 @@ class CurveRecorder {
 
 std::string label_of(const Job& job) { return fmt::format("{}, {:g} ms", job.way->name, 1e3 * job.step); }
 
-/// One run with all measures that are not procedures.
-void measure_run(Job& job, const std::vector<const MeasureSpec*>& specs, const std::atomic<bool>& stop) {
+/// One run with all measures.
+void measure_run(Job& job, const std::atomic<bool>& stop) {
+  const std::vector<MeasureSpec>& specs = job.the_case->measures;
   const scene::Scene scene = load(job);
   std::vector<Measure> measures;
   const Measure* plotted = nullptr;
   measures.reserve(specs.size());
-  for (const MeasureSpec* spec : specs) {
-    measures.emplace_back(scene, *spec);
-    job.rows.push_back(row_for(job, *spec));
-    if (job.plotted && spec->name == *job.the_case->plot) plotted = &measures.back();
+  for (const MeasureSpec& spec : specs) {
+    measures.emplace_back(scene, spec);
+    job.rows.push_back(row_for(job, spec));
+    if (job.plotted && spec.name == *job.the_case->plot) plotted = &measures.back();
   }
   try {
     Simulation simulation(scene);
@@ -160,23 +157,6 @@ void measure_run(Job& job, const std::vector<const MeasureSpec*>& specs, const s
   } catch (const Error& error) {
     for (StabilityRow& row : job.rows) set_fault(row, error);
   }
-}
-
-void run_procedure(Job& job, const MeasureSpec& spec) {
-  StabilityRow row = row_for(job, spec);
-  try {
-    const Figure figure = measure_kind(spec.kind)->procedure(
-        [&](const std::vector<std::string>& more) { return load(job, more); }, spec);
-    set_figure(row, figure);
-    if (job.plotted && *job.the_case->plot == spec.name) {
-      Curve curve{label_of(job), {}, {}};
-      for (const auto& [x, y] : figure.curve) curve.time.push_back(x), curve.value.push_back(y);
-      job.curve = std::move(curve);
-    }
-  } catch (const Error& error) {
-    set_fault(row, error);
-  }
-  job.rows.push_back(std::move(row));
 }
 
 /// Adds a row with 0 if the engine rejects the scene with the expected message, else 1.
@@ -200,12 +180,7 @@ void check_rejection(Job& job) {
 
 void run(Job& job, const std::atomic<bool>& stop) {
   if (job.way->refused) return check_rejection(job);
-  std::vector<const MeasureSpec*> sampled, procedures;
-  for (const MeasureSpec& spec : job.the_case->measures)
-    (measure_kind(spec.kind)->make ? sampled : procedures).push_back(&spec);
-  if (!sampled.empty()) measure_run(job, sampled, stop);
-  for (const MeasureSpec* spec : procedures)
-    if (!stop) run_procedure(job, *spec);
+  if (!job.the_case->measures.empty()) measure_run(job, stop);
 }
 
 void set_verdict(StabilityRow& row, const StabilityCase& of) {
@@ -240,8 +215,7 @@ void check(const std::vector<Job>& jobs) {
     if (job.way->refused) continue;
     try {
       const scene::Scene scene = load(job);
-      for (const MeasureSpec& spec : job.the_case->measures)
-        if (measure_kind(spec.kind)->make) Measure(scene, spec);
+      for (const MeasureSpec& spec : job.the_case->measures) Measure(scene, spec);
       const Simulation simulation(scene);
     } catch (const Error& error) {
       if (error.fault()) continue;  // the run reports it

@@ -119,7 +119,7 @@ struct StabilityRow {
   double severity() const;
 };
 
-/// A measure over the time of a run, or the error of a procedure over the step.
+/// A measure over the time of a run.
 struct Curve {
   std::string label;
   std::vector<double> time, value;

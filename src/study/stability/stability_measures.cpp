@@ -74,7 +74,7 @@ std::optional<double> Measure::present_value() const {
 std::span<const MeasureKind> measure_kinds() {
   static const std::vector<MeasureKind> all = [] {
     std::vector<MeasureKind> out;
-    for (const std::span<const MeasureKind> theme : {motion_measures(), joint_measures(), procedures()})
+    for (const std::span<const MeasureKind> theme : {motion_measures(), joint_measures()})
       out.insert(out.end(), theme.begin(), theme.end());
     return out;
   }();

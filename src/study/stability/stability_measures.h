@@ -1,5 +1,4 @@
-// The measures of hard cases. A measure samples a simulation after every step and reduces the samples to a
-// figure; a procedure makes runs of its own and compares them. One table has both by name.
+// The measures of hard cases: each samples a simulation after every step and reduces the samples to a figure.
 #pragma once
 
 #include <functional>
@@ -28,8 +27,6 @@ struct MeasureSpec {
   std::optional<double> expected;                          ///< closed form of the figure [SI]
   double crank = 0, rod = 0;                               ///< lengths of a slider-crank [m]
   double crank_angle = 0;                                  ///< from the slider's axis at the start [rad]
-  std::vector<double> steps;     ///< steps of the runs of a procedure [s], decreasing
-  std::vector<std::string> set;  ///< overrides of a procedure's second run
 };
 
 /// A figure with its place and time.
@@ -37,8 +34,6 @@ struct Figure {
   double value = 0;
   std::string where = {};
   std::optional<double> time = {};  ///< [s]
-  /// Of a procedure, for plots: steps [s] and errors.
-  std::vector<std::pair<double, double>> curve = {};
   /// Of a sample: the run's figure is divided by the largest scale of the run.
   double scale = 1;
 };
@@ -56,12 +51,9 @@ enum class Reduce {
   at_end,  ///< sampled only at the end; the sample has its own time
 };
 
-/// Makes a scene of a case with its overrides and more.
-using SceneMaker = std::function<scene::Scene(const std::vector<std::string>& more)>;
-
 /// Settings that a measure requires.
 struct MeasureNeeds {
-  bool body = false, joint = false, steps = false, set = false, crank = false;
+  bool body = false, joint = false, crank = false;
 };
 
 struct MeasureKind {
@@ -69,18 +61,16 @@ struct MeasureKind {
   Dimension dimension = Dimension::none;
   std::string_view unit;
   Reduce reduce = Reduce::largest;
-  /// Makes the sampler of a run; null for a procedure. The scene outlives the sampler.
+  /// Makes the sampler of a run. The scene outlives the sampler.
   Sampler (*make)(const scene::Scene& scene, const MeasureSpec& spec) = nullptr;
   MeasureNeeds needs = {};
-  /// Makes its runs and compares them; null for a measure. @throws Error (physics) if a run fails.
-  Figure (*procedure)(const SceneMaker& scene, const MeasureSpec& spec) = nullptr;
   bool at_least = false;  ///< true for a lower limit
 };
 
 /// A measure of one run.
 class Measure {
  public:
-  /// The scene must outlive the measure. @param spec its kind must not be a procedure.
+  /// The scene must outlive the measure.
   /// @throws Error (input) if the scene lacks a body or joint of the settings.
   Measure(const scene::Scene& scene, const MeasureSpec& spec);
 
@@ -135,6 +125,5 @@ inline constexpr MeasureNeeds kNothing = {}, kBody = {.body = true}, kJoint = {.
 // The measures.
 std::span<const MeasureKind> motion_measures();
 std::span<const MeasureKind> joint_measures();
-std::span<const MeasureKind> procedures();
 
 }  // namespace handsim::study

@@ -176,14 +176,13 @@ void add_overview(const StabilityResult& result, Report& report) {
            kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks, fmt::join(curves, ", "))});
 }
 
-/// Plots a measure over time for every way and step, or the error of a procedure over the step.
+/// Plots a measure over time for every way and step.
 void add_curves(const CaseResult& of, Report& report) {
   const MeasureSpec* spec = nullptr;
   for (const MeasureSpec& measure : of.of->measures)
     if (of.of->plot == measure.name) spec = &measure;
   if (!spec || of.curves.empty()) return;
-  const MeasureKind& kind = *measure_kind(spec->kind);
-  const bool ladder = kind.procedure != nullptr;
+  const std::string_view unit = measure_kind(spec->kind)->unit;
   std::string data;
   std::vector<std::string> curves;
   bool positive = false;
@@ -197,22 +196,20 @@ void add_curves(const CaseResult& of, Report& report) {
       data += fmt::format("{:.6g} {:.6g}\n", curve.time[k], std::max(value, 1e-18));
     }
     data += "EOD\n";
-    curves.push_back(fmt::format("${}_{} using 1:2 with {} lw 1.5 title '{}'", of.of->name, i,
-                                 ladder ? "linespoints" : "lines", output::plot_text(curve.label)));
+    curves.push_back(fmt::format("${}_{} using 1:2 with lines lw 1.5 title '{}'", of.of->name, i,
+                                 output::plot_text(curve.label)));
   }
   if (curves.empty() || !positive) return;
-  if (!ladder && spec->limit > 0)
+  if (spec->limit > 0)
     curves.push_back(fmt::format("{} with lines dt 2 lw 2 lc rgb 'black' title 'limit'", spec->limit));
   report.data += data;
   report.plots.push_back(
       {of.of->name, "noenhanced size 1100,600 font 'DejaVu Sans,10'",
-       fmt::format("  set title '{0}'\n  set xlabel '{1}'\n  set ylabel '{2}{3}'\n  {4}set logscale y\n"
+       fmt::format("  set title '{}'\n  set xlabel 'time [s]'\n  set ylabel '{}{}'\n  set logscale y\n"
                    "  set format x '%g'\n  set format y '%g'\n  set grid\n  set key outside right\n"
-                   "  set ytics auto\n  set autoscale\n  plot {5}\n  unset logscale\n",
-                   output::plot_text(of.of->title), ladder ? "step [s]" : "time [s]",
-                   ladder ? "largest position error [m]" : output::plot_text(spec->name),
-                   ladder || kind.unit.empty() ? "" : fmt::format(" [{}]", kind.unit),
-                   ladder ? "set logscale x\n  " : "", fmt::join(curves, ", "))});
+                   "  set ytics auto\n  set autoscale\n  plot {}\n  unset logscale\n",
+                   output::plot_text(of.of->title), output::plot_text(spec->name),
+                   unit.empty() ? "" : fmt::format(" [{}]", unit), fmt::join(curves, ", "))});
 }
 
 }  // namespace

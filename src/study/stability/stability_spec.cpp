@@ -69,8 +69,6 @@ void check_needs(MapReader& reader, const MeasureKind& kind) {
   };
   check("joint", kind.needs.joint, "a joint");
   check("body", kind.needs.body, "a body");
-  check("ladder", kind.needs.steps, "a list of steps");
-  check("with", kind.needs.set, "overrides of the second run");
   check("crank", kind.needs.crank, "a length");
   check("rod", kind.needs.crank, "a length");
 }
@@ -92,8 +90,6 @@ MeasureSpec read_measure(MapReader reader) {
   out.crank = reader.number("crank", {Dimension::length, 0, 10}, 0.0);
   out.rod = reader.number("rod", {Dimension::length, 0, 10}, 0.0);
   out.crank_angle = reader.number("crank_angle", {Dimension::angle, -7, 7}, 0.0);
-  out.steps = read_steps(reader, "ladder", false);
-  out.set = read_set(reader, "with");
   if (known) check_needs(reader, *kind);
   if (!(out.from < out.until))
     reader.problem("until", fmt::format("{:g} s", out.until), fmt::format("a time after {:g} s", out.from));

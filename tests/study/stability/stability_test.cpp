@@ -154,48 +154,6 @@ TEST(Measures, OfAnInclineCompareWithCoulomb) {
   EXPECT_NEAR(value_of(scene("gravity, ground_contact, friction"), deep), 1e-5, 1e-9);
 }
 
-// Oracle: the orders of the methods. With the smallest step of 0.5 ms as reference, a first-order error is
-// C (h - 0.5 ms): 3.5, 1.5 and 0.5 C, a slope of 1.404.
-TEST(Procedures, FindTheOrderOfMethods) {
-  const auto order = [](const char* kind, const std::string& solver) {
-    MeasureSpec spec = spec_of(kind);
-    spec.steps = {4e-3, 2e-3, 1e-3, 5e-4};
-    const SceneMaker maker = [&](const std::vector<std::string>& more) {
-      YamlNode root = parse_yaml(rod() + "solver: {" + solver + "}\n", "test.yaml");
-      for (const std::string& set : more) apply_override(root, set);
-      return scene::compile_scene(std::move(root));
-    };
-    return measure_kind(kind)->procedure(maker, spec).value;
-  };
-  const std::string first = "engine: articulated, method: semi_implicit_euler",
-                    fourth = "engine: articulated, method: rk4";
-  EXPECT_NEAR(order("convergence", first), 1.404, 0.05);
-  EXPECT_GT(order("convergence", fourth), 3.9);
-  EXPECT_NEAR(order("energy_order", first), 1, 0.05);
-  EXPECT_GT(order("energy_order", fourth), 3.9);
-}
-
-// Oracle: the applied torques; the different velocities of the twin.
-TEST(Procedures, RecoverTorquesAndMeasureTheDistanceOfTwins) {
-  const SceneMaker hand = [](const std::vector<std::string>& more) {
-    std::vector<std::string> set = {"duration=0.05", "solver.step=1e-6"};
-    set.insert(set.end(), more.begin(), more.end());
-    return scene::load_scene(std::string(HANDSIM_SOURCE_DIR) + "/config/stability/free_hand.yaml", set);
-  };
-  EXPECT_LT(measure_kind("round_trip")->procedure(hand, {}).value, 1e-10);
-  MeasureSpec other = spec_of("twin");
-  other.set = {"bodies.0.velocity=[3.5, 0, 0]"};
-  const SceneMaker thrown = [](const std::vector<std::string>& more) {
-    YamlNode root = parse_yaml(kThrown, "test.yaml");
-    for (const std::string& set : more) apply_override(root, set);
-    return scene::compile_scene(std::move(root));
-  };
-  EXPECT_NEAR(measure_kind("twin")->procedure(thrown, other).value, 0.25, 1e-9);
-  other.set = {"title=another name"};
-  EXPECT_EQ(measure_kind("twin")->procedure(thrown, other).value, 0);
-  EXPECT_EQ(measure_kind("repeats")->procedure(thrown, {}).value, 0);
-}
-
 /// A study of the free body; `ways` and `known` as YAML lists.
 struct Study {
   test::TemporaryFolder folder;
