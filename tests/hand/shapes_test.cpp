@@ -146,6 +146,10 @@ TEST(AnatomicalPalm, HasTheStatedDensityFromInfantToGiant) {
     const int n = 64;
     const Vec3 cell = 2 * box / n;
     int inside = 0;
+    std::vector<Pose> from_shape, from_finger;
+    for (std::size_t s = 0; s < 6; ++s) from_shape.push_back(hand.shapes[s].pose.inverse());
+    for (const BuiltSegment& finger : hand.segments)
+      from_finger.push_back(finger.frame.inverse() * hand.bodies[0].zero_pose);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j)
         for (int k = 0; k < n; ++k) {
@@ -153,14 +157,15 @@ TEST(AnatomicalPalm, HasTheStatedDensityFromInfantToGiant) {
           bool in = false;
           for (std::size_t s = 0; s < 6 && !in; ++s) {
             const Shape& shape = hand.shapes[s];
-            Vec3 local = shape.pose.inverse() * p;
+            Vec3 local = from_shape[s] * p;
             local.z() -= std::clamp(local.z(), -0.5 * shape.length, 0.5 * shape.length);
             in = local.norm() < shape.radius;
           }
           // Beyond a joint a finger's own cylinder is the finger's.
-          for (const BuiltSegment& finger : hand.segments) {
-            const Vec3 at = finger.frame.inverse() * (hand.bodies[0].zero_pose * p);
-            in = in && !(at.y() > 0 && at.y() < finger.length && std::hypot(at.x(), at.z()) < finger.radius);
+          for (std::size_t f = 0; f < hand.segments.size() && in; ++f) {
+            const BuiltSegment& finger = hand.segments[f];
+            const Vec3 at = from_finger[f] * p;
+            in = !(at.y() > 0 && at.y() < finger.length && std::hypot(at.x(), at.z()) < finger.radius);
           }
           inside += in;
         }

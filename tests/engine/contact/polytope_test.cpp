@@ -134,12 +134,17 @@ TEST(SphereOnMesh, HasTheDepthOfItsDistance) {
     const Vec3 p = 0.045 * test::random_vector(random);
     std::vector<Vec3> corrections(mesh.planes.size(), Vec3::Zero());
     Vec3 x = p;
-    for (int sweep = 0; sweep < 400; ++sweep)
+    double moved = 1;
+    for (int sweep = 0; sweep < 400 && moved > 1e-14; ++sweep) {
+      moved = 0;
       for (int f = 0; f < mesh.face_count(); ++f) {
-        const Vec3 y = x + corrections[static_cast<std::size_t>(f)];
+        Vec3& correction = corrections[static_cast<std::size_t>(f)];
+        const Vec3 y = x + correction;
         x = y - std::max(0.0, mesh.height(f, y)) * mesh.normal(f);
-        corrections[static_cast<std::size_t>(f)] = y - x;
+        moved += (y - x - correction).norm();
+        correction = y - x;
       }
+    }
     const double distance = (p - x).norm();
     if (distance < 1e-4) continue;
     const Manifold found = *narrow.manifold(0, {p, Quat::Identity()}, 1, {});

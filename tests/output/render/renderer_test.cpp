@@ -270,12 +270,18 @@ bool hits(const Solid& shape, const Projection& project, double px, double py, d
                   project.focus * project.z)
                      .normalized();
   const Vec3 axis = shape.pose.q * Vec3::UnitZ();
-  double closest = 1e9;
-  for (int i = 0; i <= 2000; ++i) {
-    const Vec3 w = shape.pose.p + axis * (2 * shape.half.z() * (i / 2000.0 - 0.5)) - project.eye;
-    closest = std::min(closest, (w - w.dot(d) * d).norm() - grown / project.focus * w.dot(d));
+  const auto beyond = [&](double along) {
+    const Vec3 w = shape.pose.p + axis * along - project.eye;
+    return (w - w.dot(d) * d).norm() - grown / project.focus * w.dot(d);
+  };
+  // The distance is convex along the axis.
+  double low = -shape.half.z(), high = shape.half.z();
+  for (int i = 0; i < 40; ++i) {
+    const double a = low + (high - low) / 3, b = high - (high - low) / 3;
+    const bool left = beyond(a) < beyond(b);
+    (left ? high : low) = left ? b : a;
   }
-  return closest <= shape.round;
+  return beyond(0.5 * (low + high)) <= shape.round;
 }
 
 // Oracle: distance of each pixel's ray from the capsule's axis. Pixels that lie more than 1.5 pixels inside
