@@ -1,12 +1,13 @@
-"""Learns a task of handsim.gym by PPO (Schulman et al. 2017, arXiv:1707.06347). Needs numpy only.
+"""Learns a task of handsim.gym by PPO (Schulman et al. 2017, arXiv:1707.06347). Needs numpy and onnx (Debian's python3-onnx).
 
     python3 python/examples/ppo.py --task pose --drive muscles --minutes 10 --out out/ppo
-    python3 python/examples/ppo.py --play out/ppo/policy.npz --out out/played
+    python3 -m handsim.gym out/ppo/policy.onnx --out out/played
 
-Writes curve.csv (steps, minutes, success, return), curve.png (with gnuplot), and policy.npz after every tenth update.
---play runs the policy without noise, prints the share of successes and writes played.mp4 (with ffmpeg) of four hands.
+Writes curve.csv (steps, minutes, success, return), curve.png (with gnuplot), and policy.onnx after every tenth update, which
+the second command plays. --option gives an option of the task: --option persons=32 --option hands=2.
 """
 import argparse
+import json
 import os
 import shutil
 import subprocess
@@ -15,8 +16,9 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would wait for one another between small products
 import numpy as np
+import onnx
+from onnx import helper, numpy_helper
 
-import handsim as hs
 from handsim.gym import TASKS, Episodes
 
 
@@ -85,19 +87,26 @@ class Policy:
     def log_deviation(self):
         return np.clip(self.spread.weights[0][0], -3, 0.5)
 
-    def save(self, path, **more):
-        nets = {f"{name}{i}": w for name in ("actor", "critic", "spread") for i, w in enumerate(getattr(self, name).weights)}
-        np.savez(path, mean=self.mean, square=self.square, **nets, **more)
-
-    @classmethod
-    def load(cls, path):
-        with np.load(path) as file:
-            self = cls(file["actor0"].shape[0], file["actor5"].shape[0], (file["actor0"].shape[1], file["actor2"].shape[1]))
-            for name in ("actor", "critic", "spread"):
-                net = getattr(self, name)
-                net.weights = [file[f"{name}{i}"] for i in range(len(net.weights))]
-            self.mean, self.square = file["mean"], file["square"]
-            return self, str(file["task"]), str(file["drive"])
+    def save(self, path, task, options):
+        """The mean action as ONNX: observation (n, numbers) to action (n, actions); with the task, for `handsim.gym`."""
+        scale = 1 / np.sqrt(np.maximum(self.square - self.mean**2, 1e-6))
+        numbers = {"mean": self.mean, "scale": scale, "low": -5, "high": 5} | {f"w{i}": w for i, w in enumerate(self.actor.weights)}
+        nodes = [helper.make_node("Sub", ["observation", "mean"], ["shifted"]),
+                 helper.make_node("Mul", ["shifted", "scale"], ["scaled"]),
+                 helper.make_node("Clip", ["scaled", "low", "high"], ["x0"])]
+        for i in range(0, len(self.actor.weights), 2):
+            last = i == len(self.actor.weights) - 2
+            nodes.append(helper.make_node("Gemm", [f"x{i}", f"w{i}", f"w{i + 1}"], ["action" if last else f"y{i}"]))
+            if not last:
+                nodes.append(helper.make_node("Tanh", [f"y{i}"], [f"x{i + 2}"]))
+        shaped = lambda name, size: helper.make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["n", size])
+        graph = helper.make_graph(nodes, "policy", [shaped("observation", len(self.mean))],
+                                  [shaped("action", self.actor.weights[-1].size)],
+                                  [numpy_helper.from_array(np.asarray(x, np.float32), name) for name, x in numbers.items()])
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+        helper.set_model_props(model, {"task": task, "options": json.dumps(options)})
+        onnx.checker.check_model(model)
+        path.write_bytes(model.SerializeToString())
 
 
 def collect(episodes, policy, observation, options, random, ended):
@@ -153,7 +162,8 @@ def improve(policy, x, action, chance, advantage, target, rate, random, epochs, 
 
 def learn(options, folder):
     random = np.random.default_rng(options.seed)
-    episodes = Episodes(TASKS[options.task](drive=options.drive), options.environments, seed=options.seed)
+    of_task = {"drive": options.drive, **{key: json.loads(value) for key, value in (each.split("=", 1) for each in options.option)}}
+    episodes = Episodes(TASKS[options.task](**of_task), options.environments, seed=options.seed)
     observation = episodes.reset(seed=options.seed)
     # Episodes of different ages, so that they do not all end together.
     episodes.steps[:] = random.integers(episodes.task.max_steps, size=options.environments)
@@ -174,8 +184,8 @@ def learn(options, folder):
         if len(rows) % 10 == 0:
             print(f"{steps / 1e6:6.2f} M steps, {minutes:5.2f} min: success {success:5.1%}, return {total:7.2f}, "
                   f"deviation {np.exp(policy.log_deviation).mean():.2f}", flush=True)
-            policy.save(folder / "policy.npz", task=options.task, drive=options.drive)
-    policy.save(folder / "policy.npz", task=options.task, drive=options.drive)
+            policy.save(folder / "policy.onnx", options.task, of_task)
+    policy.save(folder / "policy.onnx", options.task, of_task)
     np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],success,return", comments="")
     draw_curve(folder, f"{options.task}, driven by {options.drive}")
 
@@ -190,31 +200,12 @@ def draw_curve(folder, title):
     subprocess.run(["gnuplot", "-e", commands], check=True)
 
 
-def play(path, folder, seed, count=256):
-    policy, task, drive = Policy.load(path)
-    episodes = Episodes(TASKS[task](drive=drive), count, seed=seed)
-    observation = episodes.reset(seed=seed)
-    success, open_, frames = np.zeros(count, bool), np.ones(count, bool), []
-    for step in range(episodes.task.max_steps):
-        observation, _, terminated, _ = episodes.step(policy.actor(policy.normal(observation)))
-        success |= terminated & open_ & ~episodes.batch.failed
-        open_ &= ~terminated
-        if step % 2 == 0:
-            frames.append([episodes.batch.frame(i) for i in range(4)])
-    print(f"{task} by {drive}: {success.mean():.1%} of {count} new episodes end with success")
-    if hs.has_pictures and shutil.which("ffmpeg"):
-        films = [episodes.task.scene.draw_frames([row[i] for row in frames], size=(240, 240)) for i in range(4)]
-        grid = [np.vstack([np.hstack([np.asarray(film[t]) for film in films[j:j + 2]]) for j in (0, 2)])
-                for t in range(len(frames))]
-        hs.save_video(grid, folder / "played.mp4", fps=25)
-
-
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--task", default="pose", choices=("pose", "reach"))
+    parser.add_argument("--task", default="pose", choices=TASKS)
     parser.add_argument("--drive", default="muscles", choices=("targets", "torques", "muscles"))
     parser.add_argument("--out", type=Path, default=Path("out/ppo"))
-    parser.add_argument("--play", type=Path, help="a policy.npz: plays it, learns nothing")
+    parser.add_argument("--option", action="append", default=[], help="key=value of the task")
     parser.add_argument("--minutes", type=float, default=10)
     parser.add_argument("--environments", type=int, default=512)
     parser.add_argument("--horizon", type=int, default=16, help="steps of each environment between two updates")
@@ -226,7 +217,4 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    if options.play:
-        play(options.play, options.out, options.seed + 1)
-    else:
-        learn(options, options.out)
+    learn(options, options.out)

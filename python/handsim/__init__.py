@@ -15,7 +15,7 @@ from . import _core, study
 from ._batch import Batch
 from ._core import Frame, Motion, Snapshot
 from ._errors import Error, Fault, Problem
-from ._hand import Hand
+from ._hand import Hand, draw_persons
 from ._pictures import contact_sheet, png, save_png
 from ._reports import report, save_video
 from ._result import Result, Verdict
@@ -43,5 +43,5 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Muscle", "Muscles", "Problem",
-           "Result", "Scene", "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym",
+           "Result", "Scene", "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym",
            "has_pictures", "has_reports", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -75,6 +75,7 @@ class Batch:
         """Coordinates [rad] or [m], shape (n, coordinates), in the order of `Scene.coordinates`."""
         self.u: Array = self["u"]
         """Rates [rad/s] or [m/s], shape (n, coordinates)."""
+        self._others: dict[int, Scene] = {}
         self.failed: NDArray[np.bool_] = self._core.failed()
         """Environments whose motion diverged, shape (n,): they rest until their reset; `failure` says why."""
         if randomise:
@@ -122,6 +123,20 @@ class Batch:
             self._core.seed(seed_of(seed))
         self._core.reset(mask, seeds, to)
 
+    def replace(self, environment: int, scene: Scene) -> None:
+        """The environment becomes one of another scene, e.g. of another person, at that scene's start. A Scene that is
+        given again is prepared once.
+
+        :raises Error: of kind input where bodies, joints, driven axes, muscles, wrists, observed numbers, engine or step
+            differ from the batch's
+        """
+        self._core.replace(self._index(environment), scene._core)
+        self._others[environment] = scene
+
+    def scene_of(self, environment: int) -> Scene:
+        """That of `replace`, else the batch's."""
+        return self._others.get(self._index(environment), self.scene)
+
     def set(self, name: str, values: ArrayLike) -> None:
         """Sets a number (names as for ``randomise``) from the next reset on, shape (n, numbers) or (n,)."""
         try:
@@ -157,7 +172,7 @@ class Batch:
     def draw(self, environment: int = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional[Camera] = None) -> Picture:
         """A picture of one environment now; options as in `Scene.draw`."""
-        return self.scene.draw_frames([self.frame(environment)], size=size, view=view, camera=camera)[0]
+        return self.scene_of(environment).draw_frames([self.frame(environment)], size=size, view=view, camera=camera)[0]
 
     def __repr__(self) -> str:
         return f"<handsim.Batch: {len(self)} x {self.scene.title}>"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._errors import Error, Problem, flags
+from ._errors import Error, Problem, flags, seed_of, whole
 from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
 from ._table import Table, rows_table
@@ -19,6 +19,15 @@ PERSON = "hands.0.person."
 
 Point = Union[str, tuple[str, ArrayLike]]
 """A point of a hand: a fingertip, a body (its centre of mass), or a body and an offset [m] in its frame."""
+
+
+def draw_persons(count: int, *, population: str = "ansur2", seed: int = 0) -> list[dict[str, Any]]:
+    """Persons of a survey, as `Hand` and scenes take them: ``Hand(**person)``. Person k depends on seed and k alone.
+
+    :param population: ``ansur2``: the US Army's of 2012, women and men with equal chances
+    """
+    drawn = _core.draw_persons(population, whole("count", count, 1), seed_of(seed))
+    return [{"stature": stature, "mass": mass, "sex": sex} for stature, mass, sex in drawn]
 
 
 class Poses(NamedTuple):

@@ -146,6 +146,12 @@ struct Batch::Impl {
 
   tbb::task_arena arena;
   BatchSetup setup;
+  /// A scene that took the place of the first, and an environment of it.
+  struct Other {
+    std::shared_ptr<const scene::Scene> scene;
+    Environment first;
+  };
+  std::vector<Other> others;
   std::vector<Environment> environments;
   std::vector<double> observations;
   std::vector<unsigned char> done, failed;
@@ -179,6 +185,39 @@ const Environment& Batch::operator[](std::size_t i) const { return impl_->enviro
 std::span<const double> Batch::observations() const { return impl_->observations; }
 std::span<const unsigned char> Batch::done() const { return impl_->done; }
 std::span<const unsigned char> Batch::failed() const { return impl_->failed; }
+
+void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& scene) {
+  const auto names = [](const Environment& of) {
+    const model::Model& model = of.scene().model;
+    std::vector<std::string> out;
+    for (const model::Body& body : model.bodies) out.push_back(body.name);
+    for (const model::Joint& joint : model.joints)
+      out.push_back(fmt::format("{} {}", joint.name, static_cast<int>(joint.kind)));
+    for (const model::Muscle& muscle : model.muscles) out.push_back(muscle.name);
+    for (const ObservedPart& part : of.observation().parts())
+      out.insert(out.end(), part.columns.begin(), part.columns.end());
+    out.push_back(fmt::format("{} drives, {} axes, {} at {} s", model.drives.size(),
+                              of.scene().control ? of.scene().control->axes.size() : 0,
+                              of.simulation().engine().version(), of.scene().spec.solver.step));
+    return out;
+  };
+  auto& others = impl_->others;
+  auto other =
+      std::find_if(others.begin(), others.end(), [&](const auto& each) { return each.scene == scene; });
+  if (other == others.end()) {
+    Environment first(Environment::lean(*scene), impl_->setup.environment, true, nullptr);
+    first.renumber();
+    if (names(first) != names((*this)[0]))
+      throw input_error("scene", scene->spec.title,
+                        "bodies, joints, axes, muscles, wrists, engine and step of the batch's");
+    other = others.insert(others.end(), {scene, std::move(first)});
+  }
+  const Environment& like = other->first;
+  Environment made(like.scene_, impl_->setup.environment, true, &like);
+  made.numbers_ = like.numbers_;
+  impl_->environments.at(i) = std::move(made);
+  impl_->begin(i);
+}
 
 void Batch::reset(std::span<const unsigned char> mask) { reset({}, mask); }
 

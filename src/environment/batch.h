@@ -53,6 +53,11 @@ class Batch {
   /// other environments may then have moved.
   void step(const BatchAction& action = {}, int substeps = 1);
 
+  /// Environment i becomes one of another scene, e.g. of another person, at its start. A scene that stays the
+  /// same object is prepared once. @throws Error (input) where bodies, joints, driven axes, muscles, wrists,
+  /// observed numbers, engine or step differ.
+  void replace(std::size_t i, const std::shared_ptr<const scene::Scene>& scene);
+
   Environment& operator[](std::size_t i);
   const Environment& operator[](std::size_t i) const;
   /// [size, observation size], as of the last step or reset.

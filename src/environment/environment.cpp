@@ -98,11 +98,15 @@ void Environment::build() {
   if (!shared_ || !start_) start_ = std::make_shared<const Moment>(simulation_->motion());
 }
 
+void Environment::renumber() {
+  static std::atomic<std::uint64_t> last = 0;
+  numbers_ = ++last;
+}
+
 /// The simulation with the scene's numbers as they are now; its resets mend a failure.
 void Environment::begin() {
   const bool changed = variation_->take_changed();
-  static std::atomic<std::uint64_t> last = 0;
-  if (changed) numbers_ = ++last;
+  if (changed) renumber();
   if (copied_)
     build();
   else if (changed)

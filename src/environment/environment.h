@@ -106,6 +106,7 @@ class Environment {
   void own_scene();
   void check_acts(std::string_view name) const;
   void begin();
+  void renumber();
   void build();
   void check(const Action& action, int substeps) const;
   std::span<const Pose> wrist_targets(const Action& action, int step, int substeps);

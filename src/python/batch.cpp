@@ -105,6 +105,10 @@ class BatchHandle {
     });
   }
 
+  void replace(std::size_t i, const SceneHandle& scene) {
+    calls_.one([&] { batch_.replace(i, scene.scene); });
+  }
+
   /// Begins the seeds anew.
   void seed(std::uint64_t seed) {
     seed_ = seed;
@@ -242,6 +246,7 @@ void bind_batch(py::module_& module) {
            py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
       .def("repeat", &Self::repeat, py::arg("torques"), py::arg("substeps"), py::arg("count"))
       .def("reset", &Self::reset, py::arg("mask"), py::arg("seeds"), py::arg("motion"))
+      .def("replace", &Self::replace, py::arg("environment"), py::arg("scene"))
       .def("seed", &Self::seed, py::arg("seed"))
       .def("set", &Self::set, py::arg("name"), py::arg("values"))
       .def("get", &Self::get, py::arg("name"))

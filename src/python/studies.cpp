@@ -6,6 +6,7 @@
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
 #include "handsim/study/grasp/grasp_study.h"
+#include "handsim/study/rollouts/population.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/stability/stability.h"
 #include "handsim/study/validate/validate.h"
@@ -122,6 +123,20 @@ void track(const path& out, const app::TrackArguments& arguments, const py::obje
   });
 }
 
+/// Stature [m], mass [kg] and sex.
+using PersonNumbers = std::tuple<double, double, std::string>;
+std::vector<PersonNumbers> draw_persons(const std::string& population, int count, std::uint64_t seed) {
+  const study::Population* of = study::population(population);
+  if (!of) throw input_error("population", population, std::string(study::populations().front().name));
+  std::vector<PersonNumbers> out;
+  for (int i = 0; i < count; ++i) {
+    environment::Draws draws(seed, static_cast<std::uint64_t>(i), "person");
+    const hand::Person each = study::draw_person(*of, std::nullopt, draws);
+    out.emplace_back(each.stature, each.mass, each.sex == hand::Sex::male ? "male" : "female");
+  }
+  return out;
+}
+
 std::string validate(const std::optional<path>& file, const path& out) {
   return without_gil([&] { return study::validate({file, false}, {out}).text; });
 }
@@ -173,6 +188,7 @@ void bind_motion(py::module_& module) {
 }  // namespace
 
 void bind_studies(py::module_& module) {
+  module.def("draw_persons", &draw_persons, py::arg("population"), py::arg("count"), py::arg("seed"));
   module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("peers"), py::arg("progress"));
   module.def("effects", &effects_study, py::arg("scene"), py::arg("file"), py::arg("overrides"),
              py::arg("out"), py::arg("repeats"), py::arg("progress"));

@@ -21,6 +21,41 @@ def test_every_environment_moves_as_a_simulation(two_hands):
         assert np.array_equal(batch.q[i], alone.q) and np.array_equal(batch.u[i], alone.u)
 
 
+# Oracle: a simulation of the other person's scene, to the bit, in lanes and alone; the others stay as they were.
+def test_an_environment_becomes_one_of_another_person():
+    of = lambda person: hs.load("two_hands", {f"hands.{side}.person": person for side in (0, 1)}, engine="articulated")
+    first, *others = [of(person) for person in hs.draw_persons(3, seed=4)]
+    batch = hs.Batch(first, 9)
+    for i in range(8):
+        batch.replace(i, others[i % 2])
+    batch.step(substeps=30)
+    expected = [hs.Simulation(scene, contact_forces=False) for scene in (*others, first)]
+    for each in expected:
+        each.step(substeps=30)
+    assert len({each.q.tobytes() for each in expected}) == 3
+    for i in range(9):
+        which = 2 if i == 8 else i % 2
+        assert np.array_equal(batch.q[i], expected[which].q) and batch.scene_of(i) is expected[which].scene
+    batch.replace(0, first)
+    batch.reset()
+    batch.step(substeps=30)
+    assert np.array_equal(batch.q[0], expected[2].q) and np.array_equal(batch.q[1], expected[1].q)
+    for name, changes in (("dropped_hand", {}), ("two_hands", {"solver.step": "2 ms"})):
+        with pytest.raises(hs.Error, match="scene: got .*, need bodies, joints, axes, muscles, wrists, engine and step of the batch's"):
+            batch.replace(1, hs.load(name, changes, engine="articulated"))
+
+
+# Oracle: the survey's means; person k is the same whatever the number.
+def test_persons_are_drawn_from_the_survey():
+    persons = hs.draw_persons(400, seed=2)
+    assert hs.draw_persons(3, seed=2) == persons[:3] != hs.draw_persons(3, seed=3)
+    men = [each["stature"] for each in persons if each["sex"] == "male"]
+    assert 150 < len(men) < 250 and np.mean(men) == pytest.approx(1.756, abs=0.015)
+    assert hs.Hand(**persons[0]).scene.hands == ["right"]
+    with pytest.raises(hs.Error, match="population: got mars, need ansur2"):
+        hs.draw_persons(1, population="mars")
+
+
 # Oracle: numpy's own word on memory: no array owns data, all are in one buffer, whose address stays.
 def test_states_are_views_that_stay_where_they_are(two_hands):
     batch = hs.Batch(two_hands, 4, observe=["fingertips", "q"])

@@ -1,4 +1,5 @@
 """Environments for learning."""
+import json
 import multiprocessing
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 import handsim as hs
-from handsim.gym import TASKS, Episodes, Pose, SceneTask
+from handsim.gym import TASKS, Episodes, KeyTurn, Pose, Reach, SceneTask
 
 needs_gymnasium = pytest.mark.skipif(
     __import__("importlib.util").util.find_spec("gymnasium") is None,
@@ -28,7 +29,7 @@ def test_episodes_are_a_function_of_the_seed(name):
         histories.append([np.hstack([np.column_stack(each.step(action)[1:]), each.batch.observation]) for action in actions])
     assert np.array_equal(*histories)
     other = Episodes(name, 4, seed=8)
-    if name not in ("hold", "turn"):
+    if name not in ("hold", "turn", "key_turn"):
         assert not np.array_equal(other.task.observation(other.batch), first.reset(seed=7))
 
 
@@ -53,7 +54,7 @@ def test_muscles_reach_their_goals_by_the_excitations_that_made_them(name):
     task, random = episodes.task, np.random.default_rng(0)
     made = 0.4 * random.random((512, task.actions)) * (random.random((512, task.actions)) < 0.3)
     episodes.reset(seed=3)
-    chosen = [int(np.argmin(np.abs(task._goals - goal).sum(axis=1))) for goal in task._goal]
+    chosen = [int(np.argmin(np.abs(task._goals[0] - goal).sum(axis=1))) for goal in task._goal]
     action = 2 * np.cbrt(made[chosen]) - 1
     success = np.zeros(64, bool)
     for _ in range(task.max_steps):
@@ -75,6 +76,62 @@ def test_drives_do_what_they_say(drive):
         assert task.actions == 20 and np.all(high[:, 20:40].sum(axis=1) > low[:, 20:40].sum(axis=1))
     with pytest.raises(hs.Error, match="drive: got wires, need one of targets, torques, muscles"):
         Pose(drive="wires")
+
+
+# Oracle: every episode has one of the drawn persons, and its goal is one that this person's hand reaches.
+def test_each_episode_has_another_person():
+    task = Reach(drive="muscles", persons=4)
+    episodes = Episodes(task, 64)
+    before = task.person.copy()
+    episodes.reset(seed=1)
+    assert set(before) == set(task.person) == {0, 1, 2, 3} and not np.array_equal(before, task.person)
+    for i in range(64):
+        assert episodes.batch.scene_of(i) is task.people[task.person[i]]
+        assert np.any(np.all(task._goals[task.person[i]] == task._goal[i], axis=1))
+    lengths = [hs.Hand(**person).dimensions["length[m]"] for person in hs.draw_persons(4)]
+    tips = [np.linalg.norm(episodes.batch["fingertips"][list(task.person).index(k), 14:17] - [0, 0, 0.2]) for k in range(4)]
+    assert np.argsort(tips).tolist() == np.argsort(lengths).tolist()
+
+
+# Oracle: the mirror image: the same action moves both hands alike.
+def test_two_hands_take_their_poses():
+    episodes = Episodes(Pose(hands=2), 2)
+    assert episodes.task.actions == 40 and episodes.task.scene.hands == ["right", "left"]
+    half = np.random.default_rng(0).uniform(-1, 1, (2, 20))
+    episodes.step(np.hstack([half, half]))
+    assert np.allclose(episodes.batch.q[:, :20], episodes.batch.q[:, 20:], atol=1e-12)
+    with pytest.raises(hs.Error, match="hands: got 3, need 1 or 2"):
+        Pose(hands=3)
+
+
+# Oracle: a motion begins with the object where the settled hand holds it, whatever the drive.
+@pytest.mark.parametrize("name", ("hold", "turn", "reorient", "pen_twirl"))
+def test_objects_begin_in_the_hand_by_every_drive(name):
+    starts = []
+    for drive in DRIVES:
+        episodes = Episodes(TASKS[name](drive=drive), 2)
+        assert episodes.task.actions == (41 if drive == "muscles" else 20)
+        starts.append(np.hstack([episodes.batch.q[0], episodes.batch["objects"][0, :7]]))
+    assert np.allclose(starts[0], starts[1], atol=1e-9) and np.array_equal(starts[1], starts[2])
+
+
+# Oracles: the lock's spring brings the key back to its stop; the reward sums to ten times the angle; success ends.
+def test_a_key_turns_against_its_spring():
+    episodes = Episodes(KeyTurn(drive="torques"), 4)
+    task, zero = episodes.task, np.zeros((4, 24))
+    torques = np.zeros((4, len(task.scene.coordinates)))
+    torques[:, -1] = 0.2
+    episodes.batch.step(torques, substeps=20)
+    turned = episodes.batch.q[:, -1].copy()
+    assert np.all(turned > 0.1)
+    assert task.reward(episodes.batch, zero) + 0.5 * np.linalg.norm(
+        task._apart(episodes.batch).reshape(4, 2, 3), axis=2).mean(axis=1) == pytest.approx(10 * turned)
+    for _ in range(task.steady):
+        episodes.batch.step(torques, substeps=100)
+        task.reward(episodes.batch, zero)
+    assert np.all(episodes.batch.q[:, -1] > task.turned) and task.terminated(episodes.batch).all()
+    episodes.batch.step(substeps=500)
+    assert np.abs(episodes.batch.q[:, -1]).max() < 0.01
 
 
 # Oracle: gravity: an opened hand drops the can within a second; one that squeezes holds it for the whole episode.
@@ -139,7 +196,7 @@ def test_any_scene_becomes_a_task(two_hands):
         observation, reward, terminated, truncated = episodes.step(np.ones((2, 40)))
     assert np.array_equal(reward, observation[:, :40].sum(axis=1))
     assert not terminated.any() and truncated.all()
-    with pytest.raises(hs.Error, match="task: got jump, need one of pose, reach, hold, turn, reorient, pen_twirl"):
+    with pytest.raises(hs.Error, match="task: got jump, need one of pose, reach, hold, turn, reorient, pen_twirl, key_turn"):
         Episodes("jump", 2)
 
 
@@ -210,11 +267,29 @@ def test_processes_run_environments_side_by_side():
         assert pool.map(_mean_q, [1, 2]) == [_mean_q(1), _mean_q(2)]
 
 
-# The example runs to its end, and its policy can be played.
-def test_ppo_writes_a_policy_that_plays(tmp_path):
+# The example runs to its end; the model that it writes is a valid one and says its task.
+def test_ppo_writes_a_policy(tmp_path):
+    onnx = pytest.importorskip("onnx")
     example = Path(__file__).parents[2] / "python/examples/ppo.py"
-    few = ["--task", "reach", "--environments", "16", "--horizon", "8", "--minutes", "0.02"]
-    for options in (few, ["--play", str(tmp_path / "policy.npz")]):
-        done = subprocess.run([sys.executable, str(example), "--out", str(tmp_path), *options], capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-    assert "reach by muscles" in done.stdout and hs.study.read_csv(tmp_path / "curve.csv").rows > 0
+    words = ["--task", "reach", "--option", "persons=2", "--environments", "16", "--horizon", "8", "--minutes", "0.02"]
+    done = subprocess.run([sys.executable, str(example), "--out", str(tmp_path), *words], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert hs.study.read_csv(tmp_path / "curve.csv").rows > 0
+    model = onnx.load(str(tmp_path / "policy.onnx"))
+    onnx.checker.check_model(model)
+    said = {each.key: each.value for each in model.metadata_props}
+    assert said["task"] == "reach" and json.loads(said["options"]) == {"drive": "muscles", "persons": 2}
+
+
+# Oracle: the run that a played episode becomes ends where the episode's environment ended.
+@pytest.mark.parametrize("drive", ("targets", "muscles"))
+def test_a_played_episode_is_a_run(tmp_path, drive):
+    from handsim.gym.__main__ import play
+
+    episodes = Episodes(Pose(drive=drive, persons=2), 4)
+    task = episodes.task
+    play(lambda x: 0.3 * np.sin(x[:, :task.actions]), episodes, "pose", tmp_path, 3)
+    end = hs.study.read_csv(tmp_path / "trajectory.csv")
+    last = [end[f"{name}[rad]"][-1] for name in task.scene.coordinates]
+    assert np.allclose(last, episodes.batch.q[0], atol=1e-5)
+    assert (tmp_path / "report.html").exists() == hs.has_reports

@@ -47,6 +47,20 @@ TEST(Scene, AutoEffectsAreWhatTheContentNeeds) {
       << text;
 }
 
+// Oracle: statics: a plate on a hinge that a torque presses onto fingertips rests there; without the hand it falls to
+// its stop.
+TEST(Scene, AHandTouchesABodyOnAHinge) {
+  const std::string plate =
+      "bodies: [{name: plate, mass: 0.1, inertia: [1e-4, 1e-4, 1e-4], position: [0, 0.19, 0.25], collides: true, "
+      "shape: {kind: box, edges: [0.1, 0.1, 0.004]}}]\n"
+      "joints: [{name: hinge, type: hinge, parent: world, child: plate, position: [0, 0.3, 0.25], axes: [{name: turn, "
+      "axis: [1, 0, 0], range: [-1, 1.5]}]}]\nsolver: {engine: articulated}\n";
+  const Scene with = scene_from(with_hand(plate)), without = scene_from("duration: 1\n" + plate);
+  EXPECT_TRUE(with.spec.solver.effects.has(Effect::object_contact));
+  EXPECT_FALSE(without.spec.solver.effects.any_contact());
+  EXPECT_FALSE(with.model.contact_rules.empty());
+}
+
 // Oracle: the scene file: a mug of several shapes, and its support, which does not move.
 TEST(Scene, TheModelKnowsItsObjects) {
   const Scene scene = shipped_scene("grasp_cup");

@@ -1,7 +1,7 @@
 """Environments for learning: `make_vec` for gymnasium, ready tasks, and `Episodes` that needs numpy only.
 
-    env = handsim.gym.make_vec("hold", 1024)                         # also pose, reach, turn, reorient, pen_twirl
-    env = handsim.gym.make_vec("pose", 1024, drive="muscles")        # pose and reach: targets, torques or muscles
+    env = handsim.gym.make_vec("hold", 1024)                         # also pose, reach, turn, reorient, pen_twirl, key_turn
+    env = handsim.gym.make_vec("pose", 1024, drive="muscles")        # targets, torques or muscles
     env = handsim.gym.make_vec("two_hands", 1024, reward=my_reward)  # any scene, with a reward of your own
 
 gymnasium is a package of its own (pip install gymnasium). Where it is installed, importing this module also registers
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 from .._errors import input_error
 from .._scene import Scene
-from ._tasks import (TASKS, BatchFunction, Episodes, HandTask, Hold, PenTwirl, Pose, Reach, Reorient, SceneTask, Task,
+from ._tasks import (TASKS, BatchFunction, Episodes, HandTask, Hold, KeyTurn, PenTwirl, Pose, Reach, Reorient, SceneTask, Task,
                      Turn)
 
 if TYPE_CHECKING:
@@ -65,5 +65,5 @@ def _register() -> None:
 
 _register()
 
-__all__ = ["TASKS", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "PenTwirl", "Pose", "Reach", "Reorient", "SceneTask",
+__all__ = ["TASKS", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "KeyTurn", "PenTwirl", "Pose", "Reach", "Reorient", "SceneTask",
            "Task", "Turn", "make_vec"]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from .._batch import Batch
 from .._core import Motion
-from .._errors import input_error, seed_of
+from .._errors import input_error, seed_of, whole
+from .._hand import draw_persons
 from .._scene import Scene, data_path, load
 from .._simulation import Simulation
 
@@ -45,6 +46,10 @@ class Task:
     """As in `Batch`: drawn at the start of each episode."""
     actions: int
     """Numbers of an action."""
+    people: Sequence[Scene] = ()
+    """The scene with other persons, one of whom is drawn for each episode; without any, all are of `scene`."""
+    person: NDArray[np.int_]
+    """Of each environment's episode: index among `people`."""
 
     def start(self) -> Optional[Motion]:
         """The motion that episodes begin with; None: the scene's start."""
@@ -130,27 +135,47 @@ class HandTask(Task):
     torque = 0.3
     """Of an action of 1 [N m]."""
 
-    def __init__(self, title: str, rotation: dict[str, Any], drive: str, **scene: Any) -> None:
+    def __init__(self, title: str, rotation: dict[str, Any], drive: str, *, hands: int = 1, persons: int = 0,
+                 place: Sequence[float] = (0, 0, 0.2), **scene: Any) -> None:
+        """
+        :param rotation: of the wrist, as in a scene
+        :param drive: ``targets``, ``torques`` or ``muscles``
+        :param hands: 1: the right one; 2: both, 0.3 m apart
+        :param persons: drawn from a survey (`draw_persons`), one of them anew for each episode; 0: the median man
+        :param place: of the wrist, or of the middle between both [m]
+        :param scene: keys of the scene
+        """
+        if hands not in (1, 2):
+            raise input_error("hands", str(hands), "1 or 2")
         if drive not in DRIVES:
             raise input_error("drive", str(drive), f"one of {', '.join(DRIVES)}")
         data = data_path()
         motors = {"control": {"controller": str(data / "controllers/implicit.yaml"),
                               "poses": str(data / "controllers/poses.yaml"), "program": "every_pose"}}
         own: dict[str, list[str]] = {"targets": ["actuation"], "torques": [], "muscles": ["muscles", "tendon_coupling"]}
-        effects = [*scene.pop("effects", ["gravity", "joint_stops", "passive_tissue"]), *own[drive]]
+        effects = list(dict.fromkeys([*scene.pop("effects", ["gravity", "joint_stops", "passive_tissue"]), *own[drive]]))
         tissue = {} if drive == "muscles" else {"tissue": {"stiffness": 0, "damping": 1}}
         self.driven = drive
-        self.scene = load({
-            "title": title,
-            "hands": [{"model": str(data / "handmodels/anatomical.yaml"),
-                       "person": str(data / "config/persons/median_man.yaml"), "side": "right",
-                       "wrist": {"mount": "fixed", "position": [0, 0, 0.2], "rotation": rotation}, **tissue}],
-            **(motors if drive == "targets" else {}), "effects": effects,
-            "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene})
+        model, who = str(data / "handmodels/anatomical.yaml"), str(data / "config/persons/median_man.yaml")
+        x, y, z = place
+        sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
+
+        def made(person: Any) -> Scene:
+            return load({
+                "title": title,
+                "hands": [{"model": model, "person": person, "side": side, **tissue,
+                           "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": rotation}}
+                          for side, across in list(sides.items())[:hands]],
+                **(motors if drive == "targets" else {}), "effects": effects,
+                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene})
+
+        self.people = [made(person) for person in draw_persons(whole("persons", persons, 1))] if persons else []
+        self.scene = self.people[0] if persons else made(who)
         self.substeps = round(0.02 / self.scene.step)
-        self._driven = self.scene.axis_coordinates if drive == "targets" else np.arange(len(self.scene.coordinates))
+        own = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
+        self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(own)
         self._low, self._high = self.scene.limits[self._driven].T
-        self.actions = len(self.scene.muscles) if drive == "muscles" else len(self.scene.coordinates)
+        self.actions = len(self.scene.muscles) if drive == "muscles" else len(self._driven)
         self._targets = np.empty((0, self.actions))
         self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), *self.observe[2:])
 
@@ -164,7 +189,9 @@ class HandTask(Task):
         if self.driven == "muscles":
             return {"excitations": self._excitation(action)}
         if self.driven == "torques":
-            return {"torques": self.torque * action}
+            torques = np.zeros((len(batch), len(self.scene.coordinates)))
+            torques[:, self._driven] = self.torque * action
+            return {"torques": torques}
         self._targets = _clipped(self._targets + self.speed * action, self._low, self._high)
         return {"targets": self._targets}
 
@@ -177,17 +204,22 @@ class HandTask(Task):
             more = (self._targets - batch.q[:, self._driven], *more)
         return np.concatenate((batch.observation, *more), axis=1)
 
-    def _held(self, parts: Sequence[str], n: int = 512) -> dict[str, Array]:
-        """Parts of the observation in n postures that the drive can hold: each after a second of one random action."""
+    def _held(self, parts: Sequence[str]) -> tuple[dict[str, Array], NDArray[np.int_]]:
+        """Parts of the observation in postures that the drive can hold, each after a second of one random action; and the
+        person of each. 512 postures, or 64 of each person."""
+        n = 64 * len(self.people) if self.people else 512
         batch, random = Batch(self.scene, n, observe=parts), np.random.default_rng(0)
+        person = np.arange(n) % max(1, len(self.people))
+        for i, scene in enumerate(self.people[k] for k in person if self.people):
+            batch.replace(i, scene)
         if self.driven == "targets":
             action = {"targets": self._low + (0.1 + 0.8 * random.random((n, self.actions))) * (self._high - self._low)}
         elif self.driven == "torques":
-            action = {"torques": self.torque * 0.1 * random.uniform(-1, 1, (n, self.actions))}
+            action = {"torques": self.torque * 0.1 * random.uniform(-1, 1, (n, len(self.scene.coordinates)))}
         else:
             action = {"excitations": 0.4 * random.random((n, self.actions)) * (random.random((n, self.actions)) < 0.3)}
         batch.step(**action, substeps=round(1 / self.scene.step))
-        return {part: batch[part][~batch.failed].copy() for part in parts}
+        return {part: batch[part][~batch.failed].copy() for part in parts}, person[~batch.failed]
 
 
 class _Goal(HandTask):
@@ -200,16 +232,18 @@ class _Goal(HandTask):
     steady = 5
     """Steps near the goal that make a success."""
 
-    def _prepare(self, goals: Array) -> None:
-        self._goals = goals
+    def _prepare(self, goals: Array, person: NDArray[np.int_]) -> None:
+        self._goals = [goals[person == k] for k in range(person.max() + 1)]
         self._goal = np.empty((0, goals.shape[1]))
         self._near = np.empty(0, int)
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         super().begin(batch, mask, random)
         if len(self._goal) != len(batch):
-            self._goal, self._near = np.zeros((len(batch), self._goals.shape[1])), np.zeros(len(batch), int)
-        self._goal[mask] = self._goals[random.integers(len(self._goals), size=int(mask.sum()))]
+            self._goal, self._near = np.zeros((len(batch), self._goals[0].shape[1])), np.zeros(len(batch), int)
+        for i in np.flatnonzero(mask):
+            own = self._goals[self.person[i]]
+            self._goal[i] = own[random.integers(len(own))]
         self._near[mask] = 0
 
     def _missing(self, batch: Batch) -> Array:
@@ -235,8 +269,8 @@ class _Goal(HandTask):
 
 
 _PALM_SIDE = {"axis": [1, 0, 0], "angle": "90 deg"}
-_SIDE_VIEW = {"size": [480, 480], "camera": {"position": [0, 0.5, 0.32], "target": [0, 0, 0.28],
-                                             "field_of_view": "26 deg"}}
+_VIEWS = {hands: {"size": [480, 480], "camera": {"position": [0, 0.5, 0.32], "target": [0, 0, 0.28], "field_of_view": angle}}
+          for hands, angle in ((1, "30 deg"), (2, "46 deg"))}
 
 
 class Pose(_Goal):
@@ -250,9 +284,11 @@ class Pose(_Goal):
     near = 0.1
     """[rad]"""
 
-    def __init__(self, *, drive: str = "targets") -> None:
-        super().__init__("a hand takes a pose", _PALM_SIDE, drive, pictures=_SIDE_VIEW)
-        self._prepare(self._held(["q"])["q"])
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
+        """As `HandTask`."""
+        super().__init__("a hand takes a pose", _PALM_SIDE, drive, hands=hands, persons=persons, pictures=_VIEWS.get(hands, {}))
+        held, person = self._held(["q"])
+        self._prepare(held["q"], person)
 
     def _missing(self, batch: Batch) -> Array:
         return np.asarray(self._goal - batch.q)
@@ -274,9 +310,12 @@ class Reach(_Goal):
     """[m]"""
     observe = ("q", "u", "fingertips")
 
-    def __init__(self, *, drive: str = "targets") -> None:
-        super().__init__("fingertips reach their places", _PALM_SIDE, drive, pictures=_SIDE_VIEW)
-        self._prepare(self._places(self._held(["fingertips"])["fingertips"]))
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
+        """As `HandTask`."""
+        super().__init__("fingertips reach their places", _PALM_SIDE, drive, hands=hands, persons=persons,
+                         pictures=_VIEWS.get(hands, {}))
+        held, person = self._held(["fingertips"])
+        self._prepare(self._places(held["fingertips"]), person)
 
     @staticmethod
     def _places(tips: Array) -> Array:
@@ -289,25 +328,33 @@ class Reach(_Goal):
         return np.asarray(0.1 * np.linalg.norm(self._missing(batch).reshape(len(batch), -1, 3), axis=2).mean(axis=1))
 
 
-class _InHand(Task):
-    """An object in a hand; an action moves the targets about those of `_middle`."""
+class _InHand(HandTask):
+    """An object in a hand. ``targets``: an action moves them about those of `_middle`; the others as `HandTask`."""
 
     observe = ("q", "u", "objects")
     span = 0.6
     """Change of a target by an action of 1 [rad]."""
 
-    def _prepare(self, simulation: Simulation) -> None:
+    def _begin_as(self, settled: Simulation) -> None:
+        """Episodes begin as a simulation by targets stands; by torques and muscles at rest in its posture."""
+        simulation = settled
+        if self.driven == "targets":
+            self.scene, self._driven = settled.scene, settled.scene.axis_coordinates
+            self._low, self._high = self.scene.limits[self._driven].T
+            self._middle = settled.q[self._driven].copy()
+            self.actions = len(self._driven)
+        else:
+            simulation = Simulation(self.scene)
+            simulation.reset(q=settled.q, objects=_seen(settled, "objects")[:, :7])
         self._motion = simulation.motion()
-        self._coordinates = self.scene.axis_coordinates
-        self._low, self._high = self.scene.limits[self._coordinates].T
-        self._middle = simulation.q[self._coordinates].copy()
         self._start_place = simulation.bodies.position[self.scene.bodies.index(self.scene.objects[0])].copy()
-        self.actions = len(self._coordinates)
 
     def start(self) -> Optional[Motion]:
         return self._motion
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        if self.driven != "targets":
+            return super().drive(batch, action, random)
         return {"targets": np.clip(self._middle + self.span * action, self._low, self._high)}
 
     def _shift(self, batch: Batch) -> Array:
@@ -321,12 +368,24 @@ class _InHand(Task):
         return out
 
 
+def _seen(simulation: Simulation, part: str) -> Array:
+    """A part of the observation, shape (1, numbers)."""
+    batch = Batch(simulation.scene, 1, observe=[part])
+    batch.reset(to=simulation.motion())
+    return batch[part]
+
+
+_TOUCHED: dict[str, Any] = {"effects": ["gravity", "object_contact", "friction", "joint_stops", "passive_tissue"],
+            "solver": {"engine": "articulated", "step": "2 ms"}}
+
+
 class Hold(_InHand):
     """The hand holds a soup can while random forces pull at it.
 
     An episode begins with the can lifted in a closed hand, which an action of 0 opens by 0.3 rad in each flexion: the can
     falls. Observation: q, u, and of the can its shift from the start [m], quaternion, velocity and angular velocity.
-    Action: target of each joint, 1 is 0.6 rad more flexion or abduction. Each 0.1 s a new force of random direction pulls
+    Action: target of each joint, 1 is 0.6 rad more flexion or abduction; torques and excitations as `HandTask`, which begin
+    with a hand at rest in the same posture. Each 0.1 s a new force of random direction pulls
     at the can, up to ``disturbance`` times its weight. Reward of a step (20 ms): 1 minus the can's shift over 50 mm,
     minus 0.05 times the mean square of the action. An episode is terminated when the can has moved by 50 mm, truncated
     after 100 steps.
@@ -340,15 +399,29 @@ class Hold(_InHand):
     """Extension of an action of 0 [rad]."""
     force_steps = 5
 
-    def __init__(self, *, disturbance: float = 1) -> None:
-        self.scene = load("grasp_power_can", {
-            "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms", "pictures.size": [480, 480],
-            "pictures.camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
-                                "field_of_view": "29 deg"}}, engine="articulated")
-        simulation = Simulation(self.scene)
-        simulation.step(substeps=round(2.4 / self.scene.step))
-        self._prepare(simulation)
-        self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
+    def __init__(self, *, drive: str = "targets", disturbance: float = 1) -> None:
+        """
+        :param drive: ``targets``, ``torques`` or ``muscles``
+        :param disturbance: largest force over the can's weight
+        """
+        pictures = {"size": [480, 480], "camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
+                                                   "field_of_view": "29 deg"}}
+        held = Simulation(load("grasp_power_can", {
+            "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms",
+            **{f"pictures.{key}": value for key, value in pictures.items()}}, engine="articulated"))
+        held.step(substeps=round(2.4 / held.scene.step))
+        wrist = _seen(held, "wrists")[0]
+        turn = 2 * np.arccos(np.clip(wrist[3], -1, 1))
+        super().__init__(held.scene.title, {"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(turn)},
+                         drive, place=wrist[:3].tolist(), pictures=pictures, **_TOUCHED, objects=[
+                             {"name": held.scene.objects[0], "position": [0, 0, 1],
+                              "file": str(data_path() / "config/objects/tomato_soup_can.yaml")}], contacts={
+                             "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"),
+                                            "spinning_friction": 0}],
+                             "rules": [{"between": ["hands", "objects"], "material": "pad"}]})
+        self._begin_as(held)
+        if drive == "targets":
+            self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
         self._body = self.scene.objects[0]
         weight = 9.80665 * self.scene.masses[self.scene.bodies.index(self._body)]
         self._largest = disturbance * weight
@@ -379,20 +452,18 @@ class _InPalm(_InHand):
     bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
     """Flexion of thumb and fingers at the start [rad]."""
 
-    def __init__(self, title: str, **thing: Any) -> None:
+    def __init__(self, title: str, drive: str, **thing: Any) -> None:
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
-        self.scene = HandTask(
-            title, {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, "targets",
-            objects=[{"position": [0, 0.11, 0.23], **thing}],
-            solver={"engine": "articulated", "step": "2 ms"},
-            effects=["gravity", "object_contact", "friction", "joint_stops", "passive_tissue"],
-            pictures={"size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18],
-                                                     "field_of_view": "22 deg"}}).scene
-        targets = np.array([self._angle(name) for name in self.scene.axes])
-        simulation = Simulation(self.scene)
-        simulation.step(targets=targets, substeps=round(1.0 / self.scene.step))
-        self._prepare(simulation)
-        self._middle = targets
+        rotation = {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}
+        scene = {**_TOUCHED, "objects": [{"position": [0, 0.11, 0.23], **thing}], "pictures": {
+            "size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18], "field_of_view": "22 deg"}}}
+        settled = Simulation(HandTask(title, rotation, "targets", **scene).scene)
+        targets = np.array([self._angle(name) for name in settled.scene.axes])
+        settled.step(targets=targets, substeps=round(1.0 / settled.scene.step))
+        super().__init__(title, rotation, drive, **scene)
+        self._begin_as(settled)
+        if drive == "targets":
+            self._middle = targets
 
     def _angle(self, axis: str) -> float:
         _, joint, kind = axis.split(".")
@@ -407,15 +478,15 @@ class Turn(_InPalm):
 
     The palm is up, its fingers lower than its wrist; a tennis ball lies in the bent fingers. Observation: q, u, and of the
     ball its shift from the start [m], quaternion, velocity and angular velocity. Action: target of each joint, 1 is 0.4 rad
-    from its target at the start. Reward of a step (20 ms): the angle that the ball turns about the vertical,
+    from its target at the start; torques and excitations as `HandTask`. Reward of a step (20 ms): the angle that the ball turns about the vertical,
     counterclockwise from above [rad], minus 0.002 times the mean square of the action. An episode is terminated when the
     ball has moved by 60 mm, with 5 less of reward; truncated after 200 steps.
     """
 
     max_steps = 200
 
-    def __init__(self) -> None:
-        super().__init__("a hand turns a ball", name="ball", file=str(data_path() / "config/objects/tennis_ball.yaml"))
+    def __init__(self, *, drive: str = "targets") -> None:
+        super().__init__("a hand turns a ball", drive, name="ball", file=str(data_path() / "config/objects/tennis_ball.yaml"))
 
     def reward(self, batch: Batch, action: Array) -> Array:
         turned = batch["objects"][:, 12] * self.scene.step * self.substeps
@@ -443,8 +514,8 @@ class Reorient(_InPalm):
     steady = 5
     thing: Mapping[str, Any] = {"name": "die", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
 
-    def __init__(self) -> None:
-        super().__init__("a hand turns a die", **self.thing)
+    def __init__(self, *, drive: str = "targets") -> None:
+        super().__init__("a hand turns a die", drive, **self.thing)
         self._goal, self._near = np.empty((0, 4)), np.empty(0, int)
         first = Simulation(self.scene)
         first.reset(self._motion)
@@ -503,6 +574,79 @@ class PenTwirl(Reorient):
         return np.asarray(angle * normal / np.maximum(length, 1e-12))
 
 
+class KeyTurn(HandTask):
+    """Thumb and index turn a key against its lock's spring: the bow of 24 mm stands between their pads, on a hinge that points
+    away from the hand, and a torque of 0.03 N m turns it back.
+
+    Observation: q and u of all joints, the last one's the key's, what the drive holds (`HandTask`), and the bow's place less
+    thumb's and index' tips [dm]. Reward of a step (20 ms): ten times the angle by which the key turns on, counterclockwise as
+    the hand sees it [rad], minus 0.5 times the distance of the two tips from the bow [dm], minus 0.01 times the mean square of
+    the action (of the excitation); 10 on success: five steps in a row beyond 60 degrees. Stops are at 0 and 90 degrees. Success
+    ends the episode; it is truncated after 100 steps.
+    """
+
+    max_steps = 100
+    turned, steady = np.pi / 3, 5
+    """[rad]; steps"""
+    observe = ("q", "u", "fingertips")
+    opened = {"thumb_cmc": (0.19, -0.02), "thumb_mcp": (0.2,), "thumb_ip": (0.25,), "index_mcp": (0.7, 0), "index_pip": (0.7,),
+              "index_dip": (0.35,)}
+    """Angles of the hand around the key [rad]."""
+
+    def __init__(self, *, drive: str = "targets") -> None:
+        free = Simulation(HandTask("a hand", _PALM_SIDE, "targets").scene)
+        angles = {f"right.{joint}.{name}": angle for joint, of in self.opened.items()
+                  for name, angle in zip(("flexion", "abduction"), of)}
+        q = np.array([angles.get(name, 0.2 if name.endswith("flexion") and "mcp" in name else 0) for name in free.scene.coordinates])
+        free.reset(q=q)
+        tips = _seen(free, "fingertips").reshape(-1, 7)[:2, :3]
+        across = (tips[1] - tips[0]) / np.linalg.norm(tips[1] - tips[0])
+        self._place = tips.mean(axis=0)
+        hinge = np.array([0, 0, 1]) - across[2] * across  # of the directions that point away from the hand
+        hinge /= np.linalg.norm(hinge)
+        axes = np.column_stack([across, np.cross(hinge, across), hinge])
+        turn = 0.5 * np.array([axes[2, 1] - axes[1, 2], axes[0, 2] - axes[2, 0], axes[1, 0] - axes[0, 1]])
+        angle = float(np.arctan2(np.linalg.norm(turn), 0.5 * (np.trace(axes) - 1)))
+        pose = {"position": self._place.tolist(), "rotation": {"axis": turn.tolist(), "angle": angle}}
+        super().__init__("a hand turns a key", _PALM_SIDE, drive, **{**_TOUCHED, "effects": [*_TOUCHED["effects"], "actuation"], "pictures": {
+            "size": [480, 480], "camera": {"position": [-0.25, 0.35, 0.45], "target": [0, -0.03, 0.29], "field_of_view": "26 deg"}},
+            "bodies": [{"name": "key", "mass": "30 g", "inertia": [5e-5, 5e-5, 5e-5], **pose, "collides": True, "friction": 0.8,
+                        "shape": {"kind": "box", "edges": ["3 mm", "24 mm", "22 mm"]}}],
+            "joints": [{"name": "lock", "type": "hinge", "parent": "world", "child": "key", "position": self._place.tolist(),
+                        "axes": [{"name": "turn", "axis": hinge.tolist(), "range": [0, "90 deg"], "torque": -0.03}]}]})
+        start = Simulation(self.scene)
+        start.reset(q=np.append(q, 0))
+        self._motion = start.motion()
+        self._before, self._beyond = np.empty(0), np.empty(0, int)
+
+    def start(self) -> Optional[Motion]:
+        return self._motion
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        super().begin(batch, mask, random)
+        if len(self._before) != len(batch):
+            self._before, self._beyond = np.zeros(len(batch)), np.zeros(len(batch), int)
+        self._before[mask], self._beyond[mask] = 0, 0
+
+    def _apart(self, batch: Batch) -> Array:
+        tips = batch["fingertips"].reshape(len(batch), -1, 7)[:, :2, :3]
+        return np.asarray(10 * (self._place - tips).reshape(len(batch), 6))
+
+    def observation(self, batch: Batch) -> Array:
+        return self._with(batch, self._apart(batch))
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        angle = batch.q[:, -1]
+        self._beyond = np.where(angle > self.turned, self._beyond + 1, 0)
+        gained, self._before = angle - self._before, angle.copy()
+        apart = np.linalg.norm(self._apart(batch).reshape(-1, 2, 3), axis=2).mean(axis=1)
+        effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
+        return np.asarray(10 * gained - 0.5 * apart - effort + 10.0 * (self._beyond >= self.steady))
+
+    def terminated(self, batch: Batch) -> Mask:
+        return np.asarray(self._beyond >= self.steady)
+
+
 def _product(a: Array, b: Array) -> Array:
     """Of quaternions w x y z, row by row."""
     w, v, x, u = a[:, :1], a[:, 1:], b[:, :1], b[:, 1:]
@@ -516,7 +660,8 @@ def _axis(q: Array) -> Array:
 
 
 TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": Hold, "turn": Turn, "reorient": Reorient,
-                                         "pen_twirl": PenTwirl}
+                                         "pen_twirl": PenTwirl,
+                                         "key_turn": KeyTurn}
 
 
 def task_of(task: Union[Task, str], **options: Any) -> Task:
@@ -538,6 +683,9 @@ class Episodes:
         self.random = np.random.default_rng(seed_of(seed))
         self.steps = np.zeros(n, int)
         """Of each environment's episode."""
+        self.given: dict[str, Any] = {}
+        """To `Batch.step` by the last step."""
+        self.task.person = np.zeros(n, int)
         self._start = self.task.start()
         self.reset()
 
@@ -546,6 +694,10 @@ class Episodes:
         if seed is not None:
             self.random = np.random.default_rng(seed_of(seed))
         chosen = np.ones(len(self.batch), bool) if mask is None else mask
+        if self.task.people:
+            for i in np.flatnonzero(chosen):
+                self.task.person[i] = k = int(self.random.integers(len(self.task.people)))
+                self.batch.replace(i, self.task.people[k])
         self.batch.reset(chosen, seed=seed, to=self._start)
         self.steps[chosen] = 0
         self.task.begin(self.batch, chosen, self.random)
@@ -558,7 +710,8 @@ class Episodes:
         if np.shape(action) != shape:
             raise input_error("action", f"shape {np.shape(action)}", f"shape {shape}")
         clipped = _clipped(action, -1, 1)
-        self.batch.step(**self.task.drive(self.batch, clipped, self.random), substeps=self.task.substeps)
+        self.given = self.task.drive(self.batch, clipped, self.random)
+        self.batch.step(**self.given, substeps=self.task.substeps)
         self.steps += 1
         failed = self.batch.failed
         reward = np.where(failed, 0, self.task.reward(self.batch, clipped))

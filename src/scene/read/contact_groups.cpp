@@ -49,7 +49,7 @@ std::optional<Effect> effect_of(const ContactGroups::Group& a, const ContactGrou
   if (a.owner == Owner::ground && b.owner == Owner::ground) return std::nullopt;
   if (either(Owner::ground)) return Effect::ground_contact;
   if (a.owner == Owner::hand && b.owner == Owner::hand) return Effect::self_contact;
-  if (either(Owner::object)) return Effect::object_contact;
+  if (either(Owner::object) || either(Owner::hand)) return Effect::object_contact;
   return std::nullopt;
 }
 

@@ -14,6 +14,14 @@ namespace {
 using model::Effect;
 using model::Effects;
 
+/// True if something can be touched: an object, or beside a hand a body of a mechanism.
+bool has_touched(const SceneSpec& scene) {
+  const auto& bodies = scene.mechanism.bodies;
+  return !scene.objects.empty() ||
+         (!scene.hands.empty() &&
+          std::any_of(bodies.begin(), bodies.end(), [](const BodySpec& body) { return body.collides; }));
+}
+
 /// The smallest set of effects that the scene's content needs. Self contact of a hand is
 /// included only if a contact rule needs it.
 Effects needed_effects(const SceneSpec& scene) {
@@ -41,7 +49,7 @@ Effects needed_effects(const SceneSpec& scene) {
     for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
       if (of_rules.has(effect)) effects.add(effect);
   } else {
-    if (!scene.objects.empty()) effects.add(Effect::object_contact);
+    if (has_touched(scene)) effects.add(Effect::object_contact);
     if (scene.ground) effects.add(Effect::ground_contact);
   }
   if (effects.any_contact()) effects.add(Effect::friction);
@@ -113,8 +121,8 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
         "both or neither");
   check(effects.has(Effect::ground_contact) && !scene.ground, "ground_contact without a ground",
         "both or neither");
-  check(effects.has(Effect::object_contact) && scene.objects.empty(), "object_contact without objects",
-        "at least one object");
+  check(effects.has(Effect::object_contact) && !has_touched(scene), "object_contact without objects",
+        "at least one object, or beside a hand a body that collides");
   check(effects.has(Effect::self_contact) && scene.hands.empty(), "self_contact without hands",
         "at least one hand");
   const bool stops = !scene.hands.empty() || any_axis(scene.mechanism, [](const model::JointAxis& axis) {

@@ -1,0 +1,120 @@
+"""Plays a policy in new episodes: python3 -m handsim.gym policy.onnx --out out/played
+
+Prints the share of episodes that end with success. Writes played.mp4 of four of them (with ffmpeg), and for a task that
+begins as its scene, driven by targets or muscles, a run of the first with its report: played/report.html. Needs onnxruntime
+(pip install onnxruntime), or onnx from 1.13 on.
+
+The model takes observations, float32 of shape (n, numbers), and gives actions (n, actions). Its metadata `task` and `options`
+(JSON), which python/examples/ppo.py writes, say the task; --task and --option replace them.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import Any, Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+import handsim as hs
+
+from . import TASKS, Episodes
+
+Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+
+def policy_of(path: Path) -> tuple[Policy, dict[str, str]]:
+    """The model as a function, and its metadata."""
+    try:
+        import onnxruntime
+
+        session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
+        name = session.get_inputs()[0].name
+        return lambda x: session.run(None, {name: x})[0], session.get_modelmeta().custom_metadata_map
+    except ImportError:
+        pass
+    try:
+        import onnx
+        from onnx.reference import ReferenceEvaluator
+    except ImportError:
+        sys.exit("handsim.gym: a policy needs onnxruntime: pip install onnxruntime")
+    model = onnx.load(str(path))
+    run = ReferenceEvaluator(model)
+    return lambda x: run.run(None, {run.input_names[0]: x})[0], {each.key: each.value for each in model.metadata_props}
+
+
+def run_again(episodes: Episodes, driven: list[dict[str, Any]], out: Path) -> None:
+    """The first environment's episode as a run of its scene with a report; each action was held for a step."""
+    scene, step = episodes.batch.scene_of(0), episodes.task.scene.step * episodes.task.substeps
+    muscles = "excitations" in driven[0]
+    names = [muscle.name for muscle in scene.muscles] if muscles else [f"{name}[rad]" for name in scene.axes]
+    times = np.sort(np.concatenate([np.arange(len(driven)) * step, np.arange(1, len(driven) + 1) * step - 1e-9]))
+    rows = np.repeat([next(iter(each.values()))[0] for each in driven], 2, axis=0)
+    table = (out / "actions.csv").resolve()
+    np.savetxt(table, np.column_stack([times, rows]), "%.17g", ",", header=",".join(["time[s]", *names]), comments="")
+    for name, content in scene._core.standalone().items():
+        (out / "scene" / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / "scene" / name).write_bytes(content)
+    given = {"excitations" if muscles else "control.program": str(table), "duration": len(driven) * step}
+    hs.load(out / "scene" / "resolved.yaml", given).run(out, report=hs.has_reports, frames=4)
+
+
+def film(episodes: Episodes, frames: list[list[hs.Frame]], out: Path) -> None:
+    """Of four environments, two by two."""
+    films = [episodes.batch.scene_of(i).draw_frames([row[i] for row in frames], size=(240, 240)) for i in range(4)]
+    grid = [np.vstack([np.hstack([np.asarray(each[t]) for each in films[j:j + 2]]) for j in (0, 2)])
+            for t in range(len(frames))]
+    hs.save_video(grid, out / "played.mp4", fps=25)
+
+
+def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -> None:
+    count = len(episodes.batch)
+    observation = episodes.reset(seed=seed)
+    success, going = np.zeros(count, bool), np.ones(count, bool)
+    frames: list[list[hs.Frame]] = []
+    driven: list[dict[str, Any]] = []
+    for step in range(episodes.task.max_steps):
+        if step % 2 == 0:
+            frames.append([episodes.batch.frame(i % count) for i in range(4)])
+        observation, _, terminated, _ = episodes.step(policy(observation.astype(np.float32)))
+        if going[0]:
+            driven.append({key: np.array(value) for key, value in episodes.given.items() if key in ("targets", "excitations")})
+        success |= terminated & going & ~episodes.batch.failed
+        going &= ~terminated
+    print(f"{title}: {success.mean():.1%} of {count} new episodes end with success")
+    out.mkdir(parents=True, exist_ok=True)
+    if episodes.task.start() is None and driven[0]:
+        run_again(episodes, driven, out)
+    if hs.has_pictures and shutil.which("ffmpeg") and count >= 4:
+        film(episodes, frames, out)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python3 -m handsim.gym", description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("policy", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--task", choices=TASKS)
+    parser.add_argument("--option", action="append", default=[], help="key=value of the task")
+    parser.add_argument("--episodes", type=int, default=256)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    policy, said = policy_of(asked.policy)
+    name = asked.task or said.get("task")
+    if name not in TASKS:
+        parser.error(f"{asked.policy}: task: got {name}, need --task, one of {', '.join(TASKS)}")
+    options = json.loads(said.get("options", "{}"))
+    options.update((key, json.loads(value)) for key, value in (each.split("=", 1) for each in asked.option))
+    try:
+        play(policy, Episodes(TASKS[name](**options), asked.episodes, seed=asked.seed), f"{name} {options}", asked.out, asked.seed)
+    except hs.Error as error:
+        print(error, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
