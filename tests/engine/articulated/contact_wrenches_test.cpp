@@ -6,7 +6,7 @@
 #include <Eigen/Dense>
 
 #include "handsim/core/pose.h"
-#include "handsim/engine/articulated/contact_newton.h"
+#include "handsim/engine/articulated/contact/solver.h"
 
 namespace handsim::engine::articulated {
 namespace {
