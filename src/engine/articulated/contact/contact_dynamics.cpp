@@ -7,18 +7,21 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact/tuning.h"
 #include "handsim/engine/collision/ode_library.h"
 
 namespace handsim::engine::articulated {
 
 namespace {
 
-/// Contacts of light pairs that a load presses in faster than this [m/s] are made stiffer, to a share of that
-/// speed, in so many passes at most. Chosen: 0.01 m/s is 10 um a step at 1 ms.
-constexpr double kMostYield = 0.01, kFirmShare = 0.1;
-constexpr int kMostFirmer = 12;
 /// So many pairs touch at a time, usually.
 constexpr std::size_t kUsualPairs = 8;
+
+/// One for each thread: thousands of engines that take turns need one.
+Workspace& workspace() {
+  thread_local Workspace own;
+  return own;
+}
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
@@ -60,7 +63,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
     if (rate_count(topology.nodes[i].kind) != 1) continue;
     const NodeView& view = mechanism.view(i);
     const int dof = space_.first_dof(static_cast<int>(i));
-    axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u, 0, false});
+    axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u});
   }
 }
 
@@ -91,7 +94,7 @@ void ContactDynamics::order_dofs() {
   for (int dof = 0; dof < n; ++dof)
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
       first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
-  solver_.resize(first);
+  system_.assign(first, workspace());
   inverse_inertia_.resize(at(n));
   change_.resize(at(n));
   involved_.resize(at(n));
@@ -110,7 +113,7 @@ void ContactDynamics::select_dofs() {
   chosen_.clear();
   for (int i = 0; i < space_.size(); ++i)
     if (involved(order_[at(i)])) chosen_.push_back(i);
-  if (!solver_.select(chosen_)) return;
+  if (!system_.chosen.choose(system_.all, chosen_)) return;
   dof_of_.clear();
   std::fill(place_.begin(), place_.end(), kNoDof);
   for (const int i : chosen_) {
@@ -145,7 +148,7 @@ void ContactDynamics::save(ArchiveWriter& out) const {
   out(memory_.points.size());
   for (const ContactMemory::Point& each : memory_.points) carry(out, each);
   out(memory_.change);
-  solver_.save(out);
+  system_.save(out);
 }
 
 void ContactDynamics::restore(ArchiveReader& in) {
@@ -160,7 +163,7 @@ void ContactDynamics::restore(ArchiveReader& in) {
   in(memory_.change);
   if (!memory_.change.empty() && memory_.change.size() != at(space_.size()))
     in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
-  solver_.restore(in);
+  system_.restore(in);
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
@@ -170,7 +173,7 @@ int ContactDynamics::collide(const model::State& state, const Prospect& prospect
 }
 
 /// How a body moves; a base during the step.
-ContactDynamics::Side ContactDynamics::side(int shape) const {
+ContactDynamics::Motion ContactDynamics::motion_of(int shape) const {
   const int node = node_of(shape);
   if (node == kNoNode) {
     const BaseMotion& base = mechanism_.base(body_of(shape));
@@ -223,7 +226,7 @@ bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const
     if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
       return false;
   }
-  return each.side == 0 && rate >= -stop_target(*each.q - *a.low, step) &&
+  return each.side == Side::within && rate >= -stop_target(*each.q - *a.low, step) &&
          rate <= stop_target(*a.high - *each.q, step);
 }
 
@@ -242,13 +245,13 @@ void ContactDynamics::choose_trees(double step) {
 }
 
 /// The solver's A and g from the step without contacts and stops, of the trees that are involved.
-void ContactDynamics::find_free(double step) {
+void ContactDynamics::find_free(Problem& p, double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
   if (muscles_) muscles_->correct(step);
   choose_trees(step);
-  solver_.begin();
+  p.begin(system_.chosen);
   space_.find_inertia([&](int dof) { return involved(dof); });
   for (const Coordinate& each : axes_)
     if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
@@ -256,28 +259,27 @@ void ContactDynamics::find_free(double step) {
   // A, and g = A x of the free step.
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
-  const std::span<double> g = solver_.drive();
   for (int dof = 0; dof < n; ++dof) {
     if (!involved(dof)) continue;
     const int i = place_[at(dof)];
     const double* S = space_.axis_data(dof);
-    double* motion = solver_.motion(i);
+    double* motion = p.motion(i);
     for (std::size_t k = 0; k < 3; ++k) {
       motion[k] = S[k * mechanism_.stride()];
       motion[4 + k] = S[(3 + k) * mechanism_.stride()];
     }
-    if (!memory_.change.empty()) solver_.start()[at(i)] = memory_.change[at(dof)];
+    if (!memory_.change.empty()) p.start[at(i)] = memory_.change[at(dof)];
     const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
-    const double own = solver_.inertia(i, i) = space_.inertia(dof, dof);
+    const double own = p.inertia(i, i) = space_.inertia(dof, dof);
     inverse_inertia_[at(i)] = 1 / own;
     double sum = own * change;
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j)) {
       const int k = place_[at(j)];
-      const double entry = solver_.inertia(i, k) = space_.inertia(dof, j);
-      g[at(k)] += entry * change;
+      const double entry = p.inertia(i, k) = space_.inertia(dof, j);
+      p.g[at(k)] += entry * change;
       sum += entry * change_[at(j)];
     }
-    g[at(i)] += sum;
+    p.g[at(i)] += sum;
   }
 }
 
@@ -287,7 +289,7 @@ double ContactDynamics::stop_target(double room, double step) const {
 }
 
 /// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
-void ContactDynamics::bound_axes(double step) {
+void ContactDynamics::bound_axes(Problem& p, double step) {
   for (Coordinate& each : axes_) {
     each.bounced = false;
     if (each.place == kNoDof) continue;
@@ -297,49 +299,49 @@ void ContactDynamics::bound_axes(double step) {
       const double slope = step * *a.servo_stiffness + *a.servo_damping;
       const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
       const double limit = step * *a.servo_limit;
-      solver_.servo(each.place, pull, step * slope, limit, *a.saturated);
-      double& g = solver_.drive()[at(each.place)];
+      p.servos[at(each.place)] = {pull, step * slope, limit, side_of(*a.saturated)};
+      double& g = p.g[at(each.place)];
       if (*a.saturated == 0) {
         g -= pull;
-        solver_.inertia(each.place, each.place) -= step * slope;
+        p.inertia(each.place, each.place) -= step * slope;
       } else {
         g -= *a.saturated * limit;
       }
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
-    solver_.bound(each.place, -stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
-                  each.side);
+    p.bounds[at(each.place)] = {-stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
+                                each.side};
   }
 }
 
 /// Bounds of stops that are hit, with their restitution: true where one changed.
-bool ContactDynamics::apply_restitution() {
+bool ContactDynamics::apply_restitution(Problem& p) {
   bool any = false;
   for (Coordinate& each : axes_) {
     if (each.place == kNoDof) continue;
-    const double side = solver_.side(each.place), speed = side * *each.u;
+    Bound& bound = p.bounds[at(each.place)];
+    const int side = sign(bound.side);
+    const double speed = side * *each.u;
     if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
     // Speeds towards the stop after the step: without and with restitution.
-    const double now = side * solver_.x()[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
+    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
     if (!(bounced < now)) continue;
     each.bounced = any = true;
-    const double x = side * (bounced - speed);
-    if (side < 0)
-      solver_.bound(each.place, x, HUGE_VAL, side);
-    else
-      solver_.bound(each.place, -HUGE_VAL, x, side);
+    bound.low = -HUGE_VAL;
+    bound.high = HUGE_VAL;
+    (side < 0 ? bound.low : bound.high) = side * (bounced - speed);
   }
   return any;
 }
 
 /// Makes contacts of light pairs stiffer that yield too fast: true where one changed.
-bool ContactDynamics::stiffen() {
+bool ContactDynamics::stiffen(Problem& p) {
   bool any = false;
   for (const std::size_t i : light_) {
-    ContactRows& rows = solver_.contact(i);
+    ContactRows& rows = p.contacts[i];
     const double yield = rows.regularization * rows.impulse[0];
-    if (!(yield > kMostYield)) continue;
-    const double share = kFirmShare * kMostYield / yield;
+    if (!(yield > kTuning.most_yield)) continue;
+    const double share = kTuning.firm_share * kTuning.most_yield / yield;
     rows.regularization *= share;
     for (std::size_t k = 0; k < rows.disc_count; ++k) rows.discs[k].regularization *= share;
     any = true;
@@ -348,20 +350,22 @@ bool ContactDynamics::stiffen() {
 }
 
 NewtonReport ContactDynamics::solve(double step) {
-  const ContactNewton::Stay stay(solver_);
+  Workspace& w = workspace();
+  Problem& p = w.problem;
   // Stops are bounds here, and not locks.
   for (Coordinate& each : axes_) {
-    each.side = *each.axis.side;
+    each.side = side_of(*each.axis.side);
     *each.axis.side = 0;
   }
-  find_free(step);
-  bound_axes(step);
-  add_contacts(step);
-  add_loop_rows();
-  NewtonReport report = solver_.solve(kContactTolerance * step);
-  int firmer = 0;
-  while (apply_restitution() || (firmer < kMostFirmer && stiffen() && ++firmer > 0)) {
-    const NewtonReport again = solver_.solve(kContactTolerance * step);
+  find_free(p, step);
+  bound_axes(p, step);
+  add_contacts(p, step);
+  add_loop_rows(p);
+  const double tolerance = kTuning.tolerance * step;
+  NewtonReport report = articulated::solve(system_, w, tolerance);
+  int stiffened = 0;
+  while (apply_restitution(p) || (stiffened < kTuning.stiffenings && stiffen(p) && ++stiffened > 0)) {
+    const NewtonReport again = articulated::solve(system_, w, tolerance);
     report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
               again.residual, again.solved, again.iterative};
   }
@@ -369,15 +373,15 @@ NewtonReport ContactDynamics::solve(double step) {
   memory_.change.assign(at(space_.size()), 0.0);
   for (std::size_t i = 0; i < dof_of_.size(); ++i) {
     const int dof = dof_of_[i];
-    memory_.change[at(dof)] = solver_.x()[i];
+    memory_.change[at(dof)] = p.x[i];
     du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
   }
   for (const Coordinate& each : axes_) {
     if (each.place == kNoDof) continue;
-    *each.axis.side = solver_.side(each.place);
-    *each.axis.saturated = solver_.saturated(each.place);
+    *each.axis.side = sign(p.bounds[at(each.place)].side);
+    *each.axis.saturated = sign(p.servos[at(each.place)].saturated);
   }
-  store_warm_start(step);
+  store_warm_start(p, step);
   return report;
 }
 

@@ -8,17 +8,13 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/articulated/contact/solver.h"
+#include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/dynamics/loops.h"
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"
 #include "handsim/engine/collision/collider.h"
 #include "handsim/engine/collision/penetration.h"
 
 namespace handsim::engine::articulated {
-
-/// Accelerations of contacts and stops are found to this [m/s^2 or rad/s^2]: a hundred-thousandth of
-/// gravity's.
-inline constexpr double kContactTolerance = 1e-4;
 
 /// Impulses of the last step: the warm start of the next.
 struct ContactMemory {
@@ -46,7 +42,7 @@ class ContactDynamics {
   void forget() {
     memory_.points.clear();
     memory_.change.clear();
-    solver_.forget_factor();
+    system_.forget();
   }
   /// Contacts of the last step and their impulses, the warm start of the next.
   void save(ArchiveWriter& out) const;
@@ -75,11 +71,11 @@ class ContactDynamics {
     int dof = 0, place = 0;  ///< of the joint space, of the solver
     AxisView axis;
     const double *q = nullptr, *u = nullptr;
-    double side = 0;  ///< stop that was in force
+    Side side = Side::within;  ///< stop that was in force
     bool bounced = false;
   };
   /// One body of a contact: its velocity at an origin, that of its island where it is a node.
-  struct Side {
+  struct Motion {
     Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
     Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
   };
@@ -89,7 +85,7 @@ class ContactDynamics {
   };
   /// Two bodies that touch; mobilities added.
   struct TouchingPair {
-    Side a, b;
+    Motion a, b;
     Mobility mobility;
   };
   /// Unknowns that follow each other and move body a (sign 1) or b (sign -1).
@@ -108,7 +104,7 @@ class ContactDynamics {
   static void carry(Archive& archive, T& point);
   void order_dofs();
   void select_dofs();
-  void find_free(double step);
+  void find_free(Problem& p, double step);
   bool free_step_holds(const Coordinate& each, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
@@ -116,20 +112,21 @@ class ContactDynamics {
     return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
   }
   bool matters(const Touch& touch) const;
-  void add_contacts(double step);
-  void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
-  void find_pair(std::size_t index, int shape_a, int shape_b);
+  void add_contacts(Problem& p, double step);
+  void add_contact(Problem& p, const Contact& contact, const model::Material& surface, double share,
+                   double step);
+  void find_pair(Problem& p, std::size_t index, int shape_a, int shape_b);
   void find_moving_dofs(MovingDofs& of) const;
-  Side side(int shape) const;
-  double mobility_across(const Contact& contact, double enough);
+  Motion motion_of(int shape) const;
+  double mobility_across(Problem& p, const Contact& contact, double enough);
   double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
                      double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
-  void store_warm_start(double step);
-  void add_loop_rows();
-  void bound_axes(double step);
-  bool apply_restitution();
-  bool stiffen();
+  void store_warm_start(const Problem& p, double step);
+  void add_loop_rows(Problem& p);
+  void bound_axes(Problem& p, double step);
+  bool apply_restitution(Problem& p);
+  bool stiffen(Problem& p);
   int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
   int node_of(int shape) const {
     return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
@@ -143,7 +140,7 @@ class ContactDynamics {
   Collider collider_;
   CrossedBodies crossed_;
   JointSpace space_;
-  ContactNewton solver_;
+  ContactSystem system_;
   bool friction_, with_forces_;
   double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;

@@ -6,33 +6,10 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/contact_dynamics.h"
+#include "handsim/engine/articulated/contact/tuning.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
-
-namespace {
-
-/// Regularisation R of rigid contacts along the normal and across it, as a share of the inverse masses of the
-/// two bodies (Todorov 2014 scales R in the same way). It makes impulses unique where joints, stops and other
-/// contacts leave them undetermined. Both are chosen: what friction holds creeps by 3e-5 um/s under a body's
-/// weight at 1 ms, and surfaces sink to the contact layer by 0.03 um/s. With a tenth of R_t grasps take up
-/// to 16 % more Newton steps, with ten times as much fingers of 5 g that press with 10 N creep by 2 um/s.
-constexpr double kNormalRegularization = 1e-5, kFrictionRegularization = 1e-7;
-
-/// Joints can make two bodies harder to slide than their masses say: a finger of milligrams on a rail. Where
-/// the joint-space inertia lets them slide by less than kFirmBelow of what the masses do, R_t is reduced in
-/// proportion, down to kLeastShare. Both are chosen.
-constexpr double kFirmBelow = 0.1, kLeastShare = 1e-4;
-
-/// A rigid contact whose bodies are this many times as light as the scene's heaviest may have to carry it, as
-/// a pea carries a box.
-constexpr double kLightPair = 1e4;
-
-/// Regularisation of the rows of loops, as a share of the inverse inertia along them. What it lets open is
-/// closed after the step.
-constexpr double kBilateralRegularization = 1e-8;
-
-}  // namespace
 
 /// Whether the step moves the two bodies against each other: not so two bases, whose contacts would have rows
 /// without unknowns and, by their mobility of zero, without a finite impulse.
@@ -42,9 +19,9 @@ bool ContactDynamics::matters(const Touch& touch) const {
 }
 
 /// The bodies of a pair that touches, and the unknowns that move one against the other.
-void ContactDynamics::find_pair(std::size_t index, int shape_a, int shape_b) {
-  pair_.a = side(shape_a);
-  pair_.b = side(shape_b);
+void ContactDynamics::find_pair(Problem& p, std::size_t index, int shape_a, int shape_b) {
+  pair_.a = motion_of(shape_a);
+  pair_.b = motion_of(shape_b);
   const Mobility a = mobility_of(shape_a), b = mobility_of(shape_b);
   pair_.mobility = {a.linear + b.linear, a.angular + b.angular};
   const int node_a = node_of(shape_a), node_b = node_of(shape_b);
@@ -57,17 +34,17 @@ void ContactDynamics::find_pair(std::size_t index, int shape_a, int shape_b) {
     find_moving_dofs(moving);
   }
   const auto last = [&](int node) { return node == kNoNode ? kNone : place_[at(space_.last_dof(node))]; };
-  solver_.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
+  p.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
 }
 
 /// How easily impulses across a contact's normal make the bodies slide, by the diagonal of the inertia, both
 /// directions added [1/kg]; a lower bound of it where that is enough.
-double ContactDynamics::mobility_across(const Contact& contact, double enough) {
+double ContactDynamics::mobility_across(Problem& p, const Contact& contact, double enough) {
   double sum = 0;
   for (const PairRun& run : moving_->runs) {
     const Vec3 r = contact.position - (run.sign > 0 ? pair_.a : pair_.b).origin;
     for (int i = run.first; i < run.first + run.count; ++i) {
-      const double* S = solver_.motion(i);
+      const double* S = p.motion(i);
       const Vec3 v = Vec3(S[4], S[5], S[6]) + Vec3(S[0], S[1], S[2]).cross(r);
       const double along = contact.normal.dot(v);
       sum += (v.squaredNorm() - along * along) * inverse_inertia_[at(i)];
@@ -90,8 +67,9 @@ double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, c
   } else {
     // A gap may close within the step.
     target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
-    rows.regularization = std::max(kNormalRegularization * pair_.mobility.linear, crossed);
-    if (crossed == 0 && pair_.mobility.linear * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
+    rows.regularization = std::max(kTuning.normal_regularization * pair_.mobility.linear, crossed);
+    if (crossed == 0 && pair_.mobility.linear * heaviest_ > kTuning.light_pair)
+      light_.push_back(frames_.size() - 1);
   }
   if (surface.restitution > 0 && approach > surface.restitution_speed)
     target = std::max(target, surface.restitution * approach);
@@ -99,15 +77,15 @@ double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, c
 }
 
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, double share,
-                                  double step) {
+void ContactDynamics::add_contact(Problem& p, const Contact& contact, const model::Material& surface,
+                                  double share, double step) {
   // Normals on both sides of a finger would jam it with the friction of a circular cone.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
   ContactRows& rows =
-      solver_.add_contact(1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
+      p.add_contact(1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
   Mat3& frame = frames_.emplace_back();
   frame.col(0) = contact.normal;
   frame.col(1) = contact.normal.unitOrthogonal();
@@ -116,7 +94,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
       frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
   rows.start[0] = v.x() - find_target(rows, contact, surface, share, crossed, -v.x(), step);
 
-  double* G = solver_.wrenches(rows);
+  double* G = p.wrenches_of(rows);
   const auto set_wrench = [](double* to, const Vec3& moment, const Vec3& force) {
     for (Eigen::Index k = 0; k < 3; ++k) {
       to[k] = moment[k];
@@ -133,7 +111,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     disc.row = row;
     disc.size = kind == Disc::Kind::spinning ? 1 : 2;
     disc.coefficient = coefficient;
-    disc.regularization = kFrictionRegularization * regularization;
+    disc.regularization = kTuning.friction_regularization * regularization;
   };
   const auto add_turning = [&](int axis) {
     rows.start[row] = frame.col(axis).dot(pair_.a.w - pair_.b.w);
@@ -141,9 +119,9 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   };
   if (friction > 0) {
     const double mobility = pair_.mobility.linear;
-    const double firm = kFirmBelow * mobility;
+    const double firm = kTuning.firm_below * mobility;
     add(Disc::Kind::sliding, friction,
-        std::clamp(mobility_across(contact, firm) / firm, kLeastShare, 1.0) * mobility);
+        std::clamp(mobility_across(p, contact, firm) / firm, kTuning.least_share, 1.0) * mobility);
     rows.start[row++] = v.y();
     rows.start[row++] = v.z();
   }
@@ -158,7 +136,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   }
 }
 
-void ContactDynamics::add_contacts(double step) {
+void ContactDynamics::add_contacts(Problem& p, double step) {
   frames_.clear();
   light_.clear();
   warm_started_ = 0;
@@ -171,18 +149,18 @@ void ContactDynamics::add_contacts(double step) {
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
     if (const auto last = std::exchange(bodies, these); pairs == 0 || last != these)
-      find_pair(pairs++, any.shape_a, any.shape_b);
+      find_pair(p, pairs++, any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
       const std::size_t i = touch.first + at(index);
       const Contact& contact = collider_.contacts()[i];
-      add_contact(contact, touch.surface, collider_.shares()[i], step);
-      warm_start(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
+      add_contact(p, contact, touch.surface, collider_.shares()[i], step);
+      warm_start(p.contacts.back(), contact, frames_.back(), index);
     }
   }
 }
 
 /// Rows of closed loops.
-void ContactDynamics::add_loop_rows() {
+void ContactDynamics::add_loop_rows(Problem& p) {
   if (!loops_) return;
   const std::size_t n = at(space_.size());
   const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
@@ -196,16 +174,16 @@ void ContactDynamics::add_loop_rows() {
       if (entry == 0) continue;
       loop_dofs_.push_back(place);
       entries.push_back(entry);
-      mobility += entry * entry / solver_.inertia(place, place);
+      mobility += entry * entry / p.inertia(place);
     }
     // No rate changes this row.
     if (loop_dofs_.empty()) continue;
-    ContactRows& row = solver_.add(loop_dofs_, 1);
+    ContactRows& row = p.add(loop_dofs_, 1);
     row.bilateral = true;
     row.open = false;
     row.start[0] = rates[i];
-    std::copy(entries.begin(), entries.end(), solver_.jacobian(row).begin());
-    row.regularization = kBilateralRegularization * mobility;
+    std::copy(entries.begin(), entries.end(), p.jacobian(row).begin());
+    row.regularization = kTuning.loop_regularization * mobility;
   }
 }
 
@@ -237,14 +215,14 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
   }
 }
 
-void ContactDynamics::store_warm_start(double step) {
+void ContactDynamics::store_warm_start(const Problem& p, double step) {
   memory_.points.clear();
   std::size_t i = 0;
   for (const Touch& touch : collider_.touches()) {
     if (!matters(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + at(index)];
-      const ContactRows& rows = solver_.contacts()[i];
+      const ContactRows& rows = p.contacts[i];
       ContactMemory::Point& point = memory_.points.emplace_back();
       point.shape_a = contact.shape_a;
       point.shape_b = contact.shape_b;
@@ -253,13 +231,13 @@ void ContactDynamics::store_warm_start(double step) {
       Vec3 impulse(rows.impulse[0], 0, 0), moment = Vec3::Zero();
       for (std::size_t k = 0; k < rows.disc_count; ++k) {
         const Disc& disc = rows.discs[k];
-        const double* p = rows.impulse.data() + disc.row;
+        const double* first = rows.impulse.data() + disc.row;
         point.tangent_stiffness[static_cast<std::size_t>(disc.kind)] =
             disc.slides ? disc.tangent_stiffness : 0;
         if (disc.kind == Disc::Kind::spinning)
-          moment.x() = p[0];
+          moment.x() = *first;
         else
-          (disc.kind == Disc::Kind::sliding ? impulse : moment).tail<2>() << p[0], p[1];
+          (disc.kind == Disc::Kind::sliding ? impulse : moment).tail<2>() << first[0], first[1];
       }
       point.impulse = frames_[i] * impulse;
       point.moment = frames_[i] * moment;

@@ -1,24 +1,35 @@
-// Contacts of a step, and the numbers that ContactNewton has of one problem and that no later one starts
-// from.
+// Contacts, joint stops and torque limits of one step: a nonlinear complementarity problem in the change x of
+// the joint rates,
+//   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high.
+// A is the joint-space inertia, with the implicit springs and dampers; g is what drives the step without
+// contact. Contact is compliant (regularised): the normal impulse is max(0, -r_n / R), friction is Coulomb's
+// with a circular cone, -r_t / R_t projected on the disc of radius coefficient times normal impulse. Impulses
+// are so functions of the velocities and the unknowns are the joint rates, however many contacts there are
+// (the primal formulation of Todorov 2014, "Convex and analytically-invertible dynamics with contacts and
+// constraints", ICRA, and of Castro, Permenter and Han 2022, "An unconstrained convex formulation of
+// compliant contact", IEEE T-RO). Unlike theirs the law is Coulomb's own, not its convex relaxation: a
+// sliding contact does not lift off. solvers.h says how it is solved.
 #pragma once
 
 #include <array>
 #include <cstddef>
-#include <cstdint>
+#include <span>
 #include <vector>
 
 #include "handsim/core/pose.h"
-#include "handsim/engine/articulated/kernels/row_kernel.h"
+#include "handsim/engine/articulated/contact/unknowns.h"
 
 namespace handsim::engine::articulated {
 
-/// Up to so many contacts are solved without allocating memory.
-inline constexpr std::size_t kUsualContacts = 16;
+/// The usual numbers of contacts, of their rows and of discs that slide: room for them is made at the start.
+inline constexpr std::size_t kUsualContacts = 16, kUsualRows = 4, kUsualSliding = 6;
 inline constexpr std::size_t kMostRows = 6;  ///< of a contact
-inline constexpr std::size_t kUsualRows = 4;
 
-/// So many discs slide at a time, usually.
-inline constexpr std::size_t kUsualSliding = 6;
+/// Where a value is that has two limits.
+enum class Side : signed char { low = -1, within = 0, high = 1 };
+constexpr int sign(Side side) { return static_cast<int>(side); }
+/// @param sign -1, 0 or 1
+constexpr Side side_of(double sign) { return static_cast<Side>(static_cast<int>(sign)); }
 
 /// Friction on the edge of its disc, and which way.
 struct Sliding {
@@ -43,9 +54,14 @@ struct Disc : Sliding {
 /// No unknown, or no pair of bodies.
 inline constexpr int kNone = -1;
 
+/// The unknowns that rows depend on, in Problem::dofs, and the same as runs, in Problem::runs.
+struct Dofs {
+  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
+};
+
 /// A contact: its normal row, then those of its discs. Or a bilateral constraint: one row whose velocity is
 /// to vanish, by an impulse of either sign.
-struct ContactRows {
+struct ContactRows : Dofs {
   std::array<double, kMostRows> start{};    ///< r0 [m/s, rad/s]; of the normal row less its target velocity
   std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
   double regularization = 0;                ///< R of the normal row
@@ -53,51 +69,90 @@ struct ContactRows {
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
   bool bilateral = false;
-  int pair = kNone;  ///< of the bodies that touch
-  /// In the lists.
-  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0, first_entry = 0, first_wrench = 0;
+  int pair = kNone;                               ///< of the bodies that touch
+  std::size_t first_entry = 0, first_wrench = 0;  ///< in Problem::J and Problem::wrenches
 };
 
-class NewtonRoom {
- public:
-  /// Room for the usual contacts. @param entries of A, @param widest unknowns that move a contact
-  void reserve(std::size_t n, std::size_t entries, std::size_t widest);
-  void swap(NewtonRoom& other);
+/// Bounds of an unknown. In: it starts on the bound; out: the bound holds it.
+struct Bound {
+  double low, high;
+  Side side;
+  double end() const { return side == Side::low ? low : high; }
+};
 
- protected:
-  struct Bound {
-    double low, high, side;
-  };
-  struct Servo {
-    double offset = 0, slope = 0, limit = 0, saturated = 0;
-    double side(double pull) const { return pull > limit ? 1 : (pull < -limit ? -1 : 0); }
-  };
-  /// Two bodies that touch.
-  struct Pair {
-    int a = kNone, b = kNone;
-    Vec3 apart = Vec3::Zero();
-    std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
-  };
-  /// A disc that slides.
-  struct Column {
-    std::size_t contact = 0, disc = 0;
-  };
+/// Adds offset - slope x, clamped to +-limit, to the right side; none without a limit.
+struct Servo {
+  double offset = 0, slope = 0, limit = 0;
+  Side saturated = Side::within;  ///< in: in the last step; out: in this one
+  Side side(double pull) const {
+    return pull > limit ? Side::high : (pull < -limit ? Side::low : Side::within);
+  }
+};
 
-  std::vector<double> A_, g_, start_, x_, F_, sum_, d_, Ad_;
-  std::vector<Bound> bounds_;
-  std::vector<Servo> servos_;
-  std::vector<ContactRows> contacts_;
-  std::vector<int> dofs_;
-  std::vector<Run> dof_runs_;  ///< the same
-  std::vector<Pair> pairs_;
-  /// Motions of unknowns, wrenches of contacts; motions of, and wrenches on, what the unknowns carry.
-  std::vector<double> motions_, wrenches_, carried_;
-  std::vector<double> J_, r_, s_;
-  std::vector<Column> columns_;    ///< of C and G
-  std::vector<Run> column_range_;  ///< of each chain: columns that have entries there
-  std::vector<double> h_;
-  std::vector<int> layout_;           ///< what the factor's pattern depends on
-  std::vector<std::uint64_t> links_;  ///< bits: later chains that each chain has entries in
+/// Two bodies that touch, by the unknowns that carry them last, or kNone.
+struct Pair : Dofs {
+  int a = kNone, b = kNone;
+  Vec3 apart = Vec3::Zero();  ///< from b's origin to a's [m]
+};
+
+/// The numbers of a problem and of its solution.
+struct Problem {
+  const Unknowns* unknowns = nullptr;
+  std::vector<double> A, g;
+  std::vector<double> start;  ///< where the iteration starts; zero where nothing better is known
+  std::vector<Bound> bounds;
+  std::vector<Servo> servos;
+  std::vector<ContactRows> contacts;
+  std::vector<int> dofs;
+  std::vector<Run> runs;
+  std::vector<Pair> pairs;
+  /// How an unknown moves what it carries, at the origin of its tree; wrenches of the rows of pairs on body a
+  /// at a's origin. kSpatial numbers each.
+  std::vector<double> motions, wrenches;
+  std::vector<double> J;  ///< rows by unknowns; of pairs only where `with_jacobians`
+  std::size_t entries = 0;
+  bool with_jacobians = false;
+  std::vector<double> x;  ///< solution
+
+  /// Starts a new problem: A and g zero, no contacts, bounds or servos.
+  void begin(const Unknowns& of);
+  void reserve(const Unknowns& most);
+  int size() const { return unknowns->size(); }
+  /// A's entry, i <= j.
+  double& inertia(int i, int j) {
+    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
+  }
+  double inertia(int i) const {
+    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(i)];
+  }
+  double* motion(int i) { return motions.data() + kSpatial * static_cast<std::size_t>(i); }
+  /// Adds a contact that depends on the given unknowns, one at least, in ascending order. The caller fills in
+  /// its J.
+  ContactRows& add(std::span<const int> of, std::size_t rows);
+  std::span<double> jacobian(const ContactRows& contact) {
+    return {J.data() + contact.first_entry, contact.rows * contact.dof_count};
+  }
+  /// Two bodies; `of`: what moves one against the other, one at least.
+  void add_pair(int a, int b, const Vec3& apart, std::span<const int> of);
+  /// Adds a contact of the last pair. The caller fills in its wrenches.
+  ContactRows& add_contact(std::size_t rows);
+  double* wrenches_of(const ContactRows& contact) {
+    return wrenches.data() + kSpatial * contact.first_wrench;
+  }
+  /// J of all pairs.
+  void find_jacobians(const RowKernel& kernel);
+
+  std::span<const int> dofs_of(const Dofs& of) const { return {dofs.data() + of.first_dof, of.dof_count}; }
+  std::span<const Run> runs_of(const Dofs& of) const { return {runs.data() + of.first_run, of.run_count}; }
+  const double* entries_of(const ContactRows& contact) const { return J.data() + contact.first_entry; }
+  /// Rows of a contact from one of them on.
+  RowBlock block(const ContactRows& contact, std::size_t first, std::size_t count) const {
+    return {entries_of(contact) + first * contact.dof_count, count, contact.dof_count,
+            runs.data() + contact.first_run, contact.run_count};
+  }
+
+ private:
+  void list(Dofs& out, std::span<const int> of);
 };
 
 }  // namespace handsim::engine::articulated

@@ -6,15 +6,15 @@
 
 #include <Eigen/Dense>
 
+#include "engine/articulated/contact/solver.h"
 #include "handsim/core/pose.h"
-#include "handsim/engine/articulated/contact/solver.h"
 
 namespace handsim::engine::articulated {
 namespace {
 
 // Oracle: the law's own conditions, put to random problems: signs, complementarity, the disc, and slip
 // against friction. 12 dofs and 8 contacts, so that impulses are not unique, as where a hand holds an object.
-TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
+TEST(ContactSolver, MeetsCoulombsLawOnRandomProblems) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   constexpr double kSoftness = 1e-5;
@@ -25,16 +25,16 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
         Eigen::MatrixXd::NullaryExpr(3 * kContacts, kDofs, [&] { return normal(random); });
     // A velocity that the dofs can have, so that a solution exists.
     const Eigen::VectorXd b = J * Eigen::VectorXd::NullaryExpr(kDofs, [&] { return normal(random); });
-    ContactNewton solver;
+    Solver solver;
     solver.resize(std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11});
     solver.begin();
     std::vector<int> dofs(kDofs);
     for (int i = 0; i < kDofs; ++i) {
       dofs[static_cast<std::size_t>(i)] = i;
-      solver.inertia(i, i) = 1;
+      solver.problem.inertia(i, i) = 1;
     }
     for (int i = 0; i < kContacts; ++i) {
-      ContactRows& rows = solver.add(dofs, 3);
+      ContactRows& rows = solver.problem.add(dofs, 3);
       rows.open = false;
       rows.regularization = kSoftness;
       rows.disc_count = 1;
@@ -43,16 +43,17 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
       for (int k = 0; k < 3; ++k) {
         rows.start[static_cast<std::size_t>(k)] = b[3 * i + k];
         for (int j = 0; j < kDofs; ++j)
-          solver.jacobian(rows)[static_cast<std::size_t>(k * kDofs + j)] = J(3 * i + k, j);
+          solver.problem.jacobian(rows)[static_cast<std::size_t>(k * kDofs + j)] = J(3 * i + k, j);
       }
     }
     const NewtonReport report = solver.solve(1e-9);
     ASSERT_TRUE(report.solved) << trial << ": " << report.residual;
     EXPECT_LT(report.iterations, 150);
     Eigen::VectorXd p(3 * kContacts), x(kDofs);
-    for (int i = 0; i < kDofs; ++i) x[i] = solver.x()[static_cast<std::size_t>(i)];
+    for (int i = 0; i < kDofs; ++i) x[i] = solver.problem.x[static_cast<std::size_t>(i)];
     for (int i = 0; i < 3 * kContacts; ++i)
-      p[i] = solver.contacts()[static_cast<std::size_t>(i / 3)].impulse[static_cast<std::size_t>(i % 3)];
+      p[i] =
+          solver.problem.contacts[static_cast<std::size_t>(i / 3)].impulse[static_cast<std::size_t>(i % 3)];
     EXPECT_LT((x - J.transpose() * p).cwiseAbs().maxCoeff(), 1e-7);
     const Eigen::VectorXd v = b + J * x;
     for (int i = 0; i < kContacts; ++i) {
@@ -98,22 +99,22 @@ struct RandomProblem {
     }
     b = J * Eigen::VectorXd::NullaryExpr(trees * dofs, [&] { return normal(random); });
   }
-  void load(ContactNewton& solver, double friction) const {
+  void load(Solver& solver, double friction) const {
     std::vector<int> first;
     for (int i = 0; i < trees * dofs; ++i) first.push_back(i / dofs * dofs);
     solver.resize(first);
     fill(solver, friction);
   }
   /// Into a solver of the same unknowns, from the active set and the solution of another problem.
-  void load_next(ContactNewton& solver, double friction, const std::vector<ContactRows>& last,
+  void load_next(Solver& solver, double friction, const std::vector<ContactRows>& last,
                  const Eigen::VectorXd& start) const {
-    if (solver.size() == 0)
+    if (solver.system.all.size() == 0)
       load(solver, friction);
     else
       fill(solver, friction);
-    std::copy(start.begin(), start.end(), solver.start().begin());
+    std::copy(start.begin(), start.end(), solver.problem.start.begin());
     for (std::size_t c = 0; c < last.size(); ++c) {
-      ContactRows& rows = solver.contact(c);
+      ContactRows& rows = solver.problem.contacts.at(c);
       rows.open = last[c].open;
       rows.impulse = last[c].impulse;
       const double coefficient = rows.discs[0].coefficient;
@@ -121,15 +122,15 @@ struct RandomProblem {
       rows.discs[0].coefficient = coefficient;
     }
   }
-  void fill(ContactNewton& solver, double friction) const {
+  void fill(Solver& solver, double friction) const {
     solver.begin();
-    for (int i = 0; i < trees * dofs; ++i) solver.inertia(i, i) = 1;
+    for (int i = 0; i < trees * dofs; ++i) solver.problem.inertia(i, i) = 1;
     for (std::size_t c = 0; c < tree_of.size(); ++c) {
       std::vector<int> places;
       const auto row = static_cast<Eigen::Index>(3 * c);
       for (int i = 0; i < trees * dofs; ++i)
         if (!J.block(row, i, 3, 1).isZero(0)) places.push_back(i);
-      ContactRows& rows = solver.add(places, 3);
+      ContactRows& rows = solver.problem.add(places, 3);
       rows.open = false;
       rows.regularization = rows.discs[0].regularization = 1e-5;
       rows.disc_count = 1;
@@ -137,12 +138,13 @@ struct RandomProblem {
       for (Eigen::Index k = 0; k < 3; ++k) {
         rows.start[static_cast<std::size_t>(k)] = b[row + k];
         for (std::size_t j = 0; j < places.size(); ++j)
-          solver.jacobian(rows)[static_cast<std::size_t>(k) * places.size() + j] = J(row + k, places[j]);
+          solver.problem.jacobian(rows)[static_cast<std::size_t>(k) * places.size() + j] =
+              J(row + k, places[j]);
       }
     }
   }
-  Eigen::VectorXd rates(const ContactNewton& solver) const {
-    return Eigen::Map<const Eigen::VectorXd>(solver.x().data(), trees * dofs);
+  Eigen::VectorXd rates(const Solver& solver) const {
+    return Eigen::Map<const Eigen::VectorXd>(solver.problem.x.data(), trees * dofs);
   }
   /// Kinetic energy before, and after a step x.
   double energy(const Eigen::VectorXd& start, const Eigen::VectorXd& x) const {
@@ -151,10 +153,10 @@ struct RandomProblem {
 };
 
 // Oracle: each island solved alone.
-TEST(ContactNewton, IslandsAreSolvedAsIfAlone) {
+TEST(ContactSolver, IslandsAreSolvedAsIfAlone) {
   for (int seed = 0; seed < 20; ++seed) {
     const RandomProblem problem(seed, 5, 6, 10, false);
-    ContactNewton all;
+    Solver all;
     problem.load(all, 0.5);
     ASSERT_TRUE(all.solve(1e-9).solved);
     const Eigen::VectorXd x = problem.rates(all);
@@ -173,7 +175,7 @@ TEST(ContactNewton, IslandsAreSolvedAsIfAlone) {
         one.b[i] = problem.b[rows[static_cast<std::size_t>(i)]];
         if (i % 3 == 0) one.tree_of.push_back(0);
       }
-      ContactNewton alone;
+      Solver alone;
       one.load(alone, 0.5);
       ASSERT_TRUE(alone.solve(1e-9).solved);
       EXPECT_EQ(one.rates(alone), x.segment(6 * tree, 6)) << seed << ", " << tree;
@@ -184,11 +186,11 @@ TEST(ContactNewton, IslandsAreSolvedAsIfAlone) {
 // Problems that wedge: friction of 1.5 with rows that have nothing to do with a body's shape. Oracle:
 // contacts push and friction keeps to its limit; a step that is not Coulomb's is still one of friction with
 // fixed limits, whose own equation holds: A x = J^T p.
-TEST(ContactNewton, EveryStepIsASoundOneHoweverHard) {
+TEST(ContactSolver, EveryStepIsASoundOneHoweverHard) {
   int by_updates = 0, unsolved = 0;
   for (int seed = 0; seed < 300; ++seed) {
     const RandomProblem problem(seed, 2, 6, 8, true);
-    ContactNewton solver;
+    Solver solver;
     problem.load(solver, 1.5);
     const NewtonReport report = solver.solve(1e-7);
     by_updates += report.limit_updates > 0;
@@ -197,7 +199,8 @@ TEST(ContactNewton, EveryStepIsASoundOneHoweverHard) {
     ASSERT_TRUE(x.allFinite()) << seed;
     Eigen::VectorXd p(problem.b.size());
     for (Eigen::Index i = 0; i < p.size(); ++i)
-      p[i] = solver.contacts()[static_cast<std::size_t>(i / 3)].impulse[static_cast<std::size_t>(i % 3)];
+      p[i] =
+          solver.problem.contacts[static_cast<std::size_t>(i / 3)].impulse[static_cast<std::size_t>(i % 3)];
     EXPECT_LT((x - problem.J.transpose() * p).cwiseAbs().maxCoeff(), 1e-6) << seed;
     const Eigen::VectorXd v = problem.b + problem.J * x;
     for (Eigen::Index c = 0; c < p.size() / 3; ++c) {
@@ -213,9 +216,9 @@ TEST(ContactNewton, EveryStepIsASoundOneHoweverHard) {
 
 // Oracle: Newton's method for the same problem, on a chain just below the size of a heap; and the law's
 // conditions, which hold to what twenty sweeps leave.
-TEST(ContactNewton, HeapsAreRelaxedTowardsTheLaw) {
+TEST(ContactSolver, HeapsAreRelaxedTowardsTheLaw) {
   const RandomProblem problem(4, 20, 6, 57, true);
-  ContactNewton solver;
+  Solver solver;
   problem.load(solver, 0.5);
   NewtonReport report;
   // Each step starts from the impulses of the last one, as in a simulation.
@@ -223,10 +226,10 @@ TEST(ContactNewton, HeapsAreRelaxedTowardsTheLaw) {
   double first = 0;
   for (int step = 0; step < 40; ++step) {
     problem.load(solver, 0.5);
-    for (std::size_t i = 0; i < impulses.size(); ++i) solver.contact(i).impulse = impulses[i];
+    for (std::size_t i = 0; i < impulses.size(); ++i) solver.problem.contacts.at(i).impulse = impulses[i];
     report = solver.solve(1e-12);
     impulses.clear();
-    for (const ContactRows& contact : solver.contacts()) impulses.push_back(contact.impulse);
+    for (const ContactRows& contact : solver.problem.contacts) impulses.push_back(contact.impulse);
     if (step == 0) first = report.residual;
   }
   const Eigen::VectorXd v = problem.b + problem.J * problem.rates(solver);
@@ -241,7 +244,7 @@ TEST(ContactNewton, HeapsAreRelaxedTowardsTheLaw) {
 
 // Oracle: a dense solution of the same linear system. Random trees of unknowns with random branches and
 // bilateral rows on random unknowns, of one branch with gaps, too: the sparse factor has all their fill-in.
-TEST(ContactNewton, SparseSolutionIsTheDenseOne) {
+TEST(ContactSolver, SparseSolutionIsTheDenseOne) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   for (int trial = 0; trial < 300; ++trial) {
@@ -265,26 +268,27 @@ TEST(ContactNewton, SparseSolutionIsTheDenseOne) {
     Eigen::MatrixXd A = 10 * Eigen::MatrixXd::Identity(n, n);
     for (int i = 0; i < n; ++i)
       for (const int j : below[static_cast<std::size_t>(i)]) A(i, j) = A(j, i) = normal(random) / n;
-    ContactNewton solver;
+    Solver solver;
     solver.resize(first);
     solver.begin();
     Eigen::VectorXd g(n);
     for (int i = 0; i < n; ++i) {
-      solver.drive()[static_cast<std::size_t>(i)] = g[i] = normal(random);
-      for (const int j : below[static_cast<std::size_t>(i)]) solver.inertia(j, i) = A(i, j);
-      solver.inertia(i, i) = A(i, i);
+      solver.problem.g[static_cast<std::size_t>(i)] = g[i] = normal(random);
+      for (const int j : below[static_cast<std::size_t>(i)]) solver.problem.inertia(j, i) = A(i, j);
+      solver.problem.inertia(i, i) = A(i, i);
     }
     for (int row = 0; row < 3; ++row) {
       std::vector<int> dofs;
       for (int i = 0; i < n; ++i)
         if (random() % 3 == 0) dofs.push_back(i);
       if (dofs.empty()) dofs.push_back(row);
-      ContactRows& rows = solver.add(dofs, 1);
+      ContactRows& rows = solver.problem.add(dofs, 1);
       rows.bilateral = true;
       rows.regularization = 0.1;
       rows.start[0] = normal(random);
       Eigen::VectorXd J = Eigen::VectorXd::Zero(n);
-      for (std::size_t k = 0; k < dofs.size(); ++k) solver.jacobian(rows)[k] = J[dofs[k]] = normal(random);
+      for (std::size_t k = 0; k < dofs.size(); ++k)
+        solver.problem.jacobian(rows)[k] = J[dofs[k]] = normal(random);
       A += J * J.transpose() / rows.regularization;
       g -= J * rows.start[0] / rows.regularization;
     }
@@ -292,15 +296,15 @@ TEST(ContactNewton, SparseSolutionIsTheDenseOne) {
     ASSERT_TRUE(report.solved) << trial;
     // One Newton step per island solves a linear problem; rounding may ask for another.
     EXPECT_LE(report.iterations, 2 * n) << trial;
-    const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(solver.x().data(), n);
+    const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(solver.problem.x.data(), n);
     EXPECT_LT((x - A.ldlt().solve(g)).cwiseAbs().maxCoeff(), 1e-11) << trial;
   }
 }
 
 // Oracle: the same problem with all unknowns, to the bit; after it and before it in the same solver.
-TEST(ContactNewton, WhatIsNotSelectedChangesNothingElse) {
+TEST(ContactSolver, WhatIsNotSelectedChangesNothingElse) {
   const RandomProblem problem(1, 5, 6, 10, false);
-  ContactNewton all, some;
+  Solver all, some;
   problem.load(all, 0.5);
   const NewtonReport whole = all.solve(1e-9);
   problem.load(some, 0.5);
@@ -322,8 +326,8 @@ TEST(ContactNewton, WhatIsNotSelectedChangesNothingElse) {
   }
   chosen.J = problem.J(rows, columns);
   chosen.b = problem.b(rows);
-  EXPECT_TRUE(some.select(unknowns));
-  EXPECT_FALSE(some.select(unknowns));
+  EXPECT_TRUE(some.system.chosen.choose(some.system.all, unknowns));
+  EXPECT_FALSE(some.system.chosen.choose(some.system.all, unknowns));
   chosen.fill(some, 0.5);
   const NewtonReport rest = some.solve(1e-9);
   EXPECT_TRUE(rest.solved);
@@ -331,21 +335,21 @@ TEST(ContactNewton, WhatIsNotSelectedChangesNothingElse) {
   EXPECT_EQ(Eigen::VectorXd(problem.rates(all)(columns)), chosen.rates(some));
   std::vector<int> every(30);
   std::iota(every.begin(), every.end(), 0);
-  EXPECT_TRUE(some.select(every));
+  EXPECT_TRUE(some.system.chosen.choose(some.system.all, every));
   problem.fill(some, 0.5);
   some.solve(1e-9);
   EXPECT_EQ(problem.rates(all), problem.rates(some));
 }
 
 // Oracle: bit equality. Islands of several trees, with open, sticking and sliding contacts.
-TEST(ContactNewton, EveryInstructionSetGivesTheSameBits) {
+TEST(ContactSolver, EveryInstructionSetGivesTheSameBits) {
   for (int seed = 0; seed < 10; ++seed) {
     const RandomProblem problem(seed, 4, 7, 9, true);
-    ContactNewton first(*row_kernels().front());
+    Solver first(*row_kernels().front());
     problem.load(first, 0.5);
     first.solve(1e-9);
     for (const RowKernel* kernel : row_kernels()) {
-      ContactNewton solver(*kernel);
+      Solver solver(*kernel);
       problem.load(solver, 0.5);
       solver.solve(1e-9);
       EXPECT_EQ(problem.rates(solver), problem.rates(first)) << seed;
@@ -355,25 +359,25 @@ TEST(ContactNewton, EveryInstructionSetGivesTheSameBits) {
 
 // Oracle: the solution itself. The same problem once more, from its solution and active set, takes no step;
 // nor does one that differs by less than a tenth of the tolerance, while one that differs by more does.
-TEST(ContactNewton, ASolutionThatStillHoldsTakesNoStep) {
+TEST(ContactSolver, ASolutionThatStillHoldsTakesNoStep) {
   constexpr double kTolerance = 1e-6;
   int held = 0;
   for (int seed = 0; seed < 20; ++seed) {
     const RandomProblem problem(seed, 2, 8, 6, true);
-    ContactNewton solver;
+    Solver solver;
     problem.load(solver, 0.5);
     if (!solver.solve(kTolerance).solved) continue;
-    std::vector<ContactRows> last(solver.contacts().begin(), solver.contacts().end());
+    std::vector<ContactRows> last(solver.problem.contacts.begin(), solver.problem.contacts.end());
     Eigen::VectorXd x = problem.rates(solver);
     // Once more, to far within the tolerance.
     problem.load_next(solver, 0.5, last, x);
     if (!(solver.solve(1e-3 * kTolerance).residual < 1e-2 * kTolerance)) continue;
-    last.assign(solver.contacts().begin(), solver.contacts().end());
+    last.assign(solver.problem.contacts.begin(), solver.problem.contacts.end());
     x = problem.rates(solver);
     ++held;
     for (const double change : {0.0, 0.05, 2.0}) {
       problem.load_next(solver, 0.5, last, x);
-      solver.drive()[3] = change * kTolerance;
+      solver.problem.g[3] = change * kTolerance;
       const NewtonReport report = solver.solve(kTolerance);
       EXPECT_TRUE(report.solved) << seed;
       EXPECT_EQ(report.iterations == 0, change < 1) << seed << ", " << change;
@@ -385,14 +389,14 @@ TEST(ContactNewton, ASolutionThatStillHoldsTakesNoStep) {
 
 // Oracle: a solver that has no factor yet. The second problem differs from the first by a millionth and
 // starts from its active set and solution, as the next step of a hold does.
-TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
+TEST(ContactSolver, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
   int used = 0;
   for (int seed = 0; seed < 20; ++seed) {
     RandomProblem problem(seed, 2, 8, 6, true);
-    ContactNewton again, fresh;
+    Solver again, fresh;
     problem.load(again, 0.5);
     if (!again.solve(1e-9).solved) continue;
-    const std::vector<ContactRows> last(again.contacts().begin(), again.contacts().end());
+    const std::vector<ContactRows> last(again.problem.contacts.begin(), again.problem.contacts.end());
     const Eigen::VectorXd start = problem.rates(again);
     // A factor of this active set: of a problem that the start does not solve.
     RandomProblem near = problem;
@@ -402,14 +406,14 @@ TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
     problem.J *= 1 + 1e-6;
     problem.b *= 1 + 5e-7;
     ArchiveWriter before;
-    again.save(before);
-    for (ContactNewton* solver : {&again, &fresh}) {
+    again.system.save(before);
+    for (Solver* solver : {&again, &fresh}) {
       problem.load_next(*solver, 0.5, last, start);
       const NewtonReport report = solver->solve(1e-9);
       ASSERT_TRUE(report.solved) << seed;
     }
     ArchiveWriter after;
-    again.save(after);
+    again.system.save(after);
     used += before.bytes() == after.bytes() ? 1 : 0;
     EXPECT_LT((problem.rates(again) - problem.rates(fresh)).cwiseAbs().maxCoeff(), 1e-8) << seed;
   }

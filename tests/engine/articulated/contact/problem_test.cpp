@@ -5,8 +5,8 @@
 
 #include <Eigen/Dense>
 
+#include "engine/articulated/contact/solver.h"
 #include "handsim/core/pose.h"
-#include "handsim/engine/articulated/contact/solver.h"
 
 namespace handsim::engine::articulated {
 namespace {
@@ -52,17 +52,18 @@ struct PairProblem {
   }
   const Pair& pair_of(int contact) const { return pairs[static_cast<std::size_t>(contact / 2)]; }
 
-  Eigen::VectorXd solve(ContactNewton& solver, bool by_wrenches) const {
+  Eigen::VectorXd solve(Solver& solver, bool by_wrenches) const {
     solver.resize(first);
     solver.begin();
     for (int i = 0; i < kDofs; ++i) {
-      solver.inertia(i, i) = 1 + 0.1 * i;
-      for (int k = 0; k < 6; ++k) solver.motion(i)[k < 3 ? k : k + 1] = S(k, i);
+      solver.problem.inertia(i, i) = 1 + 0.1 * i;
+      for (int k = 0; k < 6; ++k) solver.problem.motion(i)[k < 3 ? k : k + 1] = S(k, i);
     }
     for (int c = 0; c < kContacts; ++c) {
       const Pair& pair = pair_of(c);
-      if (by_wrenches && c % 2 == 0) solver.add_pair(pair.a, pair.b, pair.apart, pair.dofs);
-      ContactRows& rows = by_wrenches ? solver.add_contact(kRows) : solver.add(pair.dofs, kRows);
+      if (by_wrenches && c % 2 == 0) solver.problem.add_pair(pair.a, pair.b, pair.apart, pair.dofs);
+      ContactRows& rows =
+          by_wrenches ? solver.problem.add_contact(kRows) : solver.problem.add(pair.dofs, kRows);
       rows.open = false;
       rows.regularization = 1e-3;
       rows.disc_count = 2;
@@ -75,29 +76,29 @@ struct PairProblem {
       for (int k = 0; k < kRows; ++k) {
         rows.start[static_cast<std::size_t>(k)] = b[kRows * c + k];
         for (int j = 0; j < 6 && by_wrenches; ++j)
-          solver.wrenches(
+          solver.problem.wrenches_of(
               rows)[kSpatial * static_cast<std::size_t>(k) + static_cast<std::size_t>(j < 3 ? j : j + 1)] =
               G(kRows * c + k, j);
         for (std::size_t j = 0; j < pair.dofs.size() && !by_wrenches; ++j)
-          solver.jacobian(rows)[static_cast<std::size_t>(k) * pair.dofs.size() + j] =
+          solver.problem.jacobian(rows)[static_cast<std::size_t>(k) * pair.dofs.size() + j] =
               J(kRows * c + k, pair.dofs[j]);
       }
     }
     EXPECT_TRUE(solver.solve(1e-11).solved);
-    return Eigen::Map<const Eigen::VectorXd>(solver.x().data(), kDofs);
+    return Eigen::Map<const Eigen::VectorXd>(solver.problem.x.data(), kDofs);
   }
 };
 
 // Oracle: the same contacts given by the entries of their Jacobians, each a sum by definition; in islands and
 // with every instruction set, which all give the same bits.
-TEST(ContactNewton, WrenchesAreAsGoodAsEntries) {
+TEST(ContactSolver, WrenchesAreAsGoodAsEntries) {
   for (unsigned seed = 0; seed < 40; ++seed) {
     const PairProblem problem(seed);
-    ContactNewton entries;
+    Solver entries;
     const Eigen::VectorXd want = problem.solve(entries, false);
     Eigen::VectorXd first;
     for (const RowKernel* kernel : row_kernels()) {
-      ContactNewton wrenches(*kernel);
+      Solver wrenches(*kernel);
       const Eigen::VectorXd x = problem.solve(wrenches, true);
       EXPECT_LT((x - want).cwiseAbs().maxCoeff(), 1e-9) << seed;
       if (first.size() == 0) first = x;
