@@ -6,7 +6,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/person_hands.h"
 #include "handsim/core/units.h"
-#include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"

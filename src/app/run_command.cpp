@@ -8,7 +8,7 @@
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
 #include "handsim/core/units.h"
-#include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"

@@ -12,7 +12,7 @@
 #include <tbb/task_arena.h>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/articulated/lane_group.h"
+#include "handsim/engine/articulated/lanes/lane_group.h"
 #include "handsim/environment/environment.h"
 
 namespace handsim::environment {

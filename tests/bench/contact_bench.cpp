@@ -3,7 +3,7 @@
 
 #include "bench/paired.h"
 #include "engine/models.h"
-#include "handsim/engine/contact/pair_table.h"
+#include "handsim/engine/collision/pair_table.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "scene_files.h"

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "scene_files.h"
 

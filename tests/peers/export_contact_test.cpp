@@ -5,7 +5,7 @@
 #include <map>
 
 #include "handsim/control/controller.h"
-#include "handsim/engine/contact/pair_table.h"
+#include "handsim/engine/collision/pair_table.h"
 #include "handsim/engine/engine.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export.h"

@@ -8,7 +8,7 @@
 #include <fstream>
 #include <random>
 
-#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/articulated/dynamics/joint_space.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export.h"
 #include "scene_files.h"

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/multibody/projection.h"
 #include "handsim/model/kinematics.h"
 

@@ -15,11 +15,11 @@
 #include <string>
 #include <vector>
 
-#include "handsim/engine/articulated/contact_dynamics.h"
+#include "handsim/engine/articulated/contact/contact_dynamics.h"
+#include "handsim/engine/articulated/dynamics/muscle_coupling.h"
+#include "handsim/engine/articulated/dynamics/smooth.h"
 #include "handsim/engine/articulated/fast_spin.h"
 #include "handsim/engine/articulated/momentum.h"
-#include "handsim/engine/articulated/muscle_coupling.h"
-#include "handsim/engine/articulated/smooth.h"
 
 namespace handsim::engine::articulated {
 

@@ -3,7 +3,7 @@
 
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/checks.h"
-#include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/collision/ode_library.h"
 
 namespace handsim::engine::articulated {
 

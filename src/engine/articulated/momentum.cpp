@@ -4,7 +4,7 @@
 #include <numeric>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/articulated/contact_dynamics.h"
+#include "handsim/engine/articulated/contact/contact_dynamics.h"
 
 namespace handsim::engine::articulated {
 

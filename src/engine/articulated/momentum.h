@@ -14,7 +14,7 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/articulated/dynamics/joint_space.h"
 
 namespace handsim::engine::articulated {
 

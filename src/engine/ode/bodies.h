@@ -10,8 +10,8 @@
 
 #include <ode/ode.h>
 
-#include "handsim/engine/contact/ode_library.h"
-#include "handsim/engine/contact/sweep.h"
+#include "handsim/engine/collision/ode_library.h"
+#include "handsim/engine/collision/sweep.h"
 #include "handsim/engine/engine.h"
 
 namespace handsim::engine::ode {

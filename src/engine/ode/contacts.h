@@ -6,8 +6,8 @@
 
 #include <vector>
 
-#include "handsim/engine/contact/collider.h"
-#include "handsim/engine/contact/penetration.h"
+#include "handsim/engine/collision/collider.h"
+#include "handsim/engine/collision/penetration.h"
 #include "handsim/engine/ode/friction_limits.h"
 #include "handsim/engine/ode/presliding.h"
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "handsim/core/archive.h"
-#include "handsim/engine/contact/collider.h"
+#include "handsim/engine/collision/collider.h"
 
 namespace handsim::engine::ode {
 

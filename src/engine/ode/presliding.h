@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "handsim/core/archive.h"
-#include "handsim/engine/contact/collider.h"
+#include "handsim/engine/collision/collider.h"
 #include "handsim/engine/ode/bodies.h"
 
 namespace handsim::engine::ode {

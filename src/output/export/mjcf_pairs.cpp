@@ -7,7 +7,7 @@
 #include <Eigen/Cholesky>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/contact/pair_table.h"
+#include "handsim/engine/collision/pair_table.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
 

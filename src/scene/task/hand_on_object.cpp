@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/collision/ode_library.h"
 #include "handsim/scene/read/contact_groups.h"
 
 namespace handsim::scene {

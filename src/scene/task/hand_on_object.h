@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "handsim/control/hand_axes.h"
-#include "handsim/engine/contact/collider.h"
+#include "handsim/engine/collision/collider.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/scene/task/tasks.h"
 

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "handsim/core/error.h"
-#include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/collision/overlap.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/output/render/image.h"
 #include "handsim/scene/compile/scene.h"

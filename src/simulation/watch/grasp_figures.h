@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/engine/contact/pair_table.h"
+#include "handsim/engine/collision/pair_table.h"
 #include "handsim/scene/task/grasp.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/watcher.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/engine/contact/sweep.h"
+#include "handsim/engine/collision/sweep.h"
 #include "handsim/simulation/watch/monitor.h"
 
 namespace handsim::simulation {

@@ -7,7 +7,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
-#include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/spline.h"
 

@@ -10,7 +10,7 @@
 
 #include "engine/models.h"
 #include "handsim/engine/articulated/articulated_engine.h"
-#include "handsim/engine/articulated/spatial.h"
+#include "handsim/engine/articulated/kernels/spatial.h"
 #include "handsim/model/energy.h"
 
 namespace {

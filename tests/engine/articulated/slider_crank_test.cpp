@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/slider_crank_errors.h"
-#include "handsim/engine/articulated/topology.h"
+#include "handsim/engine/articulated/dynamics/topology.h"
 
 namespace handsim::engine {
 namespace {

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/contact_scenes.h"
-#include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/collision/overlap.h"
 
 namespace handsim::engine {
 namespace {

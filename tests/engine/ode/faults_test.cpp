@@ -8,7 +8,7 @@
 #include <ode/ode.h>
 
 #include "engine/models.h"
-#include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/ode/world_resources.h"
 
 namespace handsim::engine {

@@ -7,7 +7,7 @@
 #include <random>
 #include <sstream>
 
-#include "handsim/engine/contact/pair_table.h"
+#include "handsim/engine/collision/pair_table.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/markers.h"
 #include "handsim/output/export/export.h"

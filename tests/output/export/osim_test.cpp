@@ -6,7 +6,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/articulated/dynamics/joint_space.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/markers.h"
 #include "handsim/output/export/export.h"

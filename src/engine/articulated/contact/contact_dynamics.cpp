@@ -1,0 +1,388 @@
+#include "handsim/engine/articulated/contact/contact_dynamics.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact/tuning.h"
+#include "handsim/engine/collision/ode_library.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// So many pairs touch at a time, usually.
+constexpr std::size_t kUsualPairs = 8;
+
+/// One for each thread: thousands of engines that take turns need one.
+Workspace& workspace() {
+  thread_local Workspace own;
+  return own;
+}
+
+/// Makes ODE ready before anything of its is built.
+const model::Model& entered(const model::Model& model) {
+  enter_ode();
+  return model;
+}
+
+}  // namespace
+
+ContactDynamics::ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism,
+                                 Loops* loops)
+    : model_(entered(model)),
+      mechanism_(mechanism),
+      loops_(loops),
+      collider_(model, settings.effects, settings.articulated().speculative),
+      crossed_(model),
+      space_(mechanism, JointSpace::Inertia::of_thread),
+      friction_(settings.effects.has(model::Effect::friction)),
+      with_forces_(settings.contact_forces),
+      erp_(settings.erp()) {
+  refresh();
+  order_dofs();
+  frames_.reserve(kUsualContacts);
+  light_.reserve(kUsualContacts);
+  memory_.points.reserve(kUsualContacts);
+  memory_.change.reserve(at(space_.size()));
+  std::size_t most = 0;
+  for (const std::vector<int>& each : carriers_) most = std::max(most, 2 * each.size());
+  moving_dofs_.resize(kUsualPairs);
+  for (MovingDofs& each : moving_dofs_) {
+    each.dofs.reserve(most);
+    each.runs.reserve(most);
+  }
+  loop_dofs_.reserve(at(space_.size()));
+  loop_entries_.reserve(at(space_.size()));
+  const Topology& topology = mechanism.topology();
+  axes_.reserve(topology.nodes.size());
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
+    if (rate_count(topology.nodes[i].kind) != 1) continue;
+    const NodeView& view = mechanism.view(i);
+    const int dof = space_.first_dof(static_cast<int>(i));
+    axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u});
+  }
+}
+
+void ContactDynamics::refresh() {
+  heaviest_ = 0;
+  for (const model::Body& body : model_.bodies)
+    if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
+}
+
+/// Children before parents, branch by branch, trees on a base before free ones: the solver's
+/// matrices have no fill-in but where contacts couple branches.
+void ContactDynamics::order_dofs() {
+  const int n = space_.size();
+  place_.assign(at(n), kNoDof);
+  const auto visit = [&](auto&& self, int dof) -> void {
+    for (int child = dof + 1; child < n; ++child)
+      if (space_.parent_dof(child) == dof) self(self, child);
+    place_[at(dof)] = static_cast<int>(order_.size());
+    order_.push_back(dof);
+  };
+  const Topology& topology = mechanism_.topology();
+  for (const bool free : {false, true})
+    for (std::size_t i = 0; i < topology.nodes.size(); ++i)
+      if (!topology.nodes[i].parent && (topology.nodes[i].kind == NodeKind::free) == free)
+        visit(visit, space_.first_dof(static_cast<int>(i)));
+  std::vector<int> first(at(n));
+  for (int i = 0; i < n; ++i) first[at(i)] = i;
+  for (int dof = 0; dof < n; ++dof)
+    for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
+      first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
+  system_.assign(first, workspace());
+  inverse_inertia_.resize(at(n));
+  change_.resize(at(n));
+  involved_.resize(at(n));
+  for (int dof = 0; dof < n; ++dof)
+    root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[at(space_.parent_dof(dof))]);
+  carriers_.resize(topology.nodes.size());
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i)
+    for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
+      carriers_[i].push_back(place_[at(dof)]);
+  dof_of_ = order_;
+  chosen_.reserve(at(n));
+}
+
+/// Gives the solver the dofs that are involved.
+void ContactDynamics::select_dofs() {
+  chosen_.clear();
+  for (int i = 0; i < space_.size(); ++i)
+    if (involved(order_[at(i)])) chosen_.push_back(i);
+  if (!system_.chosen.choose(system_.all, chosen_)) return;
+  dof_of_.clear();
+  std::fill(place_.begin(), place_.end(), kNoDof);
+  for (const int i : chosen_) {
+    place_[at(order_[at(i)])] = static_cast<int>(dof_of_.size());
+    dof_of_.push_back(order_[at(i)]);
+  }
+  for (Coordinate& each : axes_) each.place = place_[at(each.dof)];
+  for (std::size_t i = 0; i < carriers_.size(); ++i) {
+    int dof = space_.last_dof(static_cast<int>(i));
+    for (int& each : carriers_[i]) each = place_[at(std::exchange(dof, space_.parent_dof(dof)))];
+  }
+  for (MovingDofs& each : moving_dofs_) {
+    each.node_a = each.node_b = kNoNode;
+    each.dofs.clear();
+    each.runs.clear();
+  }
+}
+
+template <class Archive, class T>
+void ContactDynamics::carry(Archive& archive, T& point) {
+  archive(point.shape_a);
+  archive(point.shape_b);
+  archive(point.index);
+  archive(point.impulse);
+  archive(point.moment);
+  archive(point.open);
+  for (auto& tangent_stiffness : point.tangent_stiffness) archive(tangent_stiffness);
+}
+
+void ContactDynamics::save(ArchiveWriter& out) const {
+  collider_.save(out);
+  out(memory_.points.size());
+  for (const ContactMemory::Point& each : memory_.points) carry(out, each);
+  out(memory_.change);
+  system_.save(out);
+}
+
+void ContactDynamics::restore(ArchiveReader& in) {
+  collider_.restore(in);
+  memory_.points.resize(in.size());
+  for (ContactMemory::Point& each : memory_.points) {
+    carry(in, each);
+    for (const double tangent_stiffness : each.tangent_stiffness)
+      if (!(tangent_stiffness >= 0))
+        in.refuse(fmt::format("a friction of {:g} over its speed", tangent_stiffness), "0 or more");
+  }
+  in(memory_.change);
+  if (!memory_.change.empty() && memory_.change.size() != at(space_.size()))
+    in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
+  system_.restore(in);
+}
+
+int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
+  enter_ode();
+  collider_.place(state);
+  return collider_.collide(state, prospect);
+}
+
+/// How a body moves; a base during the step.
+ContactDynamics::Motion ContactDynamics::motion_of(int shape) const {
+  const int node = node_of(shape);
+  if (node == kNoNode) {
+    const BaseMotion& base = mechanism_.base(body_of(shape));
+    return {base.pose.p, base.v, base.w};
+  }
+  const Spatial v = space_.velocity(node);
+  return {mechanism_.origin(mechanism_.topology().nodes[at(node)].island), v.tail<3>(), v.head<3>()};
+}
+
+ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
+  const model::Body& body = model_.bodies[at(body_of(shape))];
+  if (body.kinematic || body.mass <= 0) return {};
+  return {1 / body.mass, 3 / body.inertia.trace()};
+}
+
+void ContactDynamics::find_moving_dofs(MovingDofs& of) const {
+  std::vector<int>& dofs = of.dofs;
+  std::vector<PairRun>& runs = of.runs;
+  dofs.clear();
+  runs.clear();
+  const auto add = [&](int dof, double sign) {
+    if (dofs.empty() || dofs.back() + 1 != dof || runs.back().sign != sign) runs.push_back({dof, 0, sign});
+    ++runs.back().count;
+    dofs.push_back(dof);
+  };
+  const auto carriers = [&](int node) {
+    return node == kNoNode ? std::span<const int>() : std::span<const int>(carriers_[at(node)]);
+  };
+  const std::span<const int> a = carriers(of.node_a), b = carriers(of.node_b);
+  for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
+    if (i < a.size() && j < b.size() && a[i] == b[j]) {
+      ++i;
+      ++j;
+    } else if (j == b.size() || (i < a.size() && a[i] < b[j])) {
+      add(a[i++], 1);
+    } else {
+      add(b[j++], -1);
+    }
+  }
+}
+
+/// Whether a coordinate's servo and stops agree with the step that knows of no contacts and stops.
+bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const {
+  const AxisView& a = each.axis;
+  const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
+  if (*a.servo_limit > 0) {
+    const double pull =
+        *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
+    // Written so that NaN does not hold.
+    if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
+      return false;
+  }
+  return each.side == Side::within && rate >= -stop_target(*each.q - *a.low, step) &&
+         rate <= stop_target(*a.high - *each.q, step);
+}
+
+/// Finds the trees that contacts, loops, stops or torque limits keep from the free step.
+void ContactDynamics::choose_trees(double step) {
+  std::fill(involved_.begin(), involved_.end(), loops_ != nullptr);
+  for (const Touch& touch : collider_.touches()) {
+    const Contact& any = collider_.contacts()[touch.first];
+    for (const int node : {node_of(any.shape_a), node_of(any.shape_b)})
+      if (node != kNoNode) involved_[at(root_of_[at(space_.first_dof(node))])] = true;
+  }
+  for (const Coordinate& each : axes_)
+    if (const auto root = at(root_of_[at(each.dof)]); !involved_[root] && !free_step_holds(each, step))
+      involved_[root] = true;
+  select_dofs();
+}
+
+/// The solver's A and g from the step without contacts and stops, of the trees that are involved.
+void ContactDynamics::find_free(Problem& p, double step) {
+  const Kernel& kernel = mechanism_.kernel();
+  kernel.prepare(mechanism_.tree(), step);
+  kernel.solve(mechanism_.tree());
+  if (muscles_) muscles_->correct(step);
+  choose_trees(step);
+  p.begin(system_.chosen);
+  space_.find_inertia([&](int dof) { return involved(dof); });
+  for (const Coordinate& each : axes_)
+    if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
+  if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return involved(dof); });
+  // A, and g = A x of the free step.
+  const int n = space_.size();
+  const std::span<const double> du = mechanism_.du();
+  for (int dof = 0; dof < n; ++dof) {
+    if (!involved(dof)) continue;
+    const int i = place_[at(dof)];
+    const double* S = space_.axis_data(dof);
+    double* motion = p.motion(i);
+    for (std::size_t k = 0; k < 3; ++k) {
+      motion[k] = S[k * mechanism_.stride()];
+      motion[4 + k] = S[(3 + k) * mechanism_.stride()];
+    }
+    if (!memory_.change.empty()) p.start[at(i)] = memory_.change[at(dof)];
+    const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
+    const double own = p.inertia(i, i) = space_.inertia(dof, dof);
+    inverse_inertia_[at(i)] = 1 / own;
+    double sum = own * change;
+    for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j)) {
+      const int k = place_[at(j)];
+      const double entry = p.inertia(i, k) = space_.inertia(dof, j);
+      p.g[at(k)] += entry * change;
+      sum += entry * change_[at(j)];
+    }
+    p.g[at(i)] += sum;
+  }
+}
+
+/// Greatest speed towards a stop at a distance: the same as the kernels have without contact.
+double ContactDynamics::stop_target(double room, double step) const {
+  return (room < 0 ? erp_ * room : room) / step;
+}
+
+/// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
+void ContactDynamics::bound_axes(Problem& p, double step) {
+  for (Coordinate& each : axes_) {
+    each.bounced = false;
+    if (each.place == kNoDof) continue;
+    const AxisView& a = each.axis;
+    const double u = *each.u, q = *each.q;
+    if (*a.servo_limit > 0) {
+      const double slope = step * *a.servo_stiffness + *a.servo_damping;
+      const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
+      const double limit = step * *a.servo_limit;
+      p.servos[at(each.place)] = {pull, step * slope, limit, side_of(*a.saturated)};
+      double& g = p.g[at(each.place)];
+      if (*a.saturated == 0) {
+        g -= pull;
+        p.inertia(each.place, each.place) -= step * slope;
+      } else {
+        g -= *a.saturated * limit;
+      }
+    }
+    if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
+    p.bounds[at(each.place)] = {-stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
+                                each.side};
+  }
+}
+
+/// Bounds of stops that are hit, with their restitution: true where one changed.
+bool ContactDynamics::apply_restitution(Problem& p) {
+  bool any = false;
+  for (Coordinate& each : axes_) {
+    if (each.place == kNoDof) continue;
+    Bound& bound = p.bounds[at(each.place)];
+    const int side = sign(bound.side);
+    const double speed = side * *each.u;
+    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
+    // Speeds towards the stop after the step: without and with restitution.
+    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
+    if (!(bounced < now)) continue;
+    each.bounced = any = true;
+    bound.low = -HUGE_VAL;
+    bound.high = HUGE_VAL;
+    (side < 0 ? bound.low : bound.high) = side * (bounced - speed);
+  }
+  return any;
+}
+
+/// Makes contacts of light pairs stiffer that yield too fast: true where one changed.
+bool ContactDynamics::stiffen(Problem& p) {
+  bool any = false;
+  for (const std::size_t i : light_) {
+    ContactRows& rows = p.contacts[i];
+    const double yield = rows.regularization * rows.impulse[0];
+    if (!(yield > kTuning.most_yield)) continue;
+    const double share = kTuning.firm_share * kTuning.most_yield / yield;
+    rows.regularization *= share;
+    for (std::size_t k = 0; k < rows.disc_count; ++k) rows.discs[k].regularization *= share;
+    any = true;
+  }
+  return any;
+}
+
+NewtonReport ContactDynamics::solve(double step) {
+  Workspace& w = workspace();
+  Problem& p = w.problem;
+  // Stops are bounds here, and not locks.
+  for (Coordinate& each : axes_) {
+    each.side = side_of(*each.axis.side);
+    *each.axis.side = 0;
+  }
+  find_free(p, step);
+  bound_axes(p, step);
+  add_contacts(p, step);
+  add_loop_rows(p);
+  const double tolerance = kTuning.tolerance * step;
+  NewtonReport report = articulated::solve(system_, w, tolerance);
+  int stiffened = 0;
+  while (apply_restitution(p) || (stiffened < kTuning.stiffenings && stiffen(p) && ++stiffened > 0)) {
+    const NewtonReport again = articulated::solve(system_, w, tolerance);
+    report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
+              again.residual, again.solved, again.iterative};
+  }
+  const std::span<double> du = mechanism_.du();
+  memory_.change.assign(at(space_.size()), 0.0);
+  for (std::size_t i = 0; i < dof_of_.size(); ++i) {
+    const int dof = dof_of_[i];
+    memory_.change[at(dof)] = p.x[i];
+    du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
+  }
+  for (const Coordinate& each : axes_) {
+    if (each.place == kNoDof) continue;
+    *each.axis.side = sign(p.bounds[at(each.place)].side);
+    *each.axis.saturated = sign(p.servos[at(each.place)].saturated);
+  }
+  store_warm_start(p, step);
+  return report;
+}
+
+}  // namespace handsim::engine::articulated

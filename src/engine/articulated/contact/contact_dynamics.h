@@ -1,0 +1,166 @@
+// Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
+// together with the joint stops, the servos' torque limits and closed loops at velocity level, so that all
+// hold at the end of the step. The inertia is that of the implicit step, springs and dampers of tissue and
+// servos in it.
+#pragma once
+
+#include <array>
+#include <span>
+#include <vector>
+
+#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/dynamics/loops.h"
+#include "handsim/engine/articulated/dynamics/muscle_coupling.h"
+#include "handsim/engine/collision/collider.h"
+#include "handsim/engine/collision/penetration.h"
+
+namespace handsim::engine::articulated {
+
+/// Impulses of the last step: the warm start of the next.
+struct ContactMemory {
+  struct Point {
+    int shape_a = 0, shape_b = 0, index = 0;
+    Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world [N s], [N m s]
+    bool open = false;                                   ///< no impulse
+    /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
+    std::array<double, 3> tangent_stiffness{};
+  };
+  std::vector<Point> points;   ///< by shapes, then index
+  std::vector<double> change;  ///< of each dof's rate; empty: not known
+};
+
+class ContactDynamics {
+ public:
+  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws OdeFault
+  ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
+
+  /// Tendons that couple coordinates, or null; they must outlive this.
+  void couple(MuscleCoupling* muscles) { muscles_ = muscles; }
+  /// Takes over the model's masses.
+  void refresh();
+  /// Forgets the impulses of the last step.
+  void forget() {
+    memory_.points.clear();
+    memory_.change.clear();
+    system_.forget();
+  }
+  /// Contacts of the last step and their impulses, the warm start of the next.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+  /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws OdeFault
+  int collide(const model::State& state, const Prospect& prospect);
+  std::span<const Contact> contacts() const { return collider_.contacts(); }
+  /// Calls f(node a, node b, point, impulse on a [N s], moment on a [N m s]) for each contact of the last
+  /// `solve`; world axes; kNoNode for what cannot move.
+  template <class F>
+  void each_impulse(const F& f) const {
+    auto point = memory_.points.begin();
+    for (const Touch& touch : collider_.touches())
+      for (int index = 0; matters(touch) && index < touch.count; ++index, ++point)
+        f(node_of(point->shape_a), node_of(point->shape_b),
+          contacts()[touch.first + static_cast<std::size_t>(index)].position, point->impulse, point->moment);
+  }
+
+  /// Accelerations, into Mechanism::du(), of a step [s] that ends with contacts, stops and torque limits
+  /// kept; `kinematics` and the bases' motion have to be found. Leaves which stops and limits are in force.
+  NewtonReport solve(double step);
+
+ private:
+  /// A coordinate with a stop or a servo.
+  struct Coordinate {
+    int dof = 0, place = 0;  ///< of the joint space, of the solver
+    AxisView axis;
+    const double *q = nullptr, *u = nullptr;
+    Side side = Side::within;  ///< stop that was in force
+    bool bounced = false;
+  };
+  /// One body of a contact: its velocity at an origin, that of its island where it is a node.
+  struct Motion {
+    Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
+    Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
+  };
+  /// Inverse mass [1/kg] and mean inverse moment of inertia [1/(kg m2)]; zero of a body that cannot move.
+  struct Mobility {
+    double linear = 0, angular = 0;
+  };
+  /// Two bodies that touch; mobilities added.
+  struct TouchingPair {
+    Motion a, b;
+    Mobility mobility;
+  };
+  /// Unknowns that follow each other and move body a (sign 1) or b (sign -1).
+  struct PairRun {
+    int first = 0, count = 0;
+    double sign = 1;
+  };
+  /// The unknowns that move one of two nodes and not the other.
+  struct MovingDofs {
+    int node_a = kNoNode, node_b = kNoNode;
+    std::vector<int> dofs;
+    std::vector<PairRun> runs;
+  };
+
+  template <class Archive, class T>
+  static void carry(Archive& archive, T& point);
+  void order_dofs();
+  void select_dofs();
+  void find_free(Problem& p, double step);
+  bool free_step_holds(const Coordinate& each, double step) const;
+  double stop_target(double room, double step) const;
+  void choose_trees(double step);
+  bool involved(int dof) const {
+    return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
+  }
+  bool matters(const Touch& touch) const;
+  void add_contacts(Problem& p, double step);
+  void add_contact(Problem& p, const Contact& contact, const model::Material& surface, double share,
+                   double step);
+  void find_pair(Problem& p, std::size_t index, int shape_a, int shape_b);
+  void find_moving_dofs(MovingDofs& of) const;
+  Motion motion_of(int shape) const;
+  double mobility_across(Problem& p, const Contact& contact, double enough);
+  double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
+                     double crossed, double approach, double step);
+  void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
+  void store_warm_start(const Problem& p, double step);
+  void add_loop_rows(Problem& p);
+  void bound_axes(Problem& p, double step);
+  bool apply_restitution(Problem& p);
+  bool stiffen(Problem& p);
+  int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
+  int node_of(int shape) const {
+    return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
+  }
+  Mobility mobility_of(int shape) const;
+
+  const model::Model& model_;
+  Mechanism& mechanism_;
+  Loops* loops_;
+  MuscleCoupling* muscles_ = nullptr;
+  Collider collider_;
+  CrossedBodies crossed_;
+  JointSpace space_;
+  ContactSystem system_;
+  bool friction_, with_forces_;
+  double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
+  std::vector<Coordinate> axes_;
+  std::vector<int> order_, chosen_;  ///< of all dofs; places there of those that are involved
+  std::vector<int> place_, dof_of_;  ///< in the solver, of each dof that is involved, and back
+  std::vector<int> root_of_;         ///< of each dof
+  /// By roots: whether contacts, stops or torque limits change the free step of the tree.
+  std::vector<char> involved_;
+  std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
+  std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, by place
+  std::vector<double> change_;              ///< of each dof's rate in the free step
+  TouchingPair pair_;
+  std::vector<MovingDofs> moving_dofs_;  ///< of each pair that touches; mostly those of the last step
+  const MovingDofs* moving_ = nullptr;   ///< of the pair
+  std::vector<int> loop_dofs_;
+  std::vector<double> loop_entries_;
+  std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
+  std::vector<std::size_t> light_;  ///< rigid contacts of light pairs
+  ContactMemory memory_;
+  std::size_t warm_started_ = 0;
+};
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,262 @@
+#include "handsim/engine/articulated/contact/equation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact/tuning.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// A residual below this share of the sum of its terms' magnitudes is rounding.
+constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+
+double* motion_of(const Problem& p, Workspace& w, int body) {
+  return w.carried.data() + kSpatial * at(body == kNone ? p.size() : body);
+}
+
+/// Of body a against b at a's origin.
+void find_relative_motion(const Problem& p, Workspace& w, const Pair& pair, double* out) {
+  const double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
+  const Vec3 turn(b[0], b[1], b[2]), v = Vec3(b[4], b[5], b[6]) + turn.cross(pair.apart);
+  for (std::size_t k = 0; k < 3; ++k) {
+    out[k] = a[k] - turn[static_cast<Eigen::Index>(k)];
+    out[4 + k] = a[4 + k] - v[static_cast<Eigen::Index>(k)];
+  }
+  out[3] = out[7] = 0;
+}
+
+/// A wrench on body a at its origin, and the opposite one on b.
+void add_pair_wrench(const Problem& p, Workspace& w, const Pair& pair, const double* wrench) {
+  double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
+  const Vec3 f(wrench[4], wrench[5], wrench[6]),
+      m = Vec3(wrench[0], wrench[1], wrench[2]) + pair.apart.cross(f);
+  for (std::size_t k = 0; k < 3; ++k) {
+    a[k] += wrench[k];
+    a[4 + k] += wrench[4 + k];
+    b[k] -= m[static_cast<Eigen::Index>(k)];
+    b[4 + k] -= f[static_cast<Eigen::Index>(k)];
+  }
+}
+
+/// r = start + J x.
+void find_row_velocities(Problem& p, Workspace& w, bool still, bool whole_step) {
+  w.r.resize(kMostRows * p.contacts.size());
+  if (!still && !whole_step) multiply_rows(p, w, p.x.data(), w.r.data());
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const ContactRows& contact = p.contacts[c];
+    double* r = w.r.data() + kMostRows * c;
+    for (std::size_t k = 0; k < contact.rows; ++k)
+      r[k] = whole_step ? r[k] + w.s[kMostRows * c + k] : contact.start[k] + (still ? 0 : r[k]);
+  }
+}
+
+/// -J^T p, into F.
+void add_contact_impulses(Problem& p, Workspace& w) {
+  std::fill(w.carried.begin(), w.carried.end(), 0.0);
+  std::array<double, kSpatial> wrench{};
+  int pair = kNone;
+  const auto add_pair = [&] {
+    if (pair != kNone) add_pair_wrench(p, w, p.pairs[at(pair)], wrench.data());
+    wrench.fill(0);
+  };
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    ContactRows& contact = p.contacts[c];
+    apply_law(contact, w.r.data() + kMostRows * c, w.law);
+    if (contact.open && w.law != Law::fixed_limits) continue;
+    if (contact.pair == kNone) {
+      w.kernel.subtract_transposed(p.block(contact, 0, contact.rows), contact.impulse.data(), w.F.data());
+      continue;
+    }
+    if (contact.pair != pair) add_pair();
+    pair = contact.pair;
+    w.kernel.add_wrenches(p.wrenches_of(contact), contact.rows, contact.impulse.data(), wrench.data());
+  }
+  add_pair();
+  if (!p.pairs.empty())
+    w.kernel.subtract_wrenches(p.motions.data(), p.unknowns->parent.data(), p.size(), w.carried.data(),
+                               w.F.data());
+}
+
+}  // namespace
+
+void Workspace::reserve(const Unknowns& most) {
+  const std::size_t n = at(most.size());
+  problem.reserve(most);
+  island.reserve(most);
+  reserve_each(n, F, rounding, d, Ad, smooth, island_of_tree, place, members);
+  reserve_each(n + 1, first_member, first_touching, next);
+  reserve_each(kUsualContacts * kMostRows, r, s);
+  carried.reserve(kSpatial * (n + 1));
+  latest.reserve(n);
+  best.reserve(n);
+  start.reserve(n);
+  reserve_each(kUsualContacts, start_contacts, touching);
+  layout.reserve(n + kUsualContacts * (3 + most.widest()));
+  active.reserve(n + kUsualContacts);
+  links.reserve(n * (n / 64 + 1));
+}
+
+void Workspace::resize(const Problem& of) {
+  for (std::vector<double>* each : {&F, &rounding, &d, &Ad, &smooth}) each->resize(at(of.size()));
+  carried.resize(kSpatial * at(of.size() + 1));
+}
+
+void apply_law(ContactRows& contact, const double* r, Law law) {
+  double& normal = contact.impulse[0];
+  normal = -r[0] / contact.regularization;
+  if (contact.bilateral) {
+    contact.open = false;
+    return;
+  }
+  if (law == Law::active_set)
+    normal = contact.open ? 0 : normal;
+  else
+    contact.open = !(normal > 0);
+  if (contact.open) normal = 0;
+  for (std::size_t k = 0; k < contact.disc_count; ++k) {
+    Disc& disc = contact.discs[k];
+    double* p = contact.impulse.data() + disc.row;
+    const double vx = r[disc.row], vy = disc.size > 1 ? r[disc.row + 1] : 0;
+    const double limit = law == Law::fixed_limits ? disc.limit : disc.coefficient * normal;
+    double x = -vx / disc.regularization, y = -vy / disc.regularization;
+    if (contact.open && law != Law::fixed_limits) {
+      disc.slides = false;
+      x = y = 0;
+    } else if (law == Law::active_set && disc.slides) {
+      disc.tangent_stiffness = std::min(disc.tangent_stiffness, 1 / disc.regularization);
+      const double slip = vx * disc.slip_x + vy * disc.slip_y;
+      x = -limit * disc.slip_x - disc.tangent_stiffness * (vx - slip * disc.slip_x);
+      y = -limit * disc.slip_y - disc.tangent_stiffness * (vy - slip * disc.slip_y);
+    } else if (law != Law::active_set) {
+      const double speed = std::sqrt(vx * vx + vy * vy);
+      disc.slides = speed > limit * disc.regularization;
+      if (disc.slides) {
+        disc.slip_x = vx / speed;
+        disc.slip_y = vy / speed;
+        disc.tangent_stiffness = limit / speed;
+        if (law == Law::fixed_limits) {
+          disc.force_x = disc.slip_x;
+          disc.force_y = disc.slip_y;
+        }
+        x = -limit * disc.slip_x;
+        y = -limit * disc.slip_y;
+      }
+    }
+    p[0] = x;
+    if (disc.size > 1) p[1] = y;
+  }
+}
+
+double stop_compliance(const Problem& p, int i) { return kTuning.stop_compliance / p.inertia(i); }
+
+void multiply_rows(Problem& p, Workspace& w, const double* x, double* out) {
+  if (!p.pairs.empty())
+    w.kernel.find_motions(p.motions.data(), p.unknowns->parent.data(), p.size(), x, w.carried.data());
+  std::array<double, kSpatial> motion;
+  int pair = kNone;
+  for (const ContactRows& contact : p.contacts) {
+    if (contact.pair == kNone) {
+      w.kernel.multiply(p.block(contact, 0, contact.rows), x, out);
+    } else {
+      if (contact.pair != pair) find_relative_motion(p, w, p.pairs[at(contact.pair)], motion.data());
+      pair = contact.pair;
+      w.kernel.project(p.wrenches_of(contact), contact.rows, motion.data(), out);
+    }
+    out += kMostRows;
+  }
+}
+
+void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
+  w.law = law;
+  w.rounding_known = false;
+  const int n = p.size();
+  const bool still = std::all_of(p.x.begin(), p.x.end(), [](double x) { return x == 0; });
+  for (int i = 0; i < n; ++i) w.F[at(i)] = -p.g[at(i)];
+  if (!still)
+    w.kernel.add_product({p.A.data(), p.unknowns->row_start.data()}, p.unknowns->last.data(), n, p.x.data(),
+                         w.F.data());
+  for (int i = 0; i < n; ++i) {
+    const double x = p.x[at(i)];
+    if (law == Law::fixed_limits) {
+      Bound& bound = p.bounds[at(i)];
+      bound.side = x < bound.low ? Side::low : (x > bound.high ? Side::high : Side::within);
+      if (bound.side != Side::within) w.F[at(i)] += (x - bound.end()) / stop_compliance(p, i);
+    }
+    Servo& servo = p.servos[at(i)];
+    if (!(servo.limit > 0)) continue;
+    const double pull = servo.offset - servo.slope * x;
+    if (law != Law::active_set) servo.saturated = servo.side(pull);
+    w.F[at(i)] -= servo.saturated != Side::within ? sign(servo.saturated) * servo.limit : pull;
+  }
+  find_row_velocities(p, w, still, whole_step);
+  add_contact_impulses(p, w);
+}
+
+void find_rounding(Problem& p, Workspace& w) {
+  if (std::exchange(w.rounding_known, true)) return;
+  p.find_jacobians(w.kernel);
+  for (int i = 0; i < p.size(); ++i) {
+    double& sum = w.rounding[at(i)];
+    const double x = p.x[at(i)];
+    sum = std::abs(p.g[at(i)]);
+    const Bound& bound = p.bounds[at(i)];
+    if (w.law == Law::fixed_limits && bound.side != Side::within)
+      sum += (std::abs(x) + std::abs(bound.end())) / stop_compliance(p, i);
+    const Servo& servo = p.servos[at(i)];
+    if (servo.limit > 0)
+      sum += servo.saturated != Side::within ? servo.limit : std::abs(servo.offset - servo.slope * x);
+  }
+  for (const ContactRows& contact : p.contacts) {
+    if (contact.open && w.law != Law::fixed_limits) continue;
+    const std::span<const int> dofs = p.dofs_of(contact);
+    const double* J = p.entries_of(contact);
+    for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
+      double size = std::abs(contact.start[k]), regularization = contact.regularization;
+      for (std::size_t j = 0; j < dofs.size(); ++j) size += std::abs(J[j] * p.x[at(dofs[j])]);
+      for (std::size_t i = 0; i < contact.disc_count; ++i)
+        if (k >= contact.discs[i].row) regularization = contact.discs[i].regularization;
+      for (std::size_t j = 0; j < dofs.size(); ++j)
+        w.rounding[at(dofs[j])] += std::abs(J[j]) * size / regularization;
+    }
+  }
+}
+
+double largest_residual(const Problem& p, const Workspace& w) {
+  double most = 0;
+  for (int i = 0; i < p.size(); ++i) {
+    // A bound holds it.
+    if (w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within) continue;
+    const double left = std::abs(w.F[at(i)]) - (w.rounding_known ? kRounding * w.rounding[at(i)] : 0);
+    // Written so that NaN counts.
+    if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / p.inertia(i));
+  }
+  return most;
+}
+
+double residual(Problem& p, Workspace& w, double tolerance) {
+  const double most = largest_residual(p, w);
+  if (most <= tolerance || w.rounding_known) return most;
+  find_rounding(p, w);
+  return largest_residual(p, w);
+}
+
+bool release_bounds(Problem& p, Workspace& w) {
+  bool any = false;
+  for (int i = 0; i < p.size(); ++i) {
+    Bound& bound = p.bounds[at(i)];
+    const double push = sign(bound.side) * w.F[at(i)];
+    if (bound.side == Side::within || !(push > 0)) continue;
+    find_rounding(p, w);
+    if (!(push > kRounding * w.rounding[at(i)])) continue;
+    bound.side = Side::within;
+    any = true;
+  }
+  return any;
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,97 @@
+// The contact law at given rates, and the residual F = A x - g - J^T p - servos of a problem. Contacts have
+// wrenches on one of two bodies, which are enough for velocities and impulses, by one recursion along the
+// branches for all contacts; entries by unknowns are found where a factor is.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "handsim/engine/articulated/contact/problem.h"
+
+namespace handsim::engine::articulated {
+
+enum class Law {
+  coulomb,
+  active_set,   ///< of the last step: as `open`, `slides` and `saturated` say, whatever the velocities
+  fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
+};
+
+/// What problems need while they are solved: one for each thread, however many engines there are.
+struct Workspace {
+  /// @param of_rows must outlive this.
+  explicit Workspace(const RowKernel& of_rows = row_kernel()) : kernel(of_rows) {}
+  void reserve(const Unknowns& most);
+  /// Sizes vectors for a problem.
+  void resize(const Problem& problem);
+
+  const RowKernel& kernel;
+  Problem problem, island;  ///< the engine's, and an island of it
+
+  // The residual.
+  Law law = Law::coulomb;        ///< of the last evaluation
+  std::vector<double> F, r;      ///< residual; row velocities, kMostRows a contact
+  std::vector<double> rounding;  ///< sums of the magnitudes of F's terms
+  bool rounding_known = false;   ///< these are of the last evaluation
+  std::vector<double> carried;   ///< motions of, or wrenches on, what the unknowns carry
+
+  // A step and its line search.
+  std::vector<double> d, s;        ///< step, and J d
+  std::vector<double> Ad, smooth;  ///< A d, and A x - g
+
+  /// What a solution changes.
+  struct Solution {
+    std::vector<double> x;
+    std::vector<ContactRows> contacts;
+    std::vector<Bound> bounds;
+    std::vector<Servo> servos;
+    double residual = 0;
+    void reserve(std::size_t n) {
+      reserve_each(n, x, bounds, servos);
+      contacts.reserve(kUsualContacts);
+    }
+  };
+  Solution latest, best;  ///< with fixed limits, and their residuals with Coulomb's law
+  /// What a step changes of a contact.
+  struct Outcome {
+    std::array<double, kMostRows> impulse{};
+    std::array<Sliding, 3> discs;
+    bool open = false;
+  };
+  Solution start;  ///< all but its contacts
+  std::vector<Outcome> start_contacts;
+
+  // What the factor is compared with.
+  std::vector<int> layout, active;
+  std::vector<std::uint64_t> links;  ///< bits: later chains that each chain has entries in
+
+  // Islands: of each tree; place of each unknown; unknowns and contacts island by island, and where they
+  // begin.
+  std::vector<int> island_of_tree, place, members, first_member, touching, first_touching, next;
+};
+
+/// Minus the derivative of a disc's impulse by its velocity: xx, xy, yy.
+inline std::array<double, 3> stiffness(const Disc& disc) {
+  if (!disc.slides) return {1 / disc.regularization, 0, 1 / disc.regularization};
+  return {disc.tangent_stiffness * (1 - disc.force_x * disc.slip_x),
+          -0.5 * disc.tangent_stiffness * (disc.force_x * disc.slip_y + disc.force_y * disc.slip_x),
+          disc.tangent_stiffness * (1 - disc.force_y * disc.slip_y)};
+}
+/// Impulses at row velocities r, and the active set.
+void apply_law(ContactRows& contact, const double* r, Law law);
+/// Compliance of a stop as a penalty.
+double stop_compliance(const Problem& p, int i);
+/// out = J x, kMostRows a contact.
+void multiply_rows(Problem& p, Workspace& w, const double* x, double* out);
+/// Impulses at x, and the residual. @param whole_step x is that of the last evaluation plus d
+void evaluate(Problem& p, Workspace& w, Law law, bool whole_step = false);
+/// The sums of the magnitudes of the residual's terms, where they are not known.
+void find_rounding(Problem& p, Workspace& w);
+/// Largest entry of F as a rate, without rounding where that is known.
+double largest_residual(const Problem& p, const Workspace& w);
+/// The same; where it is beyond the tolerance, without rounding.
+double residual(Problem& p, Workspace& w, double tolerance);
+/// Takes bounds whose multiplier has the wrong sign out of the active set. @returns whether there are any
+bool release_bounds(Problem& p, Workspace& w);
+
+}  // namespace handsim::engine::articulated

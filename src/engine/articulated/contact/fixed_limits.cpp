@@ -1,0 +1,203 @@
+// Fallback: friction with fixed limits (Tresca's friction). Where Newton's method does not converge for
+// Coulomb's law, friction's limits are held, and updated by a fixed-point iteration, limit = coefficient x
+// normal impulse (Panagiotopoulos 1975; Haslinger, Hlavacek, Necas 1996, "Numerical methods for unilateral
+// problems in solid mechanics", section 9). With limits held, the step is the minimum of a strictly convex
+// energy
+//   x A x / 2 - g x + sum of max(0, -r_n)^2 / (2 R) + sum of Huber functions of r_t + servos + stops,
+// which Newton's method with a line search always finds. Every such step is physically sound: contacts push
+// and do not pull, and friction dissipates.
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/tuning.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// First and second derivative of the energy along a direction.
+struct Slope {
+  double value = 0, rise = 0;
+};
+
+template <class F>
+void each_disc(std::vector<ContactRows>& contacts, const F& f) {
+  for (ContactRows& contact : contacts)
+    for (std::size_t k = 0; k < contact.disc_count; ++k) f(contact, contact.discs[k]);
+}
+
+/// Derivatives of the energy along d at x + share d.
+Slope energy_slope(const Problem& p, const Workspace& w, double share) {
+  Slope out;
+  for (int i = 0; i < p.size(); ++i) {
+    const double d = w.d[at(i)], x = p.x[at(i)] + share * d;
+    out.rise += d * w.Ad[at(i)];
+    out.value += d * (w.smooth[at(i)] + share * w.Ad[at(i)]);
+    const Bound& bound = p.bounds[at(i)];
+    const double beyond = x - std::clamp(x, bound.low, bound.high);
+    if (beyond != 0) {
+      out.value += d * beyond / stop_compliance(p, i);
+      out.rise += d * d / stop_compliance(p, i);
+    }
+    const Servo& servo = p.servos[at(i)];
+    if (!(servo.limit > 0)) continue;
+    const double pull = servo.offset - servo.slope * x;
+    out.value -= d * std::clamp(pull, -servo.limit, servo.limit);
+    if (std::abs(pull) < servo.limit) out.rise += servo.slope * d * d;
+  }
+  ContactRows contact;
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    contact = p.contacts[c];
+    const double *r = w.r.data() + kMostRows * c, *s = w.s.data() + kMostRows * c;
+    std::array<double, kMostRows> now{};
+    for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
+    apply_law(contact, now.data(), Law::fixed_limits);
+    for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
+    if (!contact.open) out.rise += s[0] * s[0] / contact.regularization;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      const auto [xx, xy, yy] = stiffness(disc);
+      const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
+      out.rise += xx * sx * sx + 2 * xy * sx * sy + yy * sy * sy;
+    }
+  }
+  return out;
+}
+
+/// Step length along d that minimises the energy: Newton's method with bisection as safeguard.
+double line_search(const Problem& p, Workspace& w) {
+  for (int i = 0; i < p.size(); ++i) {
+    w.Ad[at(i)] = 0;
+    w.smooth[at(i)] = -p.g[at(i)];
+  }
+  for (int i = 0; i < p.size(); ++i) {
+    const double* row = p.A.data() + p.unknowns->row_start[at(i)];
+    w.Ad[at(i)] += row[i] * w.d[at(i)];
+    w.smooth[at(i)] += row[i] * p.x[at(i)];
+    for (int j = i + 1; j <= p.unknowns->last[at(i)]; ++j) {
+      w.Ad[at(i)] += row[j] * w.d[at(j)];
+      w.Ad[at(j)] += row[j] * w.d[at(i)];
+      w.smooth[at(i)] += row[j] * p.x[at(j)];
+      w.smooth[at(j)] += row[j] * p.x[at(i)];
+    }
+  }
+  const double start = energy_slope(p, w, 0).value;
+  Slope end = energy_slope(p, w, 1);
+  if (!(start < 0) || !(end.value > kTuning.flat * -start)) return 1;
+  double low = 0, high = 1, share = 1;
+  for (int i = 0; i < kTuning.searches; ++i) {
+    double next = share - end.value / end.rise;
+    // Written so that NaN is not taken; the middle where Newton's step leaves the bracket.
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    share = next;
+    end = energy_slope(p, w, share);
+    if (std::abs(end.value) <= kTuning.flat * -start) break;
+    (end.value > 0 ? high : low) = share;
+  }
+  return share;
+}
+
+/// Minimises the energy with fixed limits, from x, as far as rounding allows.
+void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+  evaluate(p, w, Law::fixed_limits);
+  for (int i = 0; i < kTuning.fixed_steps && !(residual(p, w, tolerance) <= tolerance); ++i) {
+    factor.factor(p, w);
+    find_step(p, factor, w, report);
+    evaluate(p, w, Law::fixed_limits, advance(p, w, line_search(p, w)));
+  }
+}
+
+/// Moves the limits towards coefficient x normal impulse with Aitken's relaxation (Irons and Tuck 1969);
+/// while updates grow, with ever larger factors. @returns the relaxation factor
+double update_limits(Problem& p, double relaxation, double most) {
+  double product = 0, square = 0;
+  each_disc(p.contacts, [&](const ContactRows& contact, Disc& disc) {
+    const double change = disc.coefficient * std::max(contact.impulse[0], 0.0) - disc.limit;
+    const double more = change - disc.change;
+    product += disc.change * more;
+    square += more * more;
+    disc.change = change;
+  });
+  if (!(square > 0))
+    relaxation = 1;
+  else if (product > 0)
+    relaxation = std::min(kTuning.growth * relaxation, 100 * most);
+  else
+    relaxation = std::clamp(-relaxation * product / square, 0.25 * std::min(most, 1.0), most);
+  each_disc(p.contacts, [&](const ContactRows&, Disc& disc) {
+    disc.limit = std::max(disc.limit + relaxation * disc.change, 0.0);
+  });
+  return relaxation;
+}
+
+/// Moves the limits of the latest solution towards those that a Newton step for Coulomb's law predicts.
+void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
+  factor.factor(p, w);
+  find_step(p, factor, w, report);
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const ContactRows& contact = p.contacts[c];
+    const double end = -(w.r[kMostRows * c] + w.s[kMostRows * c]) / contact.regularization;
+    const double normal = contact.open ? 0 : std::max(end, 0.0);
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      Disc& disc = w.latest.contacts[c].discs[k];
+      disc.limit += kTuning.predicted_share * (disc.coefficient * normal - disc.limit);
+      disc.change = 0;
+    }
+  }
+}
+
+/// Sets all limits to a multiple of the largest normal impulse.
+void restart_limits(Problem& p, double multiple) {
+  double largest = 0;
+  for (const ContactRows& contact : p.contacts) largest = std::max(largest, contact.impulse[0]);
+  each_disc(p.contacts, [&](const ContactRows&, Disc& disc) {
+    disc.limit = multiple * largest * disc.coefficient;
+    disc.change = 0;
+  });
+}
+
+void load(Problem& p, const Workspace::Solution& from) {
+  p.x = from.x;
+  p.contacts = from.contacts;
+  p.bounds = from.bounds;
+}
+
+}  // namespace
+
+void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
+                        NewtonReport& report) {
+  std::fill(p.x.begin(), p.x.end(), 0.0);
+  restart_limits(p, 0);
+  double relaxation = 1;
+  w.best.residual = HUGE_VAL;
+  const double work = factor.work();
+  for (int i = 0;
+       i < kTuning.limit_updates && (i == 0 || report.iterations * work < kTuning.most_fallback_work); ++i) {
+    minimise(p, factor, w, tolerance, report);
+    w.latest.x = p.x;
+    w.latest.contacts = p.contacts;
+    w.latest.bounds = p.bounds;
+    ++report.limit_updates;
+    evaluate(p, w, Law::coulomb);
+    solved(p, w, tolerance, report);
+    w.latest.residual = report.residual;
+    if (w.latest.residual < w.best.residual) w.best = w.latest;
+    const bool predicted = i >= kTuning.predicted_updates && i % 4 == 2;
+    if (!report.solved && predicted) predict_limits(p, factor, w, report);
+    newton_steps(p, factor, w, kTuning.steps_from_fixed, tolerance, report);
+    if (report.solved) return;
+    load(p, w.latest);
+    const bool restart = i % kTuning.restart == kTuning.restart - 1;
+    if (restart) restart_limits(p, kTuning.restart_at[at(i / kTuning.restart) % kTuning.restart_at.size()]);
+    relaxation =
+        restart || predicted
+            ? 1
+            : update_limits(p, relaxation, i % 4 == 3 ? kTuning.long_relaxation : kTuning.short_relaxation);
+  }
+  load(p, w.best);
+  report.residual = w.best.residual;
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,175 @@
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/tuning.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// A bound is passed by more than rounding [m/s, rad/s].
+constexpr double kBeyond = 1e-12;
+
+/// Friction's direction at the end of the step d, by the linearised law.
+void update_directions(Problem& p, const Workspace& w) {
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    ContactRows& contact = p.contacts[c];
+    const double* s = w.s.data() + kMostRows * c;
+    const double more = contact.open ? 0 : -s[0] / contact.regularization;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      Disc& disc = contact.discs[k];
+      double x = 0, y = 0;
+      if (!contact.open) {
+        const auto [xx, xy, yy] = stiffness(disc);
+        const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
+        const double* impulse = contact.impulse.data() + disc.row;
+        x = -impulse[0] + xx * sx + xy * sy;
+        y = disc.size > 1 ? -impulse[1] + xy * sx + yy * sy : 0;
+        if (disc.slides) {
+          x += disc.coefficient * more * disc.force_x;
+          y += disc.coefficient * more * disc.force_y;
+        }
+      }
+      const double limit = disc.coefficient * std::max(contact.impulse[0] + more, 0.0);
+      const double scale = 1 / std::max({limit, std::sqrt(x * x + y * y), 1e-300});
+      disc.force_x = scale * x;
+      disc.force_y = scale * y;
+    }
+  }
+}
+
+/// A step with the factor for Coulomb's law.
+bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+  find_step(p, factor, w, report);
+  update_directions(p, w);
+  evaluate(p, w, Law::coulomb, advance(p, w, 1));
+  return solved(p, w, tolerance, report);
+}
+
+void keep_start(const Problem& p, Workspace& w) {
+  w.start.x = p.x;
+  w.start.bounds = p.bounds;
+  w.start.servos = p.servos;
+  w.start_contacts.resize(p.contacts.size());
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const ContactRows& contact = p.contacts[c];
+    Workspace::Outcome& to = w.start_contacts[c];
+    to.open = contact.open;
+    to.impulse = contact.impulse;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) to.discs[k] = contact.discs[k];
+  }
+}
+
+/// Back to the start, evaluated with its active set.
+void restart(Problem& p, Workspace& w) {
+  p.x = w.start.x;
+  p.bounds = w.start.bounds;
+  p.servos = w.start.servos;
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    ContactRows& contact = p.contacts[c];
+    const Workspace::Outcome& from = w.start_contacts[c];
+    contact.open = from.open;
+    contact.impulse = from.impulse;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      static_cast<Sliding&>(contact.discs[k]) = from.discs[k];
+  }
+  evaluate(p, w, Law::active_set);
+}
+
+/// Whether the active set is that of the start.
+bool keeps_active_set(const Problem& p, const Workspace& w) {
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const ContactRows& contact = p.contacts[c];
+    const Workspace::Outcome& start = w.start_contacts[c];
+    if (contact.open != start.open) return false;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      if (contact.discs[k].slides != start.discs[k].slides) return false;
+  }
+  return std::equal(p.servos.begin(), p.servos.end(), w.start.servos.begin(),
+                    [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
+}
+
+/// Evaluates the start, by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip that
+/// goes on bends along the cone, and the active set's straight continuation is further off. @returns whether
+/// the start, which goes on as the last solution, solves this problem
+bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
+  const double enough = kTuning.at_rest * tolerance;
+  keep_start(p, w);
+  evaluate(p, w, Law::coulomb);
+  if (largest_residual(p, w) <= enough && solved(p, w, enough, report)) return true;
+  if (!keeps_active_set(p, w)) restart(p, w);
+  return false;
+}
+
+/// Steps with the factor of an earlier problem, from an evaluated x, while the next may be the last: true
+/// where it was. Else x has a smaller residual than it had, or is the start again.
+bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+  keep_start(p, w);
+  double last = largest_residual(p, w);
+  for (int i = 0; i < kTuning.reused_steps; ++i) {
+    if (take_step(p, factor, w, tolerance, report)) return true;
+    // Linear convergence. Written so that NaN does not go on.
+    if (!(report.residual * report.residual < tolerance * last)) break;
+    last = report.residual;
+  }
+  if (!(report.residual < last)) restart(p, w);
+  return false;
+}
+
+}  // namespace
+
+void find_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
+  for (int i = 0; i < p.size(); ++i) {
+    const bool kept = w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within;
+    w.d[at(i)] = kept ? 0 : -w.F[at(i)];
+  }
+  factor.solve(w, w.d.data());
+  w.s.resize(w.r.size());
+  multiply_rows(p, w, w.d.data(), w.s.data());
+  ++report.iterations;
+}
+
+bool advance(Problem& p, const Workspace& w, double share) {
+  bool whole = share == 1;
+  for (int i = 0; i < p.size(); ++i) {
+    double& x = p.x[at(i)];
+    Bound& bound = p.bounds[at(i)];
+    const bool penalty = w.law == Law::fixed_limits;
+    if (!penalty && bound.side != Side::within) continue;
+    x += share * w.d[at(i)];
+    if (penalty) continue;
+    if (x < bound.low - kBeyond) bound.side = Side::low;
+    if (x > bound.high + kBeyond) bound.side = Side::high;
+    if (bound.side == Side::within) continue;
+    x = bound.end();
+    whole = false;
+  }
+  return whole;
+}
+
+bool solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
+  report.residual = residual(p, w, tolerance);
+  report.solved = report.residual <= tolerance && !release_bounds(p, w);
+  return report.solved;
+}
+
+void newton_steps(Problem& p, SparseFactor& factor, Workspace& w, int most, double tolerance,
+                  NewtonReport& report) {
+  for (int i = 0; i < most && !report.solved; ++i) {
+    factor.factor(p, w);
+    take_step(p, factor, w, tolerance, report);
+  }
+}
+
+void solve_newton(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+  if (starts_solved(p, w, tolerance, report)) return;
+  if (factor.fits(p, w)) {
+    factor.tried(reuse_factor(p, factor, w, tolerance, report));
+    if (report.solved) return;
+  }
+  newton_steps(p, factor, w, kTuning.newton_steps, tolerance, report);
+}
+
+}  // namespace handsim::engine::articulated

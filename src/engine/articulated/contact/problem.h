@@ -1,0 +1,158 @@
+// Contacts, joint stops and torque limits of one step: a nonlinear complementarity problem in the change x of
+// the joint rates,
+//   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high.
+// A is the joint-space inertia, with the implicit springs and dampers; g is what drives the step without
+// contact. Contact is compliant (regularised): the normal impulse is max(0, -r_n / R), friction is Coulomb's
+// with a circular cone, -r_t / R_t projected on the disc of radius coefficient times normal impulse. Impulses
+// are so functions of the velocities and the unknowns are the joint rates, however many contacts there are
+// (the primal formulation of Todorov 2014, "Convex and analytically-invertible dynamics with contacts and
+// constraints", ICRA, and of Castro, Permenter and Han 2022, "An unconstrained convex formulation of
+// compliant contact", IEEE T-RO). Unlike theirs the law is Coulomb's own, not its convex relaxation: a
+// sliding contact does not lift off. solvers.h says how it is solved.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "handsim/core/pose.h"
+#include "handsim/engine/articulated/contact/unknowns.h"
+
+namespace handsim::engine::articulated {
+
+/// The usual numbers of contacts, of their rows and of discs that slide: room for them is made at the start.
+inline constexpr std::size_t kUsualContacts = 16, kUsualRows = 4, kUsualSliding = 6;
+inline constexpr std::size_t kMostRows = 6;  ///< of a contact
+
+/// Where a value is that has two limits.
+enum class Side : signed char { low = -1, within = 0, high = 1 };
+constexpr int sign(Side side) { return static_cast<int>(side); }
+/// @param sign -1, 0 or 1
+constexpr Side side_of(double sign) { return static_cast<Side>(static_cast<int>(sign)); }
+
+/// Friction on the edge of its disc, and which way.
+struct Sliding {
+  bool slides = false;  ///< the impulse is on the disc's edge
+  /// While it slides: direction of slip (unit); direction opposite to the impulse, as a share of the limit;
+  /// limit over speed, the stiffness across the slip. Both directions agree in the solution.
+  double slip_x = 1, slip_y = 0, force_x = 1, force_y = 0, tangent_stiffness = 0;
+};
+
+/// Rows whose impulse lies in a disc of radius `coefficient` times the normal impulse: two rows of sliding or
+/// rolling friction, one of spinning friction.
+struct Disc : Sliding {
+  enum class Kind { sliding, spinning, rolling };
+  Kind kind = Kind::sliding;
+  std::size_t row = 1, size = 2;  ///< among the contact's
+  double coefficient = 0;
+  double regularization = 0;  ///< R_t: velocity per impulse, > 0
+  double limit = 0;           ///< radius of the disc, where it is held fixed
+  double change = 0;          ///< of the limit that the last solution asks for
+};
+
+/// No unknown, or no pair of bodies.
+inline constexpr int kNone = -1;
+
+/// The unknowns that rows depend on, in Problem::dofs, and the same as runs, in Problem::runs.
+struct Dofs {
+  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
+};
+
+/// A contact: its normal row, then those of its discs. Or a bilateral constraint: one row whose velocity is
+/// to vanish, by an impulse of either sign.
+struct ContactRows : Dofs {
+  std::array<double, kMostRows> start{};    ///< r0 [m/s, rad/s]; of the normal row less its target velocity
+  std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
+  double regularization = 0;                ///< R of the normal row
+  std::array<Disc, 3> discs;
+  std::size_t rows = 1, disc_count = 0;
+  bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
+  bool bilateral = false;
+  int pair = kNone;                               ///< of the bodies that touch
+  std::size_t first_entry = 0, first_wrench = 0;  ///< in Problem::J and Problem::wrenches
+};
+
+/// Bounds of an unknown. In: it starts on the bound; out: the bound holds it.
+struct Bound {
+  double low, high;
+  Side side;
+  double end() const { return side == Side::low ? low : high; }
+};
+
+/// Adds offset - slope x, clamped to +-limit, to the right side; none without a limit.
+struct Servo {
+  double offset = 0, slope = 0, limit = 0;
+  Side saturated = Side::within;  ///< in: in the last step; out: in this one
+  Side side(double pull) const {
+    return pull > limit ? Side::high : (pull < -limit ? Side::low : Side::within);
+  }
+};
+
+/// Two bodies that touch, by the unknowns that carry them last, or kNone.
+struct Pair : Dofs {
+  int a = kNone, b = kNone;
+  Vec3 apart = Vec3::Zero();  ///< from b's origin to a's [m]
+};
+
+/// The numbers of a problem and of its solution.
+struct Problem {
+  const Unknowns* unknowns = nullptr;
+  std::vector<double> A, g;
+  std::vector<double> start;  ///< where the iteration starts; zero where nothing better is known
+  std::vector<Bound> bounds;
+  std::vector<Servo> servos;
+  std::vector<ContactRows> contacts;
+  std::vector<int> dofs;
+  std::vector<Run> runs;
+  std::vector<Pair> pairs;
+  /// How an unknown moves what it carries, at the origin of its tree; wrenches of the rows of pairs on body a
+  /// at a's origin. kSpatial numbers each.
+  std::vector<double> motions, wrenches;
+  std::vector<double> J;  ///< rows by unknowns; of pairs only where `with_jacobians`
+  std::size_t entries = 0;
+  bool with_jacobians = false;
+  std::vector<double> x;  ///< solution
+
+  /// Starts a new problem: A and g zero, no contacts, bounds or servos.
+  void begin(const Unknowns& of);
+  void reserve(const Unknowns& most);
+  int size() const { return unknowns->size(); }
+  /// A's entry, i <= j.
+  double& inertia(int i, int j) {
+    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
+  }
+  double inertia(int i) const {
+    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(i)];
+  }
+  double* motion(int i) { return motions.data() + kSpatial * static_cast<std::size_t>(i); }
+  /// Adds a contact that depends on the given unknowns, one at least, in ascending order. The caller fills in
+  /// its J.
+  ContactRows& add(std::span<const int> of, std::size_t rows);
+  std::span<double> jacobian(const ContactRows& contact) {
+    return {J.data() + contact.first_entry, contact.rows * contact.dof_count};
+  }
+  /// Two bodies; `of`: what moves one against the other, one at least.
+  void add_pair(int a, int b, const Vec3& apart, std::span<const int> of);
+  /// Adds a contact of the last pair. The caller fills in its wrenches.
+  ContactRows& add_contact(std::size_t rows);
+  double* wrenches_of(const ContactRows& contact) {
+    return wrenches.data() + kSpatial * contact.first_wrench;
+  }
+  /// J of all pairs.
+  void find_jacobians(const RowKernel& kernel);
+
+  std::span<const int> dofs_of(const Dofs& of) const { return {dofs.data() + of.first_dof, of.dof_count}; }
+  std::span<const Run> runs_of(const Dofs& of) const { return {runs.data() + of.first_run, of.run_count}; }
+  const double* entries_of(const ContactRows& contact) const { return J.data() + contact.first_entry; }
+  /// Rows of a contact from one of them on.
+  RowBlock block(const ContactRows& contact, std::size_t first, std::size_t count) const {
+    return {entries_of(contact) + first * contact.dof_count, count, contact.dof_count,
+            runs.data() + contact.first_run, contact.run_count};
+  }
+
+ private:
+  void list(Dofs& out, std::span<const int> of);
+};
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,83 @@
+// The linear system of a Newton step: the derivative of the residual, with a sparse Cholesky factor of its
+// symmetric part M and the low-rank unsymmetric part of sliding contacts. The pattern is kept by chains of
+// unknowns: fingers that hold an object couple with each other through it alone. Factor and pattern stay for
+// the next problem.
+#pragma once
+
+#include <vector>
+
+#include "handsim/core/archive.h"
+#include "handsim/engine/articulated/contact/equation.h"
+
+namespace handsim::engine::articulated {
+
+class SparseFactor {
+ public:
+  void reserve(const Unknowns& most);
+  /// Finds the pattern, where unknowns or contacts are not those of the last problem.
+  void update_pattern(const Problem& p, Workspace& w);
+  /// Multiplications of a factorisation that knows of no gaps in a row.
+  double work() const;
+  /// Factors the derivative of the residual that the workspace has.
+  void factor(Problem& p, Workspace& w);
+  /// Factors A alone.
+  void factor_inertia(const Problem& p, Workspace& w);
+  /// x becomes the solution for the right side x. @param w its `law` is that of the factor
+  void solve(const Workspace& w, double* x);
+  /// The same for a tree that no entry joins to others.
+  void solve_tree(const Workspace& w, double* x, const Unknowns& unknowns, const Run& tree);
+
+  /// Whether the factor is of the same unknowns, contacts and active set, and may be tried: where it fails
+  /// again and again, as in fast motion, ever more problems pass before that.
+  bool fits(const Problem& p, Workspace& w);
+  /// How a problem went that it was tried in.
+  void tried(bool solved);
+  void forget();
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
+ private:
+  /// A disc that slides.
+  struct Column {
+    std::size_t contact = 0, disc = 0;
+  };
+
+  void find_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts);
+  void assemble(Problem& p, Workspace& w);
+  void add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact);
+  void list_columns(const Problem& p);
+  void add_coupling(const Problem& p);
+  double& entry(int i, int j) {
+    return M_[start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
+  }
+  Factor view() { return {{M_.data(), start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
+  Coupling coupling() {
+    return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),
+            pivots_.data()};
+  }
+
+  // The pattern.
+  std::vector<Chain> chains_;
+  std::vector<Run> runs_;
+  std::vector<int> last_;  ///< last column of each row
+  std::vector<std::size_t> start_;
+  std::size_t entries_ = 0;
+  /// What it depends on: unknowns and contacts of the last problem; and whether it is that pattern.
+  std::vector<int> layout_;
+  bool known_ = false;
+
+  std::vector<double> M_;
+  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
+  /// are unknowns by columns; K = 1 - G^T C.
+  std::vector<double> C_, G_, K_;
+  std::vector<std::size_t> pivots_;
+  std::vector<Column> columns_;
+  std::vector<Run> column_range_;  ///< of each chain: columns that have entries there
+  std::vector<double> h_;
+  std::vector<int> active_;  ///< active set of the factor; empty: there is none
+  /// How often in a row the factor of an earlier problem did not do, and how many problems pass before it is
+  /// tried again.
+  int failures_ = 0, problems_to_pass_ = 0;
+};
+
+}  // namespace handsim::engine::articulated

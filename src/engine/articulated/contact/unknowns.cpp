@@ -1,0 +1,80 @@
+#include "handsim/engine/articulated/contact/unknowns.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "handsim/core/index.h"
+
+namespace handsim::engine::articulated {
+
+void Unknowns::reserve(std::size_t n) {
+  reserve_each(n, ids, first, last, parent, row_start, chains, trees, chain_of, tree_of);
+}
+
+void Unknowns::assign(std::span<const int> first_of) {
+  first.assign(first_of.begin(), first_of.end());
+  ids.resize(first.size());
+  std::iota(ids.begin(), ids.end(), 0);
+  lay_out();
+}
+
+bool Unknowns::choose(const Unknowns& from, std::span<const int> chosen) {
+  const auto same = [&](int i, int id) { return from.ids[at(i)] == id; };
+  if (std::equal(chosen.begin(), chosen.end(), ids.begin(), ids.end(), same)) return false;
+  ids.clear();
+  first.clear();
+  for (const int i : chosen) {
+    // A tree's unknowns stay together.
+    first.push_back(static_cast<int>(ids.size()) - (i - from.first[at(i)]));
+    ids.push_back(from.ids[at(i)]);
+  }
+  lay_out();
+  return true;
+}
+
+std::size_t Unknowns::widest() const {
+  std::size_t deepest = 0;
+  for (int i = 0; i < size(); ++i) {
+    std::size_t depth = 0;
+    for (int k = i; k < size(); k = parent[at(k)]) ++depth;
+    deepest = std::max(deepest, depth);
+  }
+  return std::min(first.size(), 2 * deepest);
+}
+
+std::size_t place_rows(std::span<const int> last, std::vector<std::size_t>& start) {
+  start.resize(last.size());
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < last.size(); ++i) {
+    start[i] = count - i;  // entry (i, j) is at start + j
+    count += at(last[i]) - i + 1;
+  }
+  return count;
+}
+
+void Unknowns::lay_out() {
+  const int n = size();
+  last.resize(at(n));
+  parent.assign(at(n), n);
+  for (int k = 0; k < n; ++k) last[at(k)] = k;
+  for (int k = n - 1; k >= 0; --k)
+    for (int i = first[at(k)]; i < k; ++i) {
+      last[at(i)] = std::max(last[at(i)], k);
+      parent[at(i)] = k;
+    }
+  entries = place_rows(last, row_start);
+  chains.clear();
+  trees.clear();
+  chain_of.resize(at(n));
+  tree_of.resize(at(n));
+  for (int i = 0; i < n; ++i) {
+    const bool goes_on = i > 0 && parent[at(i - 1)] == i && first[at(i - 1)] == first[at(i)];
+    if (!goes_on) chains.push_back({i, i});
+    if (i == 0 || parent[at(i - 1)] == n) trees.push_back({i, i});
+    chains.back().end = trees.back().end = i + 1;
+    chain_of[at(i)] = chains.size() - 1;
+    tree_of[at(i)] = static_cast<int>(trees.size()) - 1;
+  }
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,132 @@
+// The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101), of a
+// mechanism: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts
+// and comparisons with other engines need; plain forward dynamics needs none of it.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "handsim/engine/articulated/dynamics/mechanism.h"
+
+namespace handsim::engine::articulated {
+
+/// Angular part first, in world axes about the island's origin.
+using Spatial = Eigen::Matrix<double, 6, 1>;
+
+/// Every `stride`th number.
+inline Spatial read6(const double* x, std::size_t stride) {
+  Spatial out;
+  for (std::size_t i = 0; i < 6; ++i) out[static_cast<Eigen::Index>(i)] = x[i * stride];
+  return out;
+}
+
+inline Vec3 read3(const double* x, std::size_t stride) { return {x[0], x[stride], x[2 * stride]}; }
+
+/// A symmetric matrix from its upper triangle, row by row.
+inline Mat3 read_symmetric(const double* x, std::size_t s) {
+  Mat3 out;
+  out << x[0], x[s], x[2 * s], x[s], x[3 * s], x[4 * s], x[2 * s], x[4 * s], x[5 * s];
+  return out;
+}
+
+/// Of a dof that nothing carries.
+inline constexpr int kNoDof = -1;
+
+class JointSpace {
+ public:
+  /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
+  ///        and its bases' motion. Rates are in the order of the nodes; with one lane that of Mechanism::u().
+  /// Whether H is asked for, too, and where it is: its own, or one of the thread that lasts until the next
+  /// `find_inertia` of any such space there.
+  enum class Inertia { none, own, of_thread };
+  explicit JointSpace(Mechanism& mechanism, Inertia inertia = Inertia::own);
+  JointSpace(const JointSpace&) = delete;  ///< H_ points into it
+  JointSpace& operator=(const JointSpace&) = delete;
+
+  int size() const { return n_; }
+  /// Where Mechanism::u() and du() have a dof.
+  std::size_t rate_index(int dof) const { return rate_[static_cast<std::size_t>(dof)]; }
+  int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
+  int last_dof(int node) const { return last_[static_cast<std::size_t>(node)]; }
+  /// The dof that carries another, or kNoDof.
+  int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
+  /// S of a dof.
+  Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
+  /// The same where the mechanism has it: every stride'th number.
+  const double* axis_data(int dof) const { return axes_[static_cast<std::size_t>(dof)]; }
+
+  /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
+  /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
+  void inverse_dynamics(std::span<const double> du, std::span<double> tau);
+  /// H by the composite-rigid-body algorithm (section 6.2, Table 6.2, p. 107), into `inertia()`. @param of
+  ///        the dofs, by trees, of which it is found
+  template <class Of>
+  void find_inertia(const Of& of) {
+    place_inertia();
+    for (std::size_t i = 0; i < views_.size(); ++i)
+      if (!lone_[i] && of(first_[i])) start_composite(i);
+    for (std::size_t i = views_.size(); i-- > 0;)
+      if (of(first_[i])) lone_[i] ? find_lone_inertia(i) : find_node_inertia(i);
+  }
+  void find_inertia() {
+    find_inertia([](int) { return true; });
+  }
+  /// Entry (i, j), j <= i; zero where neither dof carries the other.
+  double inertia(int i, int j) const { return H_[index(i, j)]; }
+  void add_to_diagonal(int i, double weight) { H_[index(i, i)] += weight; }
+  /// Adds to entry (i, j), j <= i; j carries i.
+  void add(int i, int j, double value) { H_[index(i, j)] += value; }
+  /// H = L^T L in place, without fill-in outside the branches (section 6.5, Table 6.3, p. 114).
+  void factor();
+  /// x = L^-T x, then x = L^-1 x: together H^-1.
+  void solve_transposed(std::span<double> x) const;
+  void solve_factor(std::span<double> x) const;
+
+  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for every dof that carries the
+  /// node.
+  void add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const;
+  /// What the square of that row, by the inverse inertia, could come to, over that of the wrench; after
+  /// `factor`. A row far below it is zero but for rounding.
+  double row_scale(int node) const;
+  /// Spatial velocity of a node.
+  Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
+  /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
+  Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
+
+ private:
+  void place_inertia();
+  void start_composite(std::size_t node);
+  void find_node_inertia(std::size_t node);
+  void find_lone_inertia(std::size_t node);
+  std::size_t index(int i, int j) const {
+    return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
+  }
+
+  int n_ = 0;
+  std::vector<int> first_, last_;  ///< dofs of each node
+  std::vector<int> parent_dof_;    ///< lambda of each dof, or kNoDof
+  std::vector<int> parent_node_;
+  std::vector<char> lone_;  ///< of each node: a free body that carries nothing
+  std::vector<std::size_t> rate_;
+  std::span<const NodeView> views_;
+  std::vector<const double*> axes_;  ///< S of each dof
+  std::size_t stride_ = 1;
+  Inertia kind_;
+  std::vector<double> own_H_;
+  double* H_ = nullptr;
+  std::vector<Spatial> a_;
+  Spatial* S_ = nullptr;  ///< of each dof; of the thread, within `inverse_dynamics` or `find_inertia`
+  /// Mass, its moment and rotational inertia about O of a node and all that it carries.
+  struct Composite {
+    double mass = 0;
+    Vec3 h = Vec3::Zero();
+    Mat3 I = Mat3::Zero();
+  };
+  Composite* composites_ = nullptr;     ///< of the thread, within `find_inertia`
+  std::vector<Spatial>& node_forces();  ///< of the thread, within `inverse_dynamics`
+  void place_axes();
+};
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,397 @@
+#include "handsim/engine/articulated/dynamics/mechanism.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <new>
+
+#include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+constexpr std::size_t kAlignment = 64;
+
+/// Nodes of one depth and kind, in their order.
+std::vector<std::vector<int>> levels(const Topology& topology) {
+  std::map<std::pair<int, int>, std::vector<int>> groups;
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i)
+    groups[{topology.nodes[i].depth, static_cast<int>(topology.nodes[i].kind)}].push_back(
+        static_cast<int>(i));
+  std::vector<std::vector<int>> out;
+  for (auto& [key, nodes] : groups) out.push_back(std::move(nodes));
+  return out;
+}
+
+const Kernel& fitting(const Topology& topology) {
+  // Loops are held by algorithms of one lane.
+  if (!topology.cuts.empty()) return *kernels().front();
+  std::vector<int> sizes;
+  for (const auto& level : levels(topology)) sizes.push_back(static_cast<int>(level.size()));
+  return choose_kernel(sizes);
+}
+
+}  // namespace
+
+NodeView Mechanism::find_view(std::size_t node) const {
+  return of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    const LaneSlot& slot = slots_[node];
+    const Batch<W>& b = in.batch[slot.batch];
+    const auto lane = [&](const Lane<W>& first) { return &first[0] + slot.lane; };
+    NodeView out;
+    out.h = lane(b.h[0]);
+    out.I = lane(b.I[0]);
+    out.mass = lane(b.mass);
+    out.c = lane(b.c[0]);
+    out.pv = lane(b.pv[0]);
+    out.R = lane(b.frame.R[0]);
+    out.p = lane(b.frame.p[0]);
+    out.v = lane(b.frame.v[0]);
+    out.spin = lane(b.spin);
+    out.momentum = lane(b.momentum[0]);
+    out.energy = lane(b.energy);
+    if (single(b.kind)) out.work = lane(in.axis[b.axis].work);
+    if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
+    out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
+    if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
+    out.q = tree_.q + slot.q;
+    out.u = tree_.u + slot.u;
+    out.du = tree_.du + slot.u;
+    return out;
+  });
+}
+
+AxisView Mechanism::axis_view(std::size_t node) const {
+  return of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    const LaneSlot& slot = slots_[node];
+    Axis<W>& a = in.axis[in.batch[slot.batch].axis];
+    const int i = slot.lane;
+    return AxisView{
+        a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
+        a.servo_damping + i, a.servo_error + i, a.servo_feed + i, a.servo_limit + i, a.side + i,
+        a.saturated + i,     a.reaction + i};
+  });
+}
+
+void Mechanism::AlignedDelete::operator()(void* memory) const {
+  ::operator delete(memory, std::align_val_t(kAlignment));
+}
+
+/// Zeros.
+void* Mechanism::allocate(std::size_t bytes) {
+  bytes = std::max(bytes, kAlignment);
+  memory_.emplace_back(::operator new(bytes, std::align_val_t(kAlignment)));
+  std::fill_n(static_cast<std::byte*>(memory_.back().get()), bytes, std::byte{0});
+  return memory_.back().get();
+}
+
+Mechanism::Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel)
+    : model_(model),
+      gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3::Zero()),
+      topology_(make_topology(model)),
+      kernel_(kernel && topology_.cuts.empty() ? kernel : &fitting(topology_)),
+      bases_(model.bodies.size()) {
+  tree_.erp = settings.erp();
+  tree_.max_speed = kMaxSpeed;
+  tree_.max_turn = kMaxAngularSpeed;
+  tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
+  place_nodes(settings);
+  views_.reserve(slots_.size());
+  for (std::size_t i = 0; i < slots_.size(); ++i) views_.push_back(find_view(i));
+  std::vector<bool> parents(topology_.nodes.size(), false);
+  for (const Node& node : topology_.nodes)
+    if (node.parent) parents[at(*node.parent)] = true;
+  // A ball's gyroscopic torque is zero.
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
+    if (const Node& node = topology_.nodes[i];
+        node.kind == NodeKind::free && !parents[i] && node.inertia.maxCoeff() != node.inertia.minCoeff())
+      lone_.push_back(static_cast<int>(i));
+  std::vector<bool> inside(model.joints.size(), false);
+  for (const Node& node : topology_.nodes)
+    if (node.joint) inside[at(*node.joint)] = true;
+  for (std::size_t j = 0; j < inside.size(); ++j)
+    if (!inside[j]) outside_.push_back(static_cast<int>(j));
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
+    if (topology_.nodes[i].body)
+      carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
+}
+
+void Mechanism::place_nodes(const Settings& settings) {
+  const std::size_t width = stride();
+  for (const std::vector<int>& level : levels(topology_))
+    for (std::size_t begin = 0; begin < level.size(); begin += width)
+      chunks_.emplace_back(
+          level.begin() + static_cast<std::ptrdiff_t>(begin),
+          level.begin() + static_cast<std::ptrdiff_t>(std::min(level.size(), begin + width)));
+  slots_.resize(topology_.nodes.size());
+  std::size_t positions = 0, rates = 0;
+  for (std::size_t b = 0; b < chunks_.size(); ++b) {
+    const NodeKind kind = topology_.nodes[at(chunks_[b][0])].kind;
+    for (std::size_t lane = 0; lane < chunks_[b].size(); ++lane)
+      slots_[at(chunks_[b][lane])] = {static_cast<int>(b), static_cast<int>(lane), positions + lane,
+                                      rates + lane};
+    positions += at(position_count(kind)) * width;
+    rates += at(rate_count(kind)) * width;
+    ++(single(kind) ? axes_ : joints3_);
+    if (!topology_.nodes[at(chunks_[b][0])].parent) ++base_frames_;
+  }
+  tree_.batches = static_cast<int>(chunks_.size());
+  tree_.positions = static_cast<int>(positions);
+  tree_.rates = static_cast<int>(rates);
+  tree_.q = static_cast<double*>(allocate(positions * sizeof(double)));
+  tree_.u = static_cast<double*>(allocate(rates * sizeof(double)));
+  tree_.du = static_cast<double*>(allocate(rates * sizeof(double)));
+  tree_.tau = static_cast<double*>(allocate(2 * rates * sizeof(double)));
+  tree_.tau_servo = tree_.tau + rates;
+  of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    tree_.batch = allocate(chunks_.size() * sizeof(Batch<W>));
+    tree_.axis = allocate(at(axes_) * sizeof(Axis<W>));
+    tree_.joint3 = allocate(at(joints3_) * sizeof(Joint3<W>));
+    tree_.base = allocate(at(base_frames_) * sizeof(Frame<W>));
+    axes_ = joints3_ = base_frames_ = 0;
+    std::size_t q = 0, u = 0;
+    for (std::size_t i = 0; i < chunks_.size(); ++i) {
+      Batch<W>& b = In<W>(*this).batch[i];
+      In<W>::empty(b);
+      b.kind = topology_.nodes[at(chunks_[i][0])].kind;
+      b.q = static_cast<int>(q);
+      b.u = static_cast<int>(u);
+      q += at(position_count(b.kind)) * W;
+      u += at(rate_count(b.kind)) * W;
+      make_batch(b, chunks_[i]);
+      for (std::size_t lane = 0; lane < chunks_[i].size(); ++lane)
+        fill_lane(b, static_cast<int>(i), static_cast<int>(lane), chunks_[i][lane], settings);
+    }
+  });
+}
+
+/// A batch of the given nodes, but for what differs from lane to lane.
+template <int W>
+void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
+  const In<W> in(*this);
+  const Node& first = topology_.nodes[at(nodes[0])];
+  b.used = static_cast<int>(nodes.size());
+  b.massless = std::none_of(nodes.begin(), nodes.end(),
+                            [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+  b.axis = single(b.kind) ? axes_++ : joints3_++;
+  if (single(b.kind)) {
+    Axis<W>& a = in.axis[b.axis];
+    std::fill_n(a.low, W, -std::numeric_limits<double>::infinity());
+    std::fill_n(a.high, W, std::numeric_limits<double>::infinity());
+  } else {
+    // Empty lanes have the identity as pose.
+    const int w_at = b.kind == NodeKind::ball ? 3 : 6;
+    std::fill_n(tree_.q + b.q + w_at * W, W, 1.0);
+    std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
+  }
+  b.link = first.parent ? ParentLink::aligned : ParentLink::base;
+  b.parent = first.parent ? slots_[at(*first.parent)].batch : base_frames_;
+  if (!first.parent) {
+    Frame<W>& frame = in.base[base_frames_++];
+    for (int lane = 0; lane < W; ++lane) {
+      put4<W>(frame.quat, lane, Quat::Identity());
+      for (const int k : {0, 4, 8}) frame.R[k][lane] = 1;
+    }
+    return;
+  }
+  for (int lane = 0; lane < W; ++lane) {
+    const bool present = lane < b.used;
+    const LaneSlot& slot = slots_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
+    b.parent_batch[lane] = slot.batch;
+    b.parent_lane[lane] = slot.lane;
+    in.batch[slot.batch].has_children = in.batch[slot.batch].cleared = true;
+    if (present && (slot.batch != b.parent || slot.lane != lane)) b.link = ParentLink::gathered;
+    // The contents of an empty lane must not be added to a node.
+    if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
+  }
+}
+
+template <int W>
+void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings) {
+  const In<W> in(*this);
+  const Node& node = topology_.nodes[at(index)];
+  In<W>::fill(b, lane, node);
+  if (node.kind == NodeKind::ball) {
+    put4<W>(in.joint3[b.axis].after, lane, node.after);
+    balls_.push_back(index);
+  }
+  if (!single(node.kind)) return;
+  const model::Joint& joint = model_.joints[at(*node.joint)];
+  In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
+  const LaneSlot& slot = slots_[at(index)];
+  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane, slot.q, slot.u});
+}
+
+Vec3 Mechanism::origin(int island) const {
+  const std::size_t reference = at(topology_.reference[at(island)]);
+  if (topology_.nodes[reference].kind != NodeKind::free) return origins_[at(island)];
+  const double* q = tree_.q + slots_[reference].q;
+  return {q[0], q[stride()], q[2 * stride()]};
+}
+
+void Mechanism::update_bases() {
+  origins_.resize(topology_.reference.size());
+  for (std::size_t i = 0; i < origins_.size(); ++i)
+    if (const Node& node = topology_.nodes[at(topology_.reference[i])]; node.kind != NodeKind::free)
+      origins_[i] = bases_[at(node.base)].pose * node.anchor;
+  of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    for (std::size_t i = 0; i < chunks_.size(); ++i) {
+      const Batch<W>& b = in.batch[i];
+      if (b.link != ParentLink::base) continue;
+      Frame<W>& frame = in.base[b.parent];
+      for (int lane = 0; lane < b.used; ++lane) {
+        const Node& node = topology_.nodes[at(chunks_[i][at(lane)])];
+        put3<W>(frame.a + 3, lane, -gravity_);
+        if (node.kind == NodeKind::free) continue;
+        const BaseMotion& base = bases_[at(node.base)];
+        const Mat3 R = base.pose.q.toRotationMatrix();
+        // The origin is `r` from the base's own.
+        const Vec3 r = origin(node.island) - base.pose.p;
+        put4<W>(frame.quat, lane, base.pose.q);
+        for (int k = 0; k < 9; ++k) frame.R[k][lane] = R(k / 3, k % 3);
+        put3<W>(frame.p, lane, -r);
+        put3<W>(frame.v, lane, base.w);
+        put3<W>(frame.v + 3, lane, base.v + base.w.cross(r));
+        put3<W>(frame.a, lane, base.dw);
+        // Spatial acceleration: of the flow of velocity at a fixed point (Featherstone 2008, eq. 2.48, p.
+        // 28).
+        put3<W>(frame.a + 3, lane, base.dv + base.dw.cross(r) - base.w.cross(base.v) - gravity_);
+      }
+    }
+  });
+}
+
+void Mechanism::refresh(const Settings& settings) {
+  gravity_ = settings.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
+  const Topology topology = make_topology(model_);
+  of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      Node& node = topology_.nodes[i];
+      node.mass = topology.nodes[i].mass;
+      node.inertia = topology.nodes[i].inertia;
+      Batch<W>& b = in.batch[slots_[i].batch];
+      b.mass[slots_[i].lane] = node.mass;
+      put3<W>(b.inertia, slots_[i].lane, node.inertia);
+    }
+  });
+  update_bases();
+}
+
+void Mechanism::take_node(const Node& node, const LaneSlot& slot, const model::State& state) {
+  const std::size_t n = stride();
+  double *q = tree_.q + slot.q, *u = tree_.u + slot.u;
+  if (node.kind == NodeKind::free) {
+    const model::BodyState& body = state.bodies[at(*node.body)];
+    const Quat q_WL = body.q * node.q_LB.conjugate();
+    for (std::size_t k = 0; k < 3; ++k) {
+      q[k * n] = body.p[static_cast<Eigen::Index>(k)];
+      u[k * n] = body.w[static_cast<Eigen::Index>(k)];
+      u[(k + 3) * n] = body.v[static_cast<Eigen::Index>(k)];
+    }
+    for (std::size_t k = 0; k < 4; ++k) q[(k + 3) * n] = q_WL.coeffs()[static_cast<Eigen::Index>(k)];
+    return;
+  }
+  const model::Joint& joint = model_.joints[at(*node.joint)];
+  if (node.kind != NodeKind::ball) {
+    std::array<double, 3> value{};
+    model::joint_coordinates(joint, state, value);
+    q[0] = value[at(node.axis_index)];
+    model::joint_rates(joint, state, value);
+    u[0] = value[at(node.axis_index)];
+    return;
+  }
+  const model::BodyState& parent = state.bodies[at(node.reversed ? joint.child : joint.parent)];
+  const model::BodyState& child = state.bodies[at(node.reversed ? joint.parent : joint.child)];
+  const Quat q_WF = parent.q * (node.reversed ? joint.child_frame : joint.parent_frame).q;
+  const Quat q_FM = q_WF.conjugate() * child.q * (node.reversed ? joint.parent_frame : joint.child_frame).q;
+  const Vec3 w = q_WF.conjugate() * (child.w - parent.w);
+  for (std::size_t k = 0; k < 4; ++k) q[k * n] = q_FM.normalized().coeffs()[static_cast<Eigen::Index>(k)];
+  for (std::size_t k = 0; k < 3; ++k) u[k * n] = w[static_cast<Eigen::Index>(k)];
+}
+
+void Mechanism::take(const model::State& state) {
+  for (std::size_t i = 0; i < bases_.size(); ++i)
+    if (model_.bodies[i].kinematic)
+      bases_[i] = {state.bodies[i].pose(), state.bodies[i].v, state.bodies[i].w, Vec3::Zero(), Vec3::Zero()};
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], slots_[i], state);
+  take_torques(state);
+  update_bases();
+}
+
+void Mechanism::take_torques(const model::State& state) {
+  for (const Driven& each : driven_) {
+    tree_.tau[each.u] = state.tau[each.dof];
+    tree_.tau_servo[each.u] = state.tau_servo[each.dof];
+  }
+  for (const int ball : balls_) {
+    const std::size_t first = at(model_.joints[at(*topology_.nodes[at(ball)].joint)].first_dof);
+    for (std::size_t k = 0; k < 3; ++k) tree_.tau[slots_[at(ball)].u + k * stride()] = state.tau[first + k];
+  }
+}
+
+void Mechanism::give_coordinates(model::State& state) const {
+  state.q.resize(state.tau.size());
+  state.u.resize(state.tau.size());
+  for (const Driven& each : driven_) {
+    state.q[each.dof] = tree_.q[each.q];
+    state.u[each.dof] = tree_.u[each.u];
+    state.tau[each.dof] = tree_.tau[each.u];
+    state.tau_servo[each.dof] = tree_.tau_servo[each.u];
+  }
+  const std::size_t n = stride();
+  for (const int ball : balls_) {
+    const Node& node = topology_.nodes[at(ball)];
+    const LaneSlot& slot = slots_[at(ball)];
+    const double *q = tree_.q + slot.q, *u = tree_.u + slot.u, *tau = tree_.tau + slot.u;
+    Quat q_FM(q[3 * n], q[0], q[n], q[2 * n]);
+    Vec3 w(u[0], u[n], u[2 * n]);
+    if (node.reversed) {
+      q_FM = q_FM.conjugate();
+      w = -(q_FM * w);
+    }
+    const Vec3 turn = rotation_vector(q_FM);
+    const std::size_t first = at(model_.joints[at(*node.joint)].first_dof);
+    for (std::size_t k = 0; k < 3; ++k) {
+      state.q[first + k] = turn[static_cast<Eigen::Index>(k)];
+      state.u[first + k] = w[static_cast<Eigen::Index>(k)];
+      state.tau[first + k] = tau[k * n];
+    }
+  }
+  for (const int index : outside_) {
+    const model::Joint& joint = model_.joints[at(index)];
+    model::joint_coordinates(joint, state, std::span(state.q).subspan(at(joint.first_dof)));
+    model::joint_rates(joint, state, std::span(state.u).subspan(at(joint.first_dof)));
+  }
+}
+
+void Mechanism::give(model::State& state) const {
+  of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    for (const Carried& each : carried_) {
+      const LaneSlot& slot = slots_[at(each.node)];
+      const Frame<W>& frame = in.batch[slot.batch].frame;
+      model::BodyState& body = state.bodies[at(each.body)];
+      const Vec3 p = get3<W>(frame.p, slot.lane), turn = get3<W>(frame.v, slot.lane);
+      body.p = origin(topology_.nodes[at(each.node)].island) + p;
+      body.q = (get4<W>(frame.quat, slot.lane) * each.q_LB).normalized();
+      body.v = get3<W>(frame.v + 3, slot.lane) + turn.cross(p);
+      body.w = turn;
+    }
+  });
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,180 @@
+// A model's moving bodies in reduced coordinates: the tree in lanes, what moves its bases, and the ways
+// between body poses and joint coordinates. Knows no method of integration and holds no loop together.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "handsim/engine/articulated/dynamics/topology.h"
+#include "handsim/engine/articulated/kernels/kernels.h"
+
+namespace handsim::engine::articulated {
+
+/// How a kinematic body moves at a moment: world axes.
+struct BaseMotion {
+  Pose pose;
+  Vec3 v = Vec3::Zero(), w = Vec3::Zero();    ///< [m/s], [rad/s]
+  Vec3 dv = Vec3::Zero(), dw = Vec3::Zero();  ///< accelerations [m/s^2], [rad/s^2]
+};
+
+/// Where a node stands among the lanes.
+struct LaneSlot {
+  int batch = 0, lane = 0;
+  std::size_t q = 0, u = 0;  ///< of its first position and rate; the next are `stride` further on
+};
+
+/// Where a node's lane of the tree's arrays stands: entry k of a quantity is at [k * stride].
+struct NodeView {
+  const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
+  const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
+  const double *momentum = nullptr, *energy = nullptr;
+  const double* work = nullptr;    ///< nodes of one rate
+  const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
+  const double* tau = nullptr;     ///< nodes of several rates
+  const double *q = nullptr, *u = nullptr, *du = nullptr;
+};
+
+/// The lane of a single coordinate's Axis, as batch.h has it.
+struct AxisView {
+  const double *low, *high, *bounce, *weight, *servo_stiffness, *servo_damping, *servo_error, *servo_feed,
+      *servo_limit;
+  double *side, *saturated;
+  double* reaction;
+};
+
+template <int W>
+struct LaneTree;
+
+class Mechanism {
+ public:
+  /// The model must outlive this. @param kernel null: the fastest for the model.
+  Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
+
+  const Vec3& gravity() const { return gravity_; }  ///< zero without the effect [m/s^2]
+  const Topology& topology() const { return topology_; }
+  const Kernel& kernel() const { return *kernel_; }
+  const Tree& tree() const { return tree_; }
+  const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
+  const NodeView& view(std::size_t node) const { return views_[node]; }
+  std::span<const NodeView> views() const { return views_; }
+  /// Of a node of one rate.
+  AxisView axis_view(std::size_t node) const;
+  std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
+  /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].
+  double spin() const { return *std::max_element(tree_.spin, tree_.spin + stride()); }
+  /// Positions, rates and accelerations in the tree's order, empty lanes included.
+  std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
+  std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
+  std::span<double> du() { return {tree_.du, static_cast<std::size_t>(tree_.rates)}; }
+  /// Torques of the last step, in the order of u(), then the servos' part of them.
+  std::span<double> torques() { return {tree_.tau, 2 * static_cast<std::size_t>(tree_.rates)}; }
+
+  /// Sets positions, rates and torques to a state's, and the bases to where the state has them, at its
+  /// velocities.
+  void take(const model::State& state);
+  void take_torques(const model::State& state);
+  /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
+  void give(model::State& state) const;
+  /// Writes coordinates, rates and torques of all joints. @param state with all bodies as `give` has them
+  void give_coordinates(model::State& state) const;
+
+  /// How a kinematic body moves; `update_bases` brings it to the tree.
+  BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
+  const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
+  void update_bases();
+  /// Gives free bodies without children the gyroscopic torque of an implicit step of this length
+  /// (spin.h), in place of the one at its start.
+  void update_gyroscopic_torques(double step);
+  /// Adds forces from outside to those of the step; after `update_gyroscopic_torques`.
+  void add_forces(std::span<const BodyForce> forces);
+  /// Takes over the model's masses, inertias and gravity; `kinematics` is to be found again.
+  void refresh(const Settings& settings);
+  /// An island's origin in the world; of a free one, where its positions have it.
+  Vec3 origin(int island) const;
+
+  /// Plain joint torques, size model.dof_count() or empty.
+  void set_torques(std::span<const double> torques);
+  /// Servo drives, size model.dof_count() or empty; where one of them is not sound nothing is promised.
+  /// @param absolute servos keep their targets in the middle of the step, too. True where all are
+  /// sound.
+  bool set_servos(std::span<const model::Servo> servos, bool absolute);
+  /// Stops in force.
+  int stops_in_force() const;
+  /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
+  /// instruction set. `restore` leaves the rest of the tree as it was.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+  /// Forgets which stops and torque limits were in force.
+  void forget_contacts();
+  /// Copies constants and bases into a lane of a tree of its topology.
+  template <int N>
+  void lend_constants(LaneTree<N>& to, int lane) const;
+  /// Copies positions, rates, last torques and what is in force there, and bases that have moved.
+  template <int N>
+  void lend(LaneTree<N>& to, int lane) const;
+  /// Copies positions, rates, torques and what is in force from there; `kinematics` is to be found again.
+  template <int N>
+  void take_back(const LaneTree<N>& from, int lane);
+  /// True for a node that `update_gyroscopic_torques` speaks of.
+  bool is_lone(std::size_t node) const {
+    return std::find(lone_.begin(), lone_.end(), static_cast<int>(node)) != lone_.end();
+  }
+
+ private:
+  template <int W>
+  struct In;  ///< the same for one width
+
+  struct AlignedDelete {
+    void operator()(void* memory) const;
+  };
+  /// A body that a node carries.
+  struct Carried {
+    int body = 0, node = 0;
+    Quat q_LB = Quat::Identity();
+  };
+  /// A coordinate that a torque or servo may act on.
+  struct Driven {
+    std::size_t dof = 0;
+    int batch = 0, axis = 0, lane = 0;
+    std::size_t q = 0, u = 0;  ///< as in LaneSlot
+  };
+
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
+  template <int N>
+  void lend_bases(LaneTree<N>& to, int lane) const;
+  template <int N, class Other, class Copy>
+  void exchange(Other& with, int lane, bool all_torques, const Copy& copy) const;
+  void* allocate(std::size_t bytes);
+  void place_nodes(const Settings& settings);
+  NodeView find_view(std::size_t node) const;
+  template <int W>
+  void make_batch(Batch<W>& b, const std::vector<int>& nodes);
+  template <int W>
+  void fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings);
+  void take_node(const Node& node, const LaneSlot& slot, const model::State& state);
+
+  const model::Model& model_;
+  Vec3 gravity_;
+  Topology topology_;
+  const Kernel* kernel_;
+  std::vector<std::unique_ptr<void, AlignedDelete>> memory_;
+  Tree tree_;
+  std::vector<std::vector<int>> chunks_;  ///< nodes of each batch
+  int axes_ = 0, joints3_ = 0, base_frames_ = 0;
+  std::vector<LaneSlot> slots_;
+  std::vector<NodeView> views_;  ///< of each node
+  std::vector<Carried> carried_;
+  std::vector<Driven> driven_;     ///< single coordinates
+  std::vector<int> balls_;         ///< nodes
+  std::vector<int> outside_;       ///< joints that are no node's
+  std::vector<int> lone_;          ///< nodes of free bodies without children
+  std::vector<BaseMotion> bases_;  ///< as Model::bodies
+  std::vector<Vec3> origins_;      ///< of the islands that are not free
+  bool servos_at_rest_ = true;
+};
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,303 @@
+#include "handsim/engine/articulated/dynamics/topology.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include <Eigen/Eigenvalues>
+
+#include "handsim/core/index.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+Quat pure(const Vec3& v) { return {0, v.x(), v.y(), v.z()}; }
+
+/// Rotation to a body's principal axes, and the moments about them.
+struct Principal {
+  Quat q_LB = Quat::Identity();
+  Vec3 moments = Vec3::Zero();
+};
+
+Principal principal(const Mat3& inertia) {
+  Principal out;
+  out.moments = inertia.diagonal();
+  const Mat3 off = inertia - Mat3(inertia.diagonal().asDiagonal());
+  if (off.isZero(0)) return out;
+  const Eigen::SelfAdjointEigenSolver<Mat3> solver(inertia);
+  Mat3 axes = solver.eigenvectors();
+  if (axes.determinant() < 0) axes.col(0) = -axes.col(0);
+  out.moments = solver.eigenvalues();
+  out.q_LB = Quat(Mat3(axes.transpose())).normalized();
+  return out;
+}
+
+/// Sets of things that are one.
+class Unions {
+ public:
+  explicit Unions(std::size_t size) : root_(size) { std::iota(root_.begin(), root_.end(), 0); }
+  int find(int i) const {
+    while (root_[at(i)] != i) i = root_[at(i)];
+    return i;
+  }
+  bool join(int a, int b) {
+    a = find(a);
+    b = find(b);
+    root_[at(std::max(a, b))] = std::min(a, b);
+    return a != b;
+  }
+
+ private:
+  std::vector<int> root_;
+};
+
+class Builder {
+ public:
+  explicit Builder(const model::Model& model) : model_(model) {
+    for (const model::Body& body : model.bodies) frames_.push_back(principal(body.inertia));
+    for (std::size_t i = 0; i < frames_.size(); ++i)
+      if (model.bodies[i].kinematic) frames_[i] = {};
+    out_.node_of_body.assign(model.bodies.size(), kNoNode);
+    out_.of_joint.resize(model.joints.size());
+  }
+
+  Topology run() {
+    choose_tree();
+    grow();
+    sort_by_depth();
+    cut();
+    number_islands();
+    // Thousands of environments have one each.
+    out_.nodes.shrink_to_fit();
+    return std::move(out_);
+  }
+
+ private:
+  bool moves(int body) const { return !model_.bodies[at(body)].kinematic; }
+  /// All kinematic bodies stand for one ground.
+  int merged(int body) const { return moves(body) ? body : model::kWorld; }
+
+  static bool has_forces(const model::Joint& joint) {
+    return std::any_of(joint.axes.begin(), joint.axes.end(), [](const model::JointAxis& axis) {
+      return axis.stop || axis.tissue || axis.torque != 0;
+    });
+  }
+
+  /// Spanning trees of the joints with the most constraints: the fewest coordinates, and cuts of few rows.
+  /// Joints that forces act on come first, so that they are not cut where it can be helped.
+  void choose_tree() {
+    std::vector<int> order(model_.joints.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+      const auto rank = [&](int i) {
+        const model::Joint& joint = model_.joints[at(i)];
+        return model::dof_count(joint.kind) - (has_forces(joint) ? 10 : 0);
+      };
+      return rank(a) < rank(b);
+    });
+    Unions sets(model_.bodies.size());
+    in_tree_.assign(model_.joints.size(), false);
+    for (const int i : order) {
+      const model::Joint& joint = model_.joints[at(i)];
+      in_tree_[at(i)] = sets.join(merged(joint.parent), merged(joint.child));
+    }
+  }
+
+  void grow() {
+    std::vector<bool> placed(model_.bodies.size());
+    std::vector<int> front;
+    for (std::size_t i = 0; i < placed.size(); ++i)
+      if (!moves(static_cast<int>(i))) {
+        placed[i] = true;
+        front.push_back(static_cast<int>(i));
+      }
+    spread(front, placed);
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+      if (placed[i]) continue;
+      add_free(static_cast<int>(i));
+      placed[i] = true;
+      spread({static_cast<int>(i)}, placed);
+    }
+  }
+
+  /// Hangs on a front of bodies all that tree joints tie to it.
+  void spread(std::vector<int> front, std::vector<bool>& placed) {
+    for (std::size_t k = 0; k < front.size(); ++k)
+      for (std::size_t i = 0; i < model_.joints.size(); ++i) {
+        const model::Joint& joint = model_.joints[i];
+        const bool from_parent = joint.parent == front[k];
+        const int other = from_parent ? joint.child : joint.parent;
+        if (!in_tree_[i] || (!from_parent && joint.child != front[k]) || placed[at(other)]) continue;
+        add_joint(static_cast<int>(i), !from_parent);
+        placed[at(other)] = true;
+        front.push_back(other);
+      }
+  }
+
+  void carry(Node& node, int body) {
+    const Principal& frame = frames_[at(body)];
+    node.body = body;
+    node.mass = model_.bodies[at(body)].mass;
+    node.inertia = frame.moments;
+    node.q_LB = frame.q_LB;
+  }
+
+  void add_free(int body) {
+    Node node;
+    node.kind = NodeKind::free;
+    carry(node, body);
+    out_.node_of_body[at(body)] = static_cast<int>(out_.nodes.size());
+    out_.nodes.push_back(node);
+  }
+
+  void add_joint(int index, bool reversed) {
+    const model::Joint& joint = model_.joints[at(index)];
+    const int parent = reversed ? joint.child : joint.parent, child = reversed ? joint.parent : joint.child;
+    // F is fixed in the tree's parent, M in its child, whatever the model calls them.
+    const Pose x_PF = reversed ? joint.child_frame : joint.parent_frame;
+    const Pose x_CM = reversed ? joint.parent_frame : joint.child_frame;
+    const double sign = reversed ? -1 : 1;
+    const Quat q_LF = frames_[at(parent)].q_LB * x_PF.q;
+    const Quat q_ML = (frames_[at(child)].q_LB * x_CM.q).conjugate();
+    Node first;
+    first.joint = index;
+    first.reversed = reversed;
+    first.anchor = frames_[at(parent)].q_LB * x_PF.p;
+    if (moves(parent)) {
+      first.parent = out_.node_of_body[at(parent)];
+      first.depth = out_.nodes[at(*first.parent)].depth + 1;
+    }
+    first.base = moves(parent) ? model::kWorld : parent;
+    Node last = first;
+    if (joint.kind == model::JointKind::universal) {
+      first.axis_index = reversed ? 1 : 0;
+      first.axis = sign * joint.axes[at(first.axis_index)].axis;
+      first.before = q_LF;
+      first.turned = q_LF * pure(first.axis);
+      last.parent = static_cast<int>(out_.nodes.size());
+      last.depth = first.depth + 1;
+      last.base = model::kWorld;
+      last.anchor = Vec3::Zero();
+      last.axis_index = 1 - first.axis_index;
+      add_node(first);
+      attach(last, joint, Quat::Identity(), q_ML, sign);
+    } else {
+      attach(last, joint, q_LF, q_ML, sign);
+    }
+    last.arm = -(frames_[at(child)].q_LB * x_CM.p);
+    carry(last, child);
+    out_.node_of_body[at(child)] = static_cast<int>(out_.nodes.size());
+    add_node(last);
+  }
+
+  /// The joint's transform, but for the places of its ends.
+  static void attach(Node& node, const model::Joint& joint, const Quat& q_LF, const Quat& q_ML, double sign) {
+    switch (joint.kind) {
+      case model::JointKind::hinge:
+      case model::JointKind::universal: {
+        const Vec3 axis = sign * joint.axes[at(node.axis_index)].axis;
+        node.kind = NodeKind::revolute;
+        node.before = q_LF * q_ML;
+        node.turned = q_LF * pure(axis) * q_ML;
+        node.axis = q_ML.conjugate() * axis;
+        return;
+      }
+      case model::JointKind::slider:
+        node.kind = NodeKind::prismatic;
+        node.before = q_LF * q_ML;
+        node.axis = q_LF * (sign * joint.axes[0].axis);
+        return;
+      case model::JointKind::ball:
+        node.kind = NodeKind::ball;
+        node.before = q_LF;
+        node.after = q_ML;
+        return;
+    }
+  }
+
+  void add_node(const Node& node) { out_.nodes.push_back(node); }
+
+  void sort_by_depth() {
+    std::vector<int> order(out_.nodes.size()), place(out_.nodes.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) { return out_.nodes[at(a)].depth < out_.nodes[at(b)].depth; });
+    // Kind by kind, in the order of the parents, so that chains keep their lanes from level to level.
+    std::vector<Node> sorted;
+    for (std::size_t begin = 0; begin < order.size();) {
+      std::size_t end = begin;
+      while (end < order.size() && out_.nodes[at(order[end])].depth == out_.nodes[at(order[begin])].depth)
+        ++end;
+      std::stable_sort(order.begin() + static_cast<std::ptrdiff_t>(begin),
+                       order.begin() + static_cast<std::ptrdiff_t>(end), [&](int a, int b) {
+                         const Node &p = out_.nodes[at(a)], &q = out_.nodes[at(b)];
+                         if (p.kind != q.kind) return p.kind < q.kind;
+                         return (p.parent ? place[at(*p.parent)] : -1) <
+                                (q.parent ? place[at(*q.parent)] : -1);
+                       });
+      for (std::size_t k = begin; k < end; ++k) place[at(order[k])] = static_cast<int>(k);
+      begin = end;
+    }
+    for (const int i : order) {
+      sorted.push_back(out_.nodes[at(i)]);
+      if (sorted.back().parent) sorted.back().parent = place[at(*sorted.back().parent)];
+    }
+    out_.nodes = std::move(sorted);
+    for (std::size_t i = 0; i < out_.nodes.size(); ++i) {
+      const Node& node = out_.nodes[i];
+      if (node.body) out_.node_of_body[at(*node.body)] = static_cast<int>(i);
+      if (!node.joint) continue;
+      std::vector<int>& nodes = out_.of_joint[at(*node.joint)];
+      nodes.resize(std::max(nodes.size(), at(node.axis_index) + 1));
+      nodes[at(node.axis_index)] = static_cast<int>(i);
+    }
+  }
+
+  CutSide side(int body, const Pose& frame) const {
+    CutSide out;
+    const Quat& q_LB = frames_[at(body)].q_LB;
+    out.frame = {q_LB * frame.p, q_LB * frame.q};
+    out.base = body;
+    if (moves(body)) out.node = out_.node_of_body[at(body)];
+    return out;
+  }
+
+  void cut() {
+    for (std::size_t i = 0; i < model_.joints.size(); ++i) {
+      const model::Joint& joint = model_.joints[i];
+      if (in_tree_[i] || (!moves(joint.parent) && !moves(joint.child))) continue;
+      out_.cuts.push_back({static_cast<int>(i), side(joint.parent, joint.parent_frame),
+                           side(joint.child, joint.child_frame), 0});
+    }
+  }
+
+  void number_islands() {
+    Unions sets(out_.nodes.size());
+    for (std::size_t i = 0; i < out_.nodes.size(); ++i)
+      if (out_.nodes[i].parent) sets.join(static_cast<int>(i), *out_.nodes[i].parent);
+    for (const Cut& cut : out_.cuts)
+      if (cut.parent.node && cut.child.node) sets.join(*cut.parent.node, *cut.child.node);
+    std::vector<int> number(out_.nodes.size(), kNoNode);
+    for (std::size_t i = 0; i < out_.nodes.size(); ++i) {
+      int& mine = number[at(sets.find(static_cast<int>(i)))];
+      if (mine == kNoNode) {
+        mine = out_.islands++;
+        out_.reference.push_back(static_cast<int>(i));
+      }
+      out_.nodes[i].island = mine;
+    }
+    for (Cut& cut : out_.cuts)
+      cut.island = out_.nodes[at(cut.parent.node ? *cut.parent.node : *cut.child.node)].island;
+  }
+
+  const model::Model& model_;
+  std::vector<Principal> frames_;
+  std::vector<bool> in_tree_;
+  Topology out_;
+};
+
+}  // namespace
+
+Topology make_topology(const model::Model& model) { return Builder(model).run(); }
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,15 @@
+// The kernels that every machine of the architecture runs: one lane, and the narrowest vector register.
+#include "handsim/engine/articulated/kernels/kernel.h"
+#include "handsim/engine/articulated/kernels/kernel_table.h"
+#include "handsim/engine/articulated/kernels/row_operations.h"
+
+namespace handsim::engine::articulated {
+
+const Kernel kScalarKernel = Lanes<double>::kernel("1 lane");
+
+using Number = stdx::native_simd<double>;
+
+const Kernel kBaselineKernel = Lanes<Number>::kernel("vector unit of the build");
+const RowKernel kBaselineRows = RowOperations<Number>::kernel();
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,71 @@
+#include <cstddef>
+#include <vector>
+
+#include "handsim/engine/articulated/kernels/kernel_table.h"
+#include "handsim/engine/articulated/kernels/kernels.h"
+
+namespace handsim::engine::articulated {
+
+// Not in the kernels' own files: what the standard library instantiates there is of their instruction sets.
+void* thread_work(WorkOf of, std::size_t bytes) {
+  struct alignas(64) Line {
+    std::byte bytes[64];
+  };
+  thread_local std::vector<Line> works[2];
+  std::vector<Line>& work = works[static_cast<int>(of)];
+  if (work.size() * sizeof(Line) < bytes) work.resize((bytes + sizeof(Line) - 1) / sizeof(Line));
+  return work.data();
+}
+
+std::vector<const Kernel*> kernels() {
+  std::vector<const Kernel*> out = {&kScalarKernel};
+  if (kBaselineKernel.width > 1) out.push_back(&kBaselineKernel);
+#if defined(HANDSIM_AVX2_KERNEL)
+  if (__builtin_cpu_supports("avx2")) out.push_back(&kAvx2Kernel);
+#endif
+#if defined(HANDSIM_AVX512_KERNEL)
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl"))
+    out.push_back(&kAvx512Kernel);
+#endif
+  return out;
+}
+
+std::vector<const RowKernel*> row_kernels() {
+  std::vector<const RowKernel*> out = {&kBaselineRows};
+  for (const Kernel* kernel : kernels()) {
+#if defined(HANDSIM_AVX2_KERNEL)
+    if (kernel == &kAvx2Kernel) out.push_back(&kAvx2Rows);
+#endif
+#if defined(HANDSIM_AVX512_KERNEL)
+    if (kernel == &kAvx512Kernel) out.push_back(&kAvx512Rows);
+#endif
+  }
+  return out;
+}
+
+const RowKernel& row_kernel() {
+  static const RowKernel* const fastest = row_kernels().back();
+  return *fastest;
+}
+
+const Kernel& choose_kernel(const std::vector<int>& level_sizes) {
+  const Kernel* best = &kScalarKernel;
+  double least = 0;
+  for (const Kernel* kernel : kernels()) {
+    // A wider batch costs more: cache lines and slower divisions. The penalty of 6 % per lane is chosen, not
+    // measured.
+    double cost = 0;
+    for (const int size : level_sizes) {
+      const int batches = (size + kernel->width - 1) / kernel->width;
+      cost += batches;
+    }
+    cost *= 1 + 0.06 * (kernel->width - 1);
+    if (kernel->width > 1 && !(cost < least)) continue;
+    best = kernel;
+    least = cost;
+  }
+  return *best;
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,244 @@
+#include "handsim/engine/collision/collider.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "handsim/engine/checks.h"
+
+namespace handsim::engine {
+
+namespace {
+
+/// So many need no allocation in a step.
+constexpr std::size_t kUsualContacts = 32, kUsualTouches = 16;
+/// Least share of a pad's stiffness: a point that just touches has a spring still.
+constexpr double kLeastStiffness = 1e-3;
+
+Clearance::Pair pair_of(std::size_t i, std::size_t j) {
+  return {static_cast<std::uint32_t>(std::min(i, j)), static_cast<std::uint32_t>(std::max(i, j))};
+}
+
+template <class Archive, class T>
+void carry(Archive& archive, T& contact) {
+  archive(contact.shape_a);
+  archive(contact.shape_b);
+  archive(contact.position);
+  archive(contact.normal);
+  archive(contact.depth);
+  archive(contact.force);
+}
+
+}  // namespace
+
+Collider::Collider(const model::Model& model, const model::Effects& effects, bool speculative,
+                   std::span<const dBodyID> bodies)
+    : model_(model),
+      untested_(model, immovable_bodies(model, effects)),
+      rules_(model),
+      narrow_(model),
+      approach_(model, narrow_) {
+  if (speculative) sweep_.emplace(model, effects);
+  ways_.reserve(model.bodies.size());
+  const bool sweep = model.shapes.size() >= kSweepFrom;
+  space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
+  add_geoms(bodies);
+  contacts_.reserve(kUsualContacts);
+  touches_.reserve(kUsualTouches);
+  shares_.reserve(kUsualContacts);
+  if (!bodies.empty()) return;
+  clearance_.emplace(model, allowed_pairs());
+  near_pairs_.reserve(std::min(clearance_->size(), Clearance::kUsualNear));
+}
+
+bool Collider::allowed(std::size_t i, std::size_t j) const {
+  const model::Shape &a = model_.shapes[i], &b = model_.shapes[j];
+  return rules_.meet(a.group, b.group) && !untested_(a.body, b.body);
+}
+
+std::vector<Clearance::Pair> Collider::allowed_pairs() const {
+  std::vector<Clearance::Pair> out;
+  for (std::size_t i = 0; i < model_.shapes.size(); ++i)
+    for (std::size_t j = i + 1; j < model_.shapes.size(); ++j)
+      if (allowed(i, j)) out.push_back(pair_of(i, j));
+  out.shrink_to_fit();
+  return out;
+}
+
+void Collider::add_geoms(std::span<const dBodyID> bodies) {
+  geoms_.assign(model_.shapes.size(), nullptr);
+  for (std::size_t i = 0; i < geoms_.size(); ++i) {
+    const model::Shape& shape = model_.shapes[i];
+    if (!rules_.meets_any(shape.group)) continue;
+    geoms_[i] = make_geom(space_.get(), shape, i);
+    const dBodyID body = bodies.empty() ? nullptr : bodies[static_cast<std::size_t>(shape.body)];
+    if (body != nullptr && shape.kind != model::ShapeKind::plane) fix_geom(geoms_[i], shape, body);
+  }
+}
+
+void Collider::place(const model::State& state) {
+  if (clearance_) return;
+  for (std::size_t i = 0; i < geoms_.size(); ++i)
+    if (geoms_[i] != nullptr && dGeomGetBody(geoms_[i]) == nullptr)
+      place_geom(geoms_[i], model_.shapes[i],
+                 state.bodies[static_cast<std::size_t>(model_.shapes[i].body)].pose());
+}
+
+void Collider::near(void* self, dGeomID a, dGeomID b) {
+  Collider& collider = *static_cast<Collider*>(self);
+  const std::size_t i = shape_index(a);
+  const std::size_t j = shape_index(b);
+  if (collider.allowed(i, j)) collider.near_pairs_.push_back(pair_of(i, j));
+}
+
+void Collider::find_near(const model::State& state) {
+  near_pairs_.clear();
+  if (!clearance_) {
+    dSpaceCollide(space_.get(), this, &Collider::near);
+    // The space's order depends on its past; the solver's rounding on the order of contacts.
+    std::sort(near_pairs_.begin(), near_pairs_.end());
+    return;
+  }
+  const std::span<const Clearance::Pair> near = clearance_->near(state);
+  near_pairs_.assign(near.begin(), near.end());
+}
+
+void Collider::save(ArchiveWriter& out) const {
+  out(contacts_.size());
+  for (const Contact& contact : contacts_) carry(out, contact);
+}
+
+void Collider::restore(ArchiveReader& in) {
+  contacts_.resize(in.size());
+  for (Contact& contact : contacts_) {
+    carry(in, contact);
+    const auto shapes = static_cast<int>(model_.shapes.size());
+    if (contact.shape_a >= shapes || contact.shape_b >= shapes)
+      in.refuse("a contact of a shape that is not there", "contacts of this scene's shapes");
+  }
+}
+
+/// Pairs so fast that they could pass each other within the step.
+std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, const Prospect& prospect) {
+  if (!sweep_) return {};
+  const double step2 = prospect.step * prospect.step;
+  const auto fast = [&](int body) {
+    const model::BodyState& now = state.bodies[static_cast<std::size_t>(body)];
+    return sweep_->fast(body, step2 * (now.v + prospect.fall).squaredNorm(), step2 * now.w.squaredNorm());
+  };
+  const auto driven_fast = [&](const Prospect::Driven& each) {
+    return sweep_->fast(each.body, each.way.shift.squaredNorm(), each.way.turn.squaredNorm());
+  };
+  if (std::none_of(sweep_->bodies().begin(), sweep_->bodies().end(), fast) &&
+      std::none_of(prospect.driven.begin(), prospect.driven.end(), driven_fast))
+    return {};
+  ways_.assign(state.bodies.size(), {});
+  for (const int body : sweep_->bodies()) {
+    const model::BodyState& now = state.bodies[static_cast<std::size_t>(body)];
+    ways_[static_cast<std::size_t>(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
+  }
+  for (const Prospect::Driven& each : prospect.driven) ways_[static_cast<std::size_t>(each.body)] = each.way;
+  return sweep_->find(state, ways_);
+}
+
+int Collider::collide(const model::State& state, const Prospect& prospect) {
+  contacts_.clear();
+  touches_.clear();
+  shares_.clear();
+  find_near(state);
+  const std::span<const Sweep::Pair> fast = find_fast(state, prospect);
+  if (!fast.empty()) {
+    // In order, each pair once.
+    near_pairs_.insert(near_pairs_.end(), fast.begin(), fast.end());
+    std::sort(near_pairs_.begin(), near_pairs_.end());
+    near_pairs_.erase(std::unique(near_pairs_.begin(), near_pairs_.end()), near_pairs_.end());
+  }
+  for (const auto& [a, b] : near_pairs_) {
+    const std::size_t first = contacts_.size();
+    const auto surface = [this, a = a, b = b] { return rules_.between(model_.shapes[a], model_.shapes[b]); };
+    const bool flat = narrow_.flat(a, b);
+    int count = narrow_phase(a, b, flat && surface().compliance.has_value(), state);
+    if (!fast.empty() && std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
+      count += approach(a, b, count > 0, state);
+    if (count == 0) continue;
+    touches_.push_back({first, count, surface()});
+    share_stiffness(touches_.back(), flat);
+  }
+  return static_cast<int>(near_pairs_.size());
+}
+
+/// Points of flat faces come and go as these tilt. Equal shares would make all forces of the pair jump; these
+/// are of the energy K/2 sqrt(sum of depth^4), so that a point enters with neither force nor stiffness. One
+/// point alone has all of K, as has the end of a capsule.
+void Collider::share_stiffness(const Touch& touch, bool flat) {
+  double sum = 0;
+  for (std::size_t i = touch.first; flat && i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    const double depth2 = contacts_[i].depth * contacts_[i].depth;
+    sum += depth2 * depth2;
+  }
+  for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    const double depth = contacts_[i].depth;
+    shares_.push_back(flat && sum > 0 ? std::max(depth * depth / std::sqrt(sum), kLeastStiffness)
+                                      : 1.0 / touch.count);
+  }
+}
+
+/// Appends the points at which a fast pair is about to touch. @return how many
+int Collider::approach(std::size_t a, std::size_t b, bool touching, const model::State& state) {
+  const std::span<const ManifoldPoint> points = approach_.find(a, b, touching, state, ways_);
+  for (const ManifoldPoint& point : points)
+    contacts_.push_back(
+        {static_cast<int>(a), static_cast<int>(b), point.position, point.normal, point.depth, Vec3::Zero()});
+  return static_cast<int>(points.size());
+}
+
+Pose Collider::pose(std::size_t shape, const model::State& state) {
+  if (clearance_) return clearance_->pose(shape);
+  const model::Shape& of = model_.shapes[shape];
+  return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
+}
+
+/// The same of a capsule and a sphere; nothing for other pairs.
+std::optional<int> Collider::capsule_and_sphere(std::size_t a, std::size_t b) {
+  using model::ShapeKind;
+  const bool turned = model_.shapes[a].kind == ShapeKind::sphere;
+  const std::size_t i = turned ? b : a, j = turned ? a : b;
+  const model::Shape &capsule = model_.shapes[i], &sphere = model_.shapes[j];
+  if (capsule.kind != ShapeKind::capsule || sphere.kind != ShapeKind::sphere) return std::nullopt;
+  const auto found = capsule_on_sphere({clearance_->pose(i), capsule.radius, capsule.length},
+                                       clearance_->pose(j).p, sphere.radius);
+  if (!found) return 0;
+  const Vec3 normal = turned ? Vec3(-found->normal) : found->normal;
+  contacts_.push_back(
+      {static_cast<int>(a), static_cast<int>(b), found->position, normal, found->depth, Vec3::Zero()});
+  return 1;
+}
+
+/// Appends the pair's contact points to the list. @return how many
+int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state) {
+  const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
+    contacts_.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
+  };
+  if (const auto own = narrow_.manifold(a, pose(a, state), b, pose(b, state), pad)) {
+    for (int i = 0; i < own->count; ++i) {
+      const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
+      add(point.position, point.normal, point.depth);
+    }
+    return own->count;
+  }
+  if (clearance_) {
+    if (const auto count = capsule_and_sphere(a, b)) return *count;
+    for (const std::size_t shape : {a, b})
+      place_shape(geoms_[shape], model_.shapes[shape], clearance_->pose(shape));
+  }
+  std::array<dContactGeom, kMaxPairContacts> points;
+  const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
+  for (int i = 0; i < count; ++i) {
+    const dContactGeom& point = points[static_cast<std::size_t>(i)];
+    add(Vec3(point.pos[0], point.pos[1], point.pos[2]),
+        Vec3(point.normal[0], point.normal[1], point.normal[2]), point.depth);
+  }
+  return count;
+}
+
+}  // namespace handsim::engine

@@ -1,0 +1,88 @@
+// Which shapes touch, and where: a space with the shape of every body that a contact rule speaks of, the
+// pairs it finds near, and their contact points. Serves any engine: shapes are fixed to ODE bodies, or are
+// put where a state has their bodies.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "handsim/engine/collision/approach.h"
+#include "handsim/engine/collision/clearance.h"
+#include "handsim/engine/collision/geoms.h"
+#include "handsim/engine/collision/sweep.h"
+#include "handsim/engine/engine.h"
+
+namespace handsim::engine {
+
+/// Shapes from which on sweep-and-prune is faster than testing all pairs of bounding boxes.
+inline constexpr std::size_t kSweepFrom = 24;
+
+/// Two shapes that touch: which points of the list are theirs, and what their surfaces are to each other.
+struct Touch {
+  std::size_t first = 0;
+  int count = 0;
+  model::Material surface;
+};
+
+class Collider {
+ public:
+  /// @param speculative contacts that are about to happen are found, too
+  /// @param bodies as Model::bodies, the ODE bodies to which shapes are fixed (null: none); empty: to none
+  /// @throws OdeFault. The model must outlive this.
+  Collider(const model::Model& model, const model::Effects& effects, bool speculative,
+           std::span<const dBodyID> bodies = {});
+
+  Collider(const Collider&) = delete;  ///< its parts refer to each other
+  Collider& operator=(const Collider&) = delete;
+
+  /// Puts the shapes of bodies without an ODE body where the state has these; not where none has one.
+  void place(const model::State& state);
+  /// Finds the contacts at a state, where all shapes have been put, and where speculative those that fast
+  /// bodies are about to make (depth below 0). @return pairs given to the narrow phase
+  int collide(const model::State& state, const Prospect& prospect);
+
+  std::vector<Contact>& contacts() { return contacts_; }
+  const std::vector<Contact>& contacts() const { return contacts_; }
+  /// The list, which steps to come do not depend on.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+  /// In the order of their points in the list.
+  std::span<const Touch> touches() const { return touches_; }
+  /// Share of the pair's stiffness and damping that each contact has where its surfaces are pads.
+  std::span<const double> shares() const { return shares_; }
+
+ private:
+  static void near(void* self, dGeomID a, dGeomID b);
+  void add_geoms(std::span<const dBodyID> bodies);
+  bool allowed(std::size_t shape_a, std::size_t shape_b) const;
+  std::vector<Clearance::Pair> allowed_pairs() const;
+  void find_near(const model::State& state);
+  Pose pose(std::size_t shape, const model::State& state);
+  int narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state);
+  std::optional<int> capsule_and_sphere(std::size_t a, std::size_t b);
+  std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
+  void share_stiffness(const Touch& touch, bool flat);
+  int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
+
+  const model::Model& model_;
+  UntestedPairs untested_;
+  PairTable rules_;
+  std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space_;
+  std::vector<dGeomID> geoms_;  ///< as Model::shapes; null where no rule speaks of the shape
+  std::vector<Clearance::Pair> near_pairs_;
+  /// Where no shape is fixed to an ODE body: in place of the space.
+  std::optional<Clearance> clearance_;
+  /// Where speculative only.
+  std::optional<Sweep> sweep_;
+  NarrowPhase narrow_;
+  Approach approach_;
+  std::vector<Way> ways_;  ///< of each body, in a step with a fast one
+  std::vector<Contact> contacts_;
+  std::vector<Touch> touches_;
+  std::vector<double> shares_;  ///< as the contacts
+};
+
+}  // namespace handsim::engine

@@ -1,0 +1,413 @@
+#include "handsim/engine/collision/manifold.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace handsim::engine {
+
+namespace {
+
+/// Points of one manifold nearer to each other than this share of the radius are one point.
+constexpr double kApart = 0.02;
+/// A third point is worth its rows where it is deeper than the line between the outer two by this share of
+/// the radius; more, and depths would jump where it goes.
+constexpr double kBulge = 1e-4;
+constexpr int kSearchSteps = 40;
+constexpr double kSearchEnd = 1e-12;  ///< share of the segment
+constexpr double kGolden = 0.6180339887498949;
+/// Squares of distances that differ by this factor do so by more than rounding.
+constexpr double kSurelyApart = 1 + 1e-9;
+
+/// Of a point from a solid's surface, negative inside; with the way out.
+struct Distance {
+  double value = 0;
+  Vec3 normal = Vec3::UnitZ();
+};
+
+/// Places along a segment, fractions 0..1.
+class Places {
+ public:
+  static constexpr int kMost = 40;
+  static constexpr double kSame = 1e-9;
+
+  /// Places for which there is no room are left out; the two ends always stay.
+  void add(double t) {
+    if (t > 0 && t < 1 && count_ < kMost - 2) at_[static_cast<std::size_t>(count_++)] = t;
+  }
+  void sort() {
+    at_[static_cast<std::size_t>(count_++)] = 0;
+    at_[static_cast<std::size_t>(count_++)] = 1;
+    // By insertion: most often there are two to four.
+    for (int i = 1; i < count_; ++i)
+      for (auto k = static_cast<std::size_t>(i); k > 0 && at_[k] < at_[k - 1]; --k)
+        std::swap(at_[k], at_[k - 1]);
+    // Two places that differ by rounding alone count as one.
+    const auto end = std::unique(at_.begin(), at_.begin() + count_,
+                                 [](double low, double high) { return high - low < kSame; });
+    count_ = static_cast<int>(end - at_.begin());
+    at_[static_cast<std::size_t>(count_ - 1)] = 1;
+  }
+  int count() const { return count_; }
+  double operator[](int i) const { return at_[static_cast<std::size_t>(i)]; }
+
+ private:
+  std::array<double, kMost> at_;
+  int count_ = 0;
+};
+
+/// Where an increasing function passes zero, or the end that comes nearest. By false position, with the
+/// Illinois rule (Dowell and Jarratt 1971).
+template <class Function>
+double zero_of(const Function& f, double low, double high) {
+  double below = f(low), above = f(high);
+  if (!(below < 0)) return low;
+  if (!(above > 0)) return high;
+  int side = 0;
+  for (int i = 0; i < kSearchSteps && high - low > kSearchEnd; ++i) {
+    const double t = (low * above - high * below) / (above - below);
+    // Rounding.
+    if (!(t > low && t < high)) break;
+    const double value = f(t);
+    if (value == 0) return t;
+    if (value > 0) {
+      high = t;
+      above = value;
+      if (side > 0) below *= 0.5;
+      side = 1;
+    } else {
+      low = t;
+      below = value;
+      if (side < 0) above *= 0.5;
+      side = -1;
+    }
+  }
+  return side > 0 ? high : low;
+}
+
+struct Box {
+  Vec3 half;
+
+  /// Whether a segment's bounding box is further off than a radius, by more than rounding.
+  bool apart(const Vec3& a, const Vec3& along, double radius) const {
+    const Vec3 beyond = (a + 0.5 * along).cwiseAbs() - 0.5 * along.cwiseAbs() - half;
+    return beyond.cwiseMax(0.0).squaredNorm() > kSurelyApart * radius * radius;
+  }
+
+  Distance from(const Vec3& p) const {
+    const Vec3 beyond = p.cwiseAbs() - half;
+    int face = 0;
+    const double most = beyond.maxCoeff(&face);
+    Distance out;
+    if (most <= 0) {
+      out.value = most;
+      out.normal = std::copysign(1.0, p[face]) * Vec3::Unit(face);
+      return out;
+    }
+    const Vec3 away = beyond.cwiseMax(0.0);
+    out.value = away.norm();
+    out.normal = (away / out.value).cwiseProduct(p.cwiseSign());
+    return out;
+  }
+
+  double distance(const Vec3& p) const {
+    const Vec3 beyond = p.cwiseAbs() - half;
+    const double most = beyond.maxCoeff();
+    return most <= 0 ? most : beyond.cwiseMax(0.0).norm();
+  }
+
+  /// Outside, the distance's square is a parabola between two bends, by the axes that the segment is beyond.
+  std::optional<double> least(const Vec3& a, const Vec3& along, double low, double high) const {
+    const Vec3 middle = a + 0.5 * (low + high) * along;
+    double curve = 0, slope = 0;
+    bool outside = false;
+    for (int i = 0; i < 3; ++i) {
+      if (std::abs(middle[i]) <= half[i]) continue;
+      outside = true;
+      curve += along[i] * along[i];
+      slope += along[i] * (a[i] - std::copysign(half[i], middle[i]));
+    }
+    if (!outside) return std::nullopt;
+    return curve > 0 ? std::clamp(-slope / curve, low, high) : low;
+  }
+
+  Places bends(const Vec3& a, const Vec3& along) const {
+    Places places;
+    for (int i = 0; i < 3; ++i) {
+      if (along[i] == 0) continue;
+      places.add((half[i] - a[i]) / along[i]);
+      places.add((-half[i] - a[i]) / along[i]);
+    }
+    places.sort();
+    return places;
+  }
+};
+
+struct Cylinder {
+  double radius;
+  double half;
+
+  /// The same, by its distance from the axis and its height.
+  bool apart(const Vec3& a, const Vec3& along, double within) const {
+    const double square = along.x() * along.x() + along.y() * along.y();
+    const double mixed = a.x() * along.x() + a.y() * along.y();
+    const double t = square > 0 ? std::clamp(-mixed / square, 0.0, 1.0) : 0;
+    const double x = a.x() + t * along.x(), y = a.y() + t * along.y();
+    const double beside = std::max(std::sqrt(x * x + y * y) - radius, 0.0);
+    const double beyond = std::max(std::abs(a.z() + 0.5 * along.z()) - 0.5 * std::abs(along.z()) - half, 0.0);
+    return beside * beside + beyond * beyond > kSurelyApart * within * within;
+  }
+
+  Distance from(const Vec3& p) const {
+    const double rho = std::hypot(p.x(), p.y());
+    const double out_side = rho - radius;
+    const double out_end = std::abs(p.z()) - half;
+    const Vec3 side = rho > 0 ? Vec3(p.x() / rho, p.y() / rho, 0) : Vec3::UnitX();
+    const Vec3 end = std::copysign(1.0, p.z()) * Vec3::UnitZ();
+    if (out_side <= 0 && out_end <= 0)
+      return out_side > out_end ? Distance{out_side, side} : Distance{out_end, end};
+    if (out_end <= 0) return {out_side, side};
+    if (out_side <= 0) return {out_end, end};
+    const double value = std::hypot(out_side, out_end);
+    return {value, (out_side * side + out_end * end) / value};
+  }
+
+  double distance(const Vec3& p) const {
+    const double out_side = std::sqrt(p.x() * p.x() + p.y() * p.y()) - radius;
+    const double out_end = std::abs(p.z()) - half;
+    if (out_side <= 0 || out_end <= 0) return std::max(out_side, out_end);
+    return std::sqrt(out_side * out_side + out_end * out_end);
+  }
+
+  /// Beside the mantle the distance from the axis is a parabola's root, beyond an end the height is straight.
+  std::optional<double> least(const Vec3& a, const Vec3& along, double low, double high) const {
+    const Vec3 middle = a + 0.5 * (low + high) * along;
+    const bool beside = std::sqrt(middle.x() * middle.x() + middle.y() * middle.y()) > radius;
+    const bool beyond = std::abs(middle.z()) > half;
+    if (beside && beyond) return nearest_to_rim(a, along, low, high);
+    if (!beside && !beyond) return std::nullopt;
+    if (beyond) return middle.z() * along.z() > 0 ? low : high;
+    const double square = along.x() * along.x() + along.y() * along.y();
+    return square > 0 ? std::clamp(-(a.x() * along.x() + a.y() * along.y()) / square, low, high) : low;
+  }
+
+  /// Between two bends outside the rim: where the derivative of the distance's square vanishes.
+  double nearest_to_rim(const Vec3& a, const Vec3& along, double low, double high) const {
+    const auto slope = [&](double t) {
+      const Vec3 p = a + t * along;
+      const double rho = std::sqrt(p.x() * p.x() + p.y() * p.y());
+      const double rise = rho > 0 ? (p.x() * along.x() + p.y() * along.y()) / rho : 0;
+      return (rho - radius) * rise + (std::abs(p.z()) - half) * std::copysign(along.z(), p.z() * along.z());
+    };
+    return zero_of(slope, low, high);
+  }
+
+  Places bends(const Vec3& a, const Vec3& along) const {
+    Places places;
+    if (along.z() != 0) {
+      places.add((half - a.z()) / along.z());
+      places.add((-half - a.z()) / along.z());
+    }
+    // Where the segment enters and leaves the endless cylinder.
+    const double square = along.x() * along.x() + along.y() * along.y();
+    const double mixed = a.x() * along.x() + a.y() * along.y();
+    const double rest = a.x() * a.x() + a.y() * a.y() - radius * radius;
+    const double inside = mixed * mixed - square * rest;
+    if (square > 0 && inside > 0) {
+      const double root = std::sqrt(inside);
+      places.add((-mixed - root) / square);
+      places.add((-mixed + root) / square);
+    }
+    places.sort();
+    return places;
+  }
+};
+
+/// Bends are those where a sphere of radius `within` that touches leaves a face for its rim.
+struct Polyhedron {
+  const model::ConvexMesh& mesh;
+  double within;
+
+  bool apart(const Vec3& /*a*/, const Vec3& /*along*/, double /*radius*/) const { return false; }
+  Distance from(const Vec3& p) const {
+    int highest = 0;
+    double most = mesh.height(0, p);
+    for (int f = 1; f < mesh.face_count(); ++f)
+      if (const double h = mesh.height(f, p); h > most) most = h, highest = f;
+    Distance out{most, mesh.normal(highest)};
+    if (most <= 0) return out;
+    // The nearest point lies on a face that p is above: in it, or on its rim.
+    Vec3 nearest = Vec3::Zero();
+    double least = std::numeric_limits<double>::infinity();
+    for (int f = 0; f < mesh.face_count(); ++f) {
+      const double height = mesh.height(f, p);
+      if (height <= 0) continue;
+      const auto corners = mesh.corners(f);
+      bool above = true;
+      for (std::size_t i = 0; i < corners.size(); ++i) {
+        const Vec3& a = mesh.vertex(corners[i]);
+        const Vec3 side = mesh.vertex(corners[(i + 1) % corners.size()]) - a;
+        if (side.cross(mesh.normal(f)).dot(p - a) <= 0) continue;
+        above = false;
+        const Vec3 on = a + std::clamp((p - a).dot(side) / side.squaredNorm(), 0.0, 1.0) * side;
+        if (const double square = (p - on).squaredNorm(); square < least) least = square, nearest = on;
+      }
+      if (above) return {height, mesh.normal(f)};
+    }
+    const double value = std::sqrt(least);
+    // A point on the surface has no direction towards it.
+    if (value > 1e-9 * mesh.reach && std::isfinite(value)) out = {value, (p - nearest) / value};
+    return out;
+  }
+
+  double distance(const Vec3& p) const { return from(p).value; }
+  /// There is no closed form.
+  std::optional<double> least(const Vec3&, const Vec3&, double, double) const { return std::nullopt; }
+
+  Places bends(const Vec3& a, const Vec3& along) const {
+    Places places;
+    for (int f = 0; f < mesh.face_count(); ++f) {
+      const Vec3 n = mesh.normal(f);
+      if (std::min(mesh.height(f, a), mesh.height(f, a + along)) > within) continue;
+      double low = 0, high = 1;
+      const auto corners = mesh.corners(f);
+      for (std::size_t i = 0; i < corners.size() && low <= high; ++i) {
+        const Vec3& corner = mesh.vertex(corners[i]);
+        const Vec3 out = (mesh.vertex(corners[(i + 1) % corners.size()]) - corner).cross(n);
+        const double start = out.dot(a - corner);
+        const double rise = out.dot(along);
+        if (rise > 0) high = std::min(high, -start / rise);
+        if (rise < 0) low = std::max(low, -start / rise);
+        if (rise == 0 && start > 0) high = -1;
+      }
+      if (low > high) continue;
+      for (const double t : {low, high})
+        if (mesh.height(f, a + t * along) <= within) places.add(t);
+    }
+    places.sort();
+    return places;
+  }
+};
+
+/// Where a convex function is least between two places.
+template <class Function>
+double search(const Function& f, double low, double high) {
+  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+  double fa = f(a), fb = f(b);
+  for (int i = 0; i < kSearchSteps; ++i) {
+    if (fa < fb) {
+      high = b;
+      b = a;
+      fb = fa;
+      a = high - kGolden * (high - low);
+      fa = f(a);
+    } else {
+      low = a;
+      a = b;
+      fa = fb;
+      b = low + kGolden * (high - low);
+      fb = f(b);
+    }
+  }
+  return 0.5 * (low + high);
+}
+
+template <class Solid>
+Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
+  const Vec3 axis = x_WS.q.conjugate() * (capsule.pose.q * Vec3(0, 0, capsule.length));
+  const Vec3 start = x_WS.q.conjugate() * (capsule.pose.p - x_WS.p) - 0.5 * axis;
+  const auto at = [&](double t) -> Vec3 { return start + t * axis; };
+  const auto distance = [&](double t) { return solid.distance(at(t)); };
+
+  if (solid.apart(start, axis, capsule.radius)) return {};
+  const Places places = solid.bends(start, axis);
+  std::array<double, Places::kMost> found;
+  int nearest = 0;
+  for (int i = 0; i < places.count(); ++i) {
+    found[static_cast<std::size_t>(i)] = distance(places[i]);
+    if (found[static_cast<std::size_t>(i)] < found[static_cast<std::size_t>(nearest)]) nearest = i;
+  }
+  const double low = places[std::max(nearest - 1, 0)];
+  const double high = places[std::min(nearest + 1, places.count() - 1)];
+  // A distance changes by no more than the way along the segment.
+  if (found[static_cast<std::size_t>(nearest)] - (high - low) * capsule.length > capsule.radius) return {};
+  double best = places[nearest];
+  double best_distance = found[static_cast<std::size_t>(nearest)];
+  const auto refine = [&](double from, double to) {
+    const std::optional<double> known = solid.least(start, axis, from, to);
+    const double t = known ? *known : search(distance, from, to);
+    // A minimum at a bend is the bend itself: the search only comes near it.
+    if (const double value = distance(t); value < best_distance - 1e-6 * capsule.radius) {
+      best = t;
+      best_distance = value;
+    }
+  };
+  if (low < places[nearest]) refine(low, places[nearest]);
+  if (high > places[nearest]) refine(places[nearest], high);
+
+  double first = best, last = best;
+  double first_distance = best_distance, last_distance = best_distance;
+  for (int i = 0; i < places.count(); ++i) {
+    const double value = found[static_cast<std::size_t>(i)];
+    if (value >= capsule.radius) continue;
+    if (places[i] < first) first = places[i], first_distance = value;
+    if (places[i] > last) last = places[i], last_distance = value;
+  }
+
+  Manifold out;
+  const auto add = [&](double t) {
+    const Vec3 p = at(t);
+    const Distance d = solid.from(p);
+    if (d.value >= capsule.radius) return;
+    ManifoldPoint& point = out.points[static_cast<std::size_t>(out.count++)];
+    point.normal = x_WS.q * d.normal;
+    point.depth = capsule.radius - d.value;
+    point.position = x_WS * Vec3(p - 0.5 * (capsule.radius + d.value) * d.normal);
+  };
+  const double apart = kApart * capsule.radius;
+  const bool has_first = (best - first) * capsule.length > apart;
+  const bool has_last = (last - best) * capsule.length > apart;
+  if (has_first) add(first);
+  const double share = last > first ? (best - first) / (last - first) : 0;
+  const double chord = (1 - share) * first_distance + share * last_distance;
+  if (!has_first || !has_last || best_distance < chord - kBulge * capsule.radius) add(best);
+  if (has_last) add(last);
+  return out;
+}
+
+}  // namespace
+
+Manifold capsule_on_box(const CapsuleAt& capsule, const Pose& pose, const Vec3& edges) {
+  return sweep(Box{0.5 * edges}, capsule, pose);
+}
+
+Manifold capsule_on_mesh(const CapsuleAt& capsule, const Pose& pose, const model::ConvexMesh& mesh) {
+  // Far apart, by the spheres about both.
+  const double apart = (capsule.pose.p - pose.p).norm();
+  if (apart > mesh.reach + 0.5 * capsule.length + capsule.radius) return {};
+  return sweep(Polyhedron{mesh, capsule.radius}, capsule, pose);
+}
+
+std::optional<ManifoldPoint> capsule_on_sphere(const CapsuleAt& capsule, const Vec3& centre, double radius) {
+  // The rotation's last column and the sums as ODE has them.
+  const double s = capsule.pose.q.w(), x = capsule.pose.q.x(), y = capsule.pose.q.y(), z = capsule.pose.q.z();
+  const Vec3 axis(2 * (x * z + s * y), 2 * (y * z - s * x), 1 - 2 * x * x - 2 * y * y);
+  const Vec3 away = centre - capsule.pose.p;
+  const double half = 0.5 * capsule.length;
+  const double along =
+      std::clamp(axis.x() * away.x() + axis.y() * away.y() + axis.z() * away.z(), -half, half);
+  const Vec3 nearest = capsule.pose.p + along * axis, apart = nearest - centre;
+  const double distance = std::sqrt(apart.x() * apart.x() + apart.y() * apart.y() + apart.z() * apart.z());
+  if (distance > capsule.radius + radius) return std::nullopt;
+  if (!(distance > 0)) return ManifoldPoint{nearest, Vec3::UnitX(), capsule.radius + radius};
+  const Vec3 normal = apart * (1 / distance);
+  return ManifoldPoint{nearest + normal * (0.5 * (radius - capsule.radius - distance)), normal,
+                       capsule.radius + radius - distance};
+}
+
+Manifold capsule_on_cylinder(const CapsuleAt& capsule, const Pose& pose, double radius, double length) {
+  return sweep(Cylinder{radius, 0.5 * length}, capsule, pose);
+}
+
+}  // namespace handsim::engine

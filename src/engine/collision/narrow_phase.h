@@ -1,0 +1,37 @@
+// Which pairs of shapes have contact manifolds of handsim's own; the others are the engine's to test.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "handsim/engine/collision/manifold.h"
+#include "handsim/model/model.h"
+
+namespace handsim::engine {
+
+/// The model's shapes, and polyhedra of its boxes.
+class NarrowPhase {
+ public:
+  /// The model must outlive this.
+  explicit NarrowPhase(const model::Model& model);
+
+  /// Contact points of two shapes, normals out of b into a; nothing for a pair without a manifold of its own:
+  /// capsules on boxes, cylinders and convex meshes, convex meshes on all but cylinders, and boxes on boxes
+  /// where one is a pad have one.
+  /// @param x_WA, x_WB poses of the shapes' frames; @param pad the surfaces are compliant
+  std::optional<Manifold> manifold(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB,
+                                   bool pad = false) const;
+  /// Boxes and meshes have flat faces, on which points come and go as they tilt.
+  bool flat(std::size_t a, std::size_t b) const { return polyhedral(a) && polyhedral(b); }
+
+ private:
+  bool in_order(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB,
+                std::optional<Manifold>& out) const;
+  bool polyhedral(std::size_t shape) const;
+
+  const model::Model& model_;
+  std::vector<std::shared_ptr<const model::ConvexMesh>> boxes_;  ///< as Model::shapes; null: no box
+};
+
+}  // namespace handsim::engine

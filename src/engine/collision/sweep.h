@@ -1,0 +1,89 @@
+// Which pairs of shapes may pass each other within a step: those that go further against each other than half
+// the smaller of their smallest radii. All other pairs are seen where they touch before either is deep in
+// the other. Slow scenes pay some nanoseconds for each body.
+#pragma once
+
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "handsim/engine/collision/pair_table.h"
+#include "handsim/model/effects.h"
+#include "handsim/model/state.h"
+
+namespace handsim::engine {
+
+/// Share of the smaller of two smallest radii that a pair may go in a step without being looked at.
+inline constexpr double kSlowShare = 0.5;
+
+/// Farthest from its body's centre of mass that a shape's point lies whose motion a turn can bring nearer to
+/// something else [m]: a sphere about the centre of mass has none.
+double lever(const model::Shape& shape);
+
+/// Where a body goes in a step.
+struct Way {
+  Vec3 shift = Vec3::Zero();  ///< of its centre of mass [m]
+  Vec3 turn = Vec3::Zero();   ///< rotation vector, world axes [rad]
+};
+
+/// What is to come within a step, for contacts that are about to happen.
+struct Prospect {
+  /// A driven body, and where its drive takes it.
+  struct Driven {
+    int body = 0;
+    Way way;
+  };
+  double step = 0;                      ///< [s]
+  Vec3 fall = Vec3::Zero();             ///< velocity that gravity adds in it [m/s]
+  std::span<const Driven> driven = {};  ///< all of them
+};
+
+/// A body's pose after a share of its way.
+Pose moved(const Pose& body, const Way& way, double share);
+
+class Sweep {
+ public:
+  using Pair = std::pair<std::size_t, std::size_t>;
+
+  /// The model must outlive this.
+  Sweep(const model::Model& model, const model::Effects& effects);
+
+  /// Bodies that move and have a shape that something can touch.
+  std::span<const int> bodies() const { return bodies_; }
+  /// True where a body goes far enough for a pair of its shapes to be looked at.
+  /// @param shift2, turn2 squares of how far it goes and turns [m^2], [rad^2]
+  bool fast(int body, double shift2, double turn2) const {
+    const Limit& limit = limits_[static_cast<std::size_t>(body)];
+    // (x + y)^2 is at most 2 (x^2 + y^2).
+    return 2 * (shift2 + limit.lever2 * turn2) > limit.way2;
+  }
+  /// The pairs that go so far and whose surroundings meet on their ways, in ascending order.
+  /// @param state at the start; @param ways of every body
+  std::span<const Pair> find(const model::State& state, std::span<const Way> ways);
+
+ private:
+  struct Limit {
+    double lever2 = 0, way2 = 0;
+  };
+  /// A shape's surroundings on its way.
+  struct Track {
+    Vec3 centre = Vec3::Zero();
+    double way = 0, reach = 0;  ///< of its own centre and points [m]
+  };
+  bool allowed(std::size_t a, std::size_t b) const;
+  void find_limits();
+  void add(std::size_t a, std::size_t b, const model::State& state, std::span<const Way> ways);
+
+  const model::Model& model_;
+  std::vector<bool> immovable_;
+  UntestedPairs untested_;
+  PairTable rules_;
+  std::vector<int> bodies_;
+  std::vector<Limit> limits_;           ///< of each body
+  std::vector<double> radii_, levers_;  ///< of each shape
+  std::vector<Track> tracks_;
+  std::vector<std::size_t> order_;  ///< of shapes along x
+  std::vector<Pair> found_;
+};
+
+}  // namespace handsim::engine

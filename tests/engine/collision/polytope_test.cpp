@@ -1,0 +1,278 @@
+// Contact manifolds of convex meshes: against boxes, spheres and samples, and at rest.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "engine/models.h"
+#include "handsim/engine/collision/narrow_phase.h"
+#include "handsim/engine/collision/polytope.h"
+#include "handsim/scene/read/mesh_file.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::ConvexMesh;
+using model::Effect;
+using model::ShapeKind;
+
+ConvexMesh mesh_of(const std::vector<Vec3>& points) {
+  const scene::Surface hull = scene::convex_hull(points);
+  Vec3 centroid;
+  return model::make_convex_mesh(hull.vertices, hull.faces, centroid);
+}
+
+ConvexMesh icosahedron(double circumradius) {
+  const double golden = (1 + std::sqrt(5.0)) / 2;
+  std::vector<Vec3> points;
+  for (const double a : {-1.0, 1.0})
+    for (const double b : {-golden, golden}) {
+      points.emplace_back(0, a, b);
+      points.emplace_back(a, b, 0);
+      points.emplace_back(b, 0, a);
+    }
+  for (Vec3& point : points) point *= circumradius / std::hypot(1, golden);
+  return mesh_of(points);
+}
+
+model::Shape mesh_shape(const std::string& name, ConvexMesh mesh) {
+  model::Shape shape = test::shape(name, ShapeKind::convex_mesh, 0);
+  shape.mesh = std::make_shared<const ConvexMesh>(std::move(mesh));
+  return shape;
+}
+
+double deepest(const Manifold& found) {
+  double most = 0;
+  for (int i = 0; i < found.count; ++i)
+    most = std::max(most, found.points[static_cast<std::size_t>(i)].depth);
+  return most;
+}
+
+// Oracle: closed forms of the regular icosahedron (Coxeter): 20 faces, 30 edges, V = 5/12 (3 + sqrt 5) a^3, I
+// = (3 + sqrt 5) / 20 m a^2.
+TEST(ConvexMesh, HasTheMassPropertiesOfTheIcosahedron) {
+  const ConvexMesh mesh = icosahedron(1);
+  const double edge = 1 / std::sin(2 * M_PI / 5);
+  EXPECT_EQ(mesh.face_count(), 20);
+  EXPECT_EQ(mesh.edges.size(), 30U);
+  EXPECT_EQ(mesh.vertices.size(), 12U);
+  EXPECT_NEAR(mesh.volume, 5.0 / 12 * (3 + std::sqrt(5.0)) * edge * edge * edge, 1e-12);
+  const double inertia = (3 + std::sqrt(5.0)) / 20 * edge * edge;
+  EXPECT_LT((mesh.unit_inertia - inertia * Mat3::Identity()).norm(), 1e-12);
+}
+
+// Oracle: the closed form of a box, wherever it lies; its hull's triangles are merged into six faces.
+TEST(ConvexMesh, OfABoxesCornersIsTheBox) {
+  const Vec3 edges(0.2, 0.5, 0.03);
+  const Pose at{Vec3(3, -2, 5), rotation_quaternion({0.3, 0.7, -0.2})};
+  std::vector<Vec3> points;
+  for (int i = 0; i < 8; ++i)
+    points.push_back(at *
+                     Vec3(0.5 * edges.cwiseProduct(Vec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1))));
+  const scene::Surface hull = scene::convex_hull(points);
+  Vec3 centroid;
+  const ConvexMesh mesh = model::make_convex_mesh(hull.vertices, hull.faces, centroid);
+  EXPECT_EQ(mesh.face_count(), 6);
+  EXPECT_EQ(mesh.edges.size(), 12U);
+  EXPECT_LT((centroid - at.p).norm(), 1e-12);
+  EXPECT_NEAR(mesh.volume, edges.prod(), 1e-14);
+  const Vec3 e2 = edges.cwiseAbs2() / 12;
+  const Mat3 R = at.q.toRotationMatrix();
+  const Mat3 inertia =
+      R * Vec3(e2.y() + e2.z(), e2.z() + e2.x(), e2.x() + e2.y()).asDiagonal() * R.transpose();
+  EXPECT_LT((mesh.unit_inertia - inertia).norm(), 1e-14);
+}
+
+// Oracle: another way to the same figure; a box as a mesh against the box by its own formulas.
+TEST(CapsuleOnMesh, IsTheCapsuleOnTheBoxOfTheSameForm) {
+  std::mt19937 random(11);
+  const Vec3 edges(0.05, 0.03, 0.02);
+  const ConvexMesh mesh = model::box_polyhedron(edges);
+  int touching = 0;
+  for (int trial = 0; trial < 3000; ++trial) {
+    const CapsuleAt capsule{test::random_pose(random, 0.06), 0.008, 0.04};
+    const Pose box = test::random_pose(random, 0.01);
+    const Manifold by_mesh = capsule_on_mesh(capsule, box, mesh);
+    const Manifold by_box = capsule_on_box(capsule, box, edges);
+    ASSERT_EQ(by_mesh.count > 0, by_box.count > 0) << trial;
+    // Shallow ones: with its axis inside, a capsule has several ways out.
+    if (by_box.count == 0 || deepest(by_box) > 0.008) continue;
+    ++touching;
+    ASSERT_NEAR(deepest(by_mesh), deepest(by_box), 1e-8) << trial;
+  }
+  EXPECT_GT(touching, 200);
+}
+
+// Oracle: geometry; both ends of the line of rest, whatever rounding tilts the capsule by.
+TEST(CapsuleOnMesh, LiesOnBothEndsOfItsLineOfRest) {
+  const ConvexMesh mesh = icosahedron(0.03);
+  // A face up.
+  const Quat up = Quat::FromTwoVectors(mesh.normal(0), Vec3::UnitZ());
+  const double inradius = mesh.planes[0].w();
+  for (const double tilt : {0.0, 1e-12, -1e-9, 1e-6}) {
+    CapsuleAt capsule{
+        {Vec3(0, 0, inradius + 0.008 - 1e-5), rotation_quaternion({0, M_PI / 2 + tilt, 0})}, 0.008, 0.1};
+    const Manifold found = capsule_on_mesh(capsule, {Vec3::Zero(), up}, mesh);
+    ASSERT_EQ(found.count, 2) << tilt;
+    EXPECT_GT((found.points[0].position - found.points[1].position).norm(), 0.015);
+    for (int i = 0; i < 2; ++i)
+      EXPECT_NEAR(found.points[static_cast<std::size_t>(i)].depth, 1e-5, 0.05 * std::abs(tilt) + 1e-9);
+  }
+}
+
+// Oracle: distance of a point from a convex body by alternating projections onto its half-spaces (Dykstra),
+// which knows nothing of faces and edges.
+TEST(SphereOnMesh, HasTheDepthOfItsDistance) {
+  std::mt19937 random(5);
+  const ConvexMesh mesh = icosahedron(0.03);
+  model::Model model = model::make_model();
+  model.shapes = {test::shape("ball", ShapeKind::sphere, 0), mesh_shape("mesh", mesh)};
+  model.shapes[0].radius = 0.01;
+  const NarrowPhase narrow(model);
+  int touching = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    const Vec3 p = 0.045 * test::random_vector(random);
+    std::vector<Vec3> corrections(mesh.planes.size(), Vec3::Zero());
+    Vec3 x = p;
+    double moved = 1;
+    for (int sweep = 0; sweep < 400 && moved > 1e-14; ++sweep) {
+      moved = 0;
+      for (int f = 0; f < mesh.face_count(); ++f) {
+        Vec3& correction = corrections[static_cast<std::size_t>(f)];
+        const Vec3 y = x + correction;
+        x = y - std::max(0.0, mesh.height(f, y)) * mesh.normal(f);
+        moved += (y - x - correction).norm();
+        correction = y - x;
+      }
+    }
+    const double distance = (p - x).norm();
+    if (distance < 1e-4) continue;
+    const Manifold found = *narrow.manifold(0, {p, Quat::Identity()}, 1, {});
+    ASSERT_EQ(found.count, distance < 0.01 ? 1 : 0) << distance;
+    if (found.count == 0) continue;
+    ++touching;
+    EXPECT_NEAR(found.points[0].depth, 0.01 - distance, 1e-7);
+    EXPECT_LT((found.points[0].normal - (p - x) / distance).norm(), 1e-3);
+  }
+  EXPECT_GT(touching, 100);
+}
+
+// Oracle: the definition of penetration depth; moved apart by it along the normal the two just touch, and
+// moved by less they still overlap.
+TEST(MeshOnMesh, PartsWhenMovedByItsDepth) {
+  std::mt19937 random(3);
+  const ConvexMesh a = icosahedron(0.03);
+  const ConvexMesh b = model::box_polyhedron({0.05, 0.03, 0.02});
+  int touching = 0;
+  for (int trial = 0; trial < 2000; ++trial) {
+    Pose x_WA = test::random_pose(random, 0.03);
+    const Pose x_WB = test::random_pose(random, 0.03);
+    const Manifold found = mesh_on_mesh(a, x_WA, b, x_WB);
+    if (found.count == 0) continue;
+    ++touching;
+    const double depth = deepest(found);
+    const Vec3 n = found.points[0].normal;
+    const Vec3 start = x_WA.p;
+    x_WA.p = start + 1.0002 * depth * n + 1e-5 * n;
+    ASSERT_EQ(mesh_on_mesh(a, x_WA, b, x_WB).count, 0) << trial;
+    x_WA.p = start + (0.97 * depth - 1e-5) * n;
+    if (depth > 1e-4) {
+      ASSERT_GT(mesh_on_mesh(a, x_WA, b, x_WB).count, 0) << trial;
+    }
+    // Newton's third law of geometry: turned round, the same points.
+    x_WA.p = start;
+    const Manifold turned = mesh_on_mesh(b, x_WB, a, x_WA);
+    ASSERT_NEAR(deepest(turned), depth, 2e-4 * 0.03) << trial;
+  }
+  EXPECT_GT(touching, 500);
+}
+
+/// A mesh dropped flat from 1 cm onto a plane (`on` plane) or a still solid of the same world.
+model::Model dropped(ShapeKind on) {
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{}};
+  model.materials = {test::material("rubber", 0.8)};
+  const ConvexMesh mesh = icosahedron(0.03);
+  const double inradius = mesh.planes[0].w();
+  model::Shape floor = test::shape("floor", on, 0);
+  if (on == ShapeKind::box) floor.edges = Vec3(0.3, 0.3, 0.02), floor.pose.p.z() = -0.01;
+  if (on == ShapeKind::convex_mesh) {
+    floor = mesh_shape("floor", model::box_polyhedron({0.3, 0.3, 0.02}));
+    floor.pose.p.z() = -0.01;
+  }
+  model.shapes.push_back(floor);
+  const Mat3 inertia = 0.1 * mesh.unit_inertia;
+  test::add_body(
+      model, test::body("stone", 0.1, inertia.diagonal(),
+                        {Vec3(0, 0, inradius + 0.01), Quat::FromTwoVectors(mesh.normal(0), -Vec3::UnitZ())}));
+  model::Shape stone = mesh_shape("stone", mesh);
+  stone.body = 1;
+  model.shapes.push_back(stone);
+  return model;
+}
+
+// Oracle: free fall in closed form up to the touch, as for a sphere of the insphere's radius; then statics on
+// three points, at the inradius but for the layer that contacts keep.
+TEST(Icosahedron, FallsAndRestsLikeTheSphereInIt) {
+  for (const ShapeKind on : {ShapeKind::plane, ShapeKind::box, ShapeKind::convex_mesh}) {
+    const model::Model model = dropped(on);
+    const double inradius = model.shapes[1].mesh->planes[0].w();
+    Settings how = test::settings({Effect::gravity, Effect::object_contact, Effect::friction});
+    how.contact_forces = true;
+    const auto engine = make_engine(model, how);
+    const model::BodyState& stone = engine->state().bodies[1];
+    const double fall = std::sqrt(2 * 0.01 / 9.80665);
+    while (engine->state().time < fall - 2e-3) engine->step({});
+    // Semi-implicit Euler falls g t h / 2 further than the parabola.
+    const double t = engine->state().time;
+    EXPECT_NEAR(stone.p.z(), inradius + 0.01 - 0.5 * 9.80665 * t * (t + 1e-3), 1e-12);
+    test::run(*engine, 1500);
+    double fastest = 0;
+    Vec3 force = Vec3::Zero();
+    for (int i = 0; i < 500; ++i) {
+      engine->step({});
+      fastest = std::max(fastest, stone.v.norm());
+    }
+    for (const Contact& contact : engine->contacts())
+      force += contact.shape_a == 1 ? contact.force : Vec3(-contact.force);
+    EXPECT_EQ(engine->contacts().size(), 3U);
+    EXPECT_NEAR(stone.p.z(), inradius - 1e-5, 1e-5);
+    EXPECT_LT(fastest, 1e-6) << "on " << static_cast<int>(on);
+    EXPECT_NEAR(force.z(), 0.1 * 9.80665, 1e-3 * 0.1 * 9.80665);
+  }
+}
+
+// Oracle: statics; a finger-sized capsule across an icosahedron's upper face, and one on a mesh cylinder pair
+// that ODE tests itself, stay finite.
+TEST(RestingCapsule, StaysStillOnAMesh) {
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{}};
+  model.materials = {test::material("rubber", 0.8)};
+  const ConvexMesh mesh = icosahedron(0.03);
+  model::Shape stone = mesh_shape("stone", mesh);
+  stone.pose.q = Quat::FromTwoVectors(mesh.normal(0), Vec3::UnitZ());
+  model.shapes.push_back(stone);
+  test::add_body(model,
+                 test::body("finger", 0.01, {2e-6, 2e-6, 3e-7},
+                            {Vec3(0, 0, mesh.planes[0].w() + 0.008),
+                             rotation_quaternion({0, 0, 0.3}) * rotation_quaternion({0, M_PI / 2, 0})}));
+  model::Shape finger = test::shape("finger", ShapeKind::capsule, 1);
+  finger.radius = 0.008;
+  finger.length = 0.04;
+  model.shapes.push_back(finger);
+  const auto engine =
+      make_engine(model, test::settings({Effect::gravity, Effect::object_contact, Effect::friction}));
+  test::run(*engine, 1000);
+  double square = 0;
+  for (int i = 0; i < 3000; ++i) {
+    engine->step({});
+    square += engine->state().bodies[1].v.squaredNorm();
+  }
+  EXPECT_LT(std::sqrt(square / 3000), 1e-5);
+  EXPECT_EQ(engine->contacts().size(), 2U);
+}
+
+}  // namespace
+}  // namespace handsim::engine
