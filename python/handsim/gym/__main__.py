@@ -13,6 +13,7 @@ import argparse
 import json
 import shutil
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Callable
 
@@ -23,26 +24,26 @@ import handsim as hs
 
 from . import TASKS, Episodes
 
-Policy = Callable[[NDArray[np.float32]], NDArray[np.float32]]
+Policy = Callable[[NDArray[np.float32]], Any]
+"""Observations, shape (n, numbers), to actions, shape (n, actions)."""
 
 
 def policy_of(path: Path) -> tuple[Policy, dict[str, str]]:
     """The model as a function, and its metadata."""
     try:
-        import onnxruntime
-
+        onnxruntime: Any = import_module("onnxruntime")
         session = onnxruntime.InferenceSession(str(path), providers=["CPUExecutionProvider"])
         name = session.get_inputs()[0].name
         return lambda x: session.run(None, {name: x})[0], session.get_modelmeta().custom_metadata_map
     except ImportError:
         pass
     try:
-        import onnx
-        from onnx.reference import ReferenceEvaluator
+        onnx: Any = import_module("onnx")
+        reference: Any = import_module("onnx.reference")
     except ImportError:
         sys.exit("handsim.gym: a policy needs onnxruntime: pip install onnxruntime")
     model = onnx.load(str(path))
-    run = ReferenceEvaluator(model)
+    run = reference.ReferenceEvaluator(model)
     return lambda x: run.run(None, {run.input_names[0]: x})[0], {each.key: each.value for each in model.metadata_props}
 
 
@@ -79,7 +80,7 @@ def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -
     for step in range(episodes.task.max_steps):
         if step % 2 == 0:
             frames.append([episodes.batch.frame(i % count) for i in range(4)])
-        observation, _, terminated, _ = episodes.step(policy(observation.astype(np.float32)))
+        observation, _, terminated, _ = episodes.step(np.asarray(policy(observation.astype(np.float32)), float))
         if going[0]:
             driven.append({key: np.array(value) for key, value in episodes.given.items() if key in ("targets", "excitations")})
         success |= terminated & going & ~episodes.batch.failed

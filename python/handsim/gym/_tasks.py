@@ -172,8 +172,8 @@ class HandTask(Task):
         self.people = [made(person) for person in draw_persons(whole("persons", persons, 1))] if persons else []
         self.scene = self.people[0] if persons else made(who)
         self.substeps = round(0.02 / self.scene.step)
-        own = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
-        self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(own)
+        of_hands = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
+        self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(of_hands)
         self._low, self._high = self.scene.limits[self._driven].T
         self.actions = len(self.scene.muscles) if drive == "muscles" else len(self._driven)
         self._targets = np.empty((0, self.actions))
@@ -455,7 +455,7 @@ class _InPalm(_InHand):
     def __init__(self, title: str, drive: str, **thing: Any) -> None:
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
         rotation = {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}
-        scene = {**_TOUCHED, "objects": [{"position": [0, 0.11, 0.23], **thing}], "pictures": {
+        scene: dict[str, Any] = {**_TOUCHED, "objects": [{"position": [0, 0.11, 0.23], **thing}], "pictures": {
             "size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18], "field_of_view": "22 deg"}}}
         settled = Simulation(HandTask(title, rotation, "targets", **scene).scene)
         targets = np.array([self._angle(name) for name in settled.scene.axes])
@@ -608,12 +608,13 @@ class KeyTurn(HandTask):
         turn = 0.5 * np.array([axes[2, 1] - axes[1, 2], axes[0, 2] - axes[2, 0], axes[1, 0] - axes[0, 1]])
         angle = float(np.arctan2(np.linalg.norm(turn), 0.5 * (np.trace(axes) - 1)))
         pose = {"position": self._place.tolist(), "rotation": {"axis": turn.tolist(), "angle": angle}}
-        super().__init__("a hand turns a key", _PALM_SIDE, drive, **{**_TOUCHED, "effects": [*_TOUCHED["effects"], "actuation"], "pictures": {
+        scene: dict[str, Any] = {**_TOUCHED, "effects": [*_TOUCHED["effects"], "actuation"], "pictures": {
             "size": [480, 480], "camera": {"position": [-0.25, 0.35, 0.45], "target": [0, -0.03, 0.29], "field_of_view": "26 deg"}},
             "bodies": [{"name": "key", "mass": "30 g", "inertia": [5e-5, 5e-5, 5e-5], **pose, "collides": True, "friction": 0.8,
                         "shape": {"kind": "box", "edges": ["3 mm", "24 mm", "22 mm"]}}],
             "joints": [{"name": "lock", "type": "hinge", "parent": "world", "child": "key", "position": self._place.tolist(),
-                        "axes": [{"name": "turn", "axis": hinge.tolist(), "range": [0, "90 deg"], "torque": -0.03}]}]})
+                        "axes": [{"name": "turn", "axis": hinge.tolist(), "range": [0, "90 deg"], "torque": -0.03}]}]}
+        super().__init__("a hand turns a key", _PALM_SIDE, drive, **scene)
         start = Simulation(self.scene)
         start.reset(q=np.append(q, 0))
         self._motion = start.motion()
