@@ -160,10 +160,8 @@ def improve(policy, x, action, chance, advantage, target, rate, random, epochs, 
             policy.critic.descend(policy.critic.gradients(np.float32((value - target[i]) / len(i))[:, None]), rate)
 
 
-def learn(options, folder):
+def learn(options, folder, episodes, of_task):
     random = np.random.default_rng(options.seed)
-    of_task = {"drive": options.drive, **{key: json.loads(value) for key, value in (each.split("=", 1) for each in options.option)}}
-    episodes = Episodes(TASKS[options.task](**of_task), options.environments, seed=options.seed)
     observation = episodes.reset(seed=options.seed)
     # Episodes of different ages, so that they do not all end together.
     episodes.steps[:] = random.integers(episodes.task.max_steps, size=options.environments)
@@ -188,6 +186,7 @@ def learn(options, folder):
     policy.save(folder / "policy.onnx", options.task, of_task)
     np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],success,return", comments="")
     draw_curve(folder, f"{options.task}, driven by {options.drive}")
+    return rows
 
 
 def draw_curve(folder, title):
@@ -200,7 +199,7 @@ def draw_curve(folder, title):
     subprocess.run(["gnuplot", "-e", commands], check=True)
 
 
-if __name__ == "__main__":
+def parsed(words=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="pose", choices=TASKS)
     parser.add_argument("--drive", default="muscles", choices=("targets", "torques", "muscles"))
@@ -215,6 +214,11 @@ if __name__ == "__main__":
     parser.add_argument("--scale", type=float, default=0.1, help="of the reward")
     parser.add_argument("--discount", type=float, default=0.97)
     parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    return parser.parse_args(words)
+
+
+if __name__ == "__main__":
+    options = parsed()
+    of_task = {"drive": options.drive, **{key: json.loads(value) for key, value in (each.split("=", 1) for each in options.option)}}
     options.out.mkdir(parents=True, exist_ok=True)
-    learn(options, options.out)
+    learn(options, options.out, Episodes(TASKS[options.task](**of_task), options.environments, seed=options.seed), of_task)
