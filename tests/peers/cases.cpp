@@ -103,7 +103,6 @@ void simplify(study::StabilityCase& of) {
   }
   std::erase_if(of.measures, [](const study::MeasureSpec& spec) { return kOnlyOurs.contains(spec.kind); });
   std::erase_if(of.ways, [](const study::Way& way) { return way.refused.has_value(); });
-  of.plot.reset();
   of.picture.reset();
 }
 

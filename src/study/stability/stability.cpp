@@ -18,9 +18,6 @@ namespace {
 
 using simulation::Simulation;
 
-/// Points of a curve in a plot.
-constexpr long kCurvePoints = 400;
-
 template <class T>
 void append(std::vector<T>& to, const std::vector<T>& more) {
   to.insert(to.end(), more.begin(), more.end());
@@ -40,9 +37,7 @@ struct Job {
   std::filesystem::path scene;
   std::vector<std::string> set;
   std::string variant;
-  bool plotted = false;
   std::vector<StabilityRow> rows;
-  std::optional<Curve> curve;
   std::string engine;
 };
 
@@ -61,7 +56,6 @@ std::vector<Job> jobs_of(const StabilityCase& of, std::size_t index, bool quick)
         job.step = step;
         job.scene = variant.scene;
         job.variant = variant.name;
-        job.plotted = of.plot && &variant == &all.front();
         job.set = of.set;
         if (quick) append(job.set, of.quick_set);
         append(job.set, way.set);
@@ -104,48 +98,21 @@ void set_fault(StabilityRow& row, const Error& error) {
   row.time = error.fault()->time;
 }
 
-/// Records a curve of about kCurvePoints points, each the largest value since the previous one.
-class CurveRecorder {
- public:
-  CurveRecorder(std::string label, long steps) : stride_(std::max(1L, steps / kCurvePoints)) {
-    curve_.label = std::move(label);
-  }
-  void update(double time, std::optional<double> value) {
-    if (value) largest_ = std::max(largest_.value_or(0), std::abs(*value));
-    if (updates_++ % stride_ != 0 || !largest_) return;
-    curve_.time.push_back(time);
-    curve_.value.push_back(*largest_);
-    largest_.reset();
-  }
-  Curve take() { return std::move(curve_); }
-
- private:
-  Curve curve_;
-  long stride_, updates_ = 0;
-  std::optional<double> largest_;
-};
-
-std::string label_of(const Job& job) { return fmt::format("{}, {:g} ms", job.way->name, 1e3 * job.step); }
-
 /// One run with all measures.
 void measure_run(Job& job, const std::atomic<bool>& stop) {
   const std::vector<MeasureSpec>& specs = job.the_case->measures;
   const scene::Scene scene = load(job);
   std::vector<Measure> measures;
-  const Measure* plotted = nullptr;
   measures.reserve(specs.size());
   for (const MeasureSpec& spec : specs) {
     measures.emplace_back(scene, spec);
     job.rows.push_back(row_for(job, spec));
-    if (job.plotted && spec.name == *job.the_case->plot) plotted = &measures.back();
   }
   try {
     Simulation simulation(scene);
     job.engine = simulation.engine().version();
-    CurveRecorder curve(label_of(job), simulation.step_count());
     const auto update = [&] {
       for (Measure& measure : measures) measure.update(simulation);
-      if (plotted) curve.update(simulation.state().time, plotted->present_value());
     };
     update();
     for (long i = 0; i < simulation.step_count() && !stop; ++i) {
@@ -153,7 +120,6 @@ void measure_run(Job& job, const std::atomic<bool>& stop) {
       update();
     }
     for (std::size_t i = 0; i < measures.size(); ++i) set_figure(job.rows[i], measures[i].figure());
-    if (plotted) job.curve = curve.take();
   } catch (const Error& error) {
     for (StabilityRow& row : job.rows) set_fault(row, error);
   }
@@ -321,14 +287,13 @@ StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions&
   std::vector<Job> jobs;
   for (const StabilityCase* of : chosen_cases(spec, options)) {
     append(jobs, jobs_of(*of, result.cases.size(), options.quick));
-    result.cases.push_back({of, {}, {}, {}});
+    result.cases.push_back({of, {}, {}});
   }
   check(jobs);
   run_all(jobs, options);
   for (Job& job : jobs) {
     CaseResult& into = result.cases[job.of];
     append(into.rows, job.rows);
-    if (job.curve) into.curves.push_back(std::move(*job.curve));
     if (!job.engine.empty() && !contains(result.engines, job.engine)) result.engines.push_back(job.engine);
   }
   for (CaseResult& of : result.cases) check_known_shortfalls(of);

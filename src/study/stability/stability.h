@@ -73,7 +73,6 @@ struct StabilityCase {
   std::vector<Way> ways;
   std::vector<KnownShort> known;
   std::optional<Draws> draws;
-  std::optional<std::string> plot;  ///< name of the measure that is plotted over time
   std::optional<double> picture;    ///< time of the picture of the first variant [s]
   bool alone = false;               ///< no other case runs at the same time: it measures the process
   /// False: not part of the quick suite.
@@ -119,16 +118,9 @@ struct StabilityRow {
   double severity() const;
 };
 
-/// A measure over the time of a run.
-struct Curve {
-  std::string label;
-  std::vector<double> time, value;
-};
-
 struct CaseResult {
   const StabilityCase* of = nullptr;
   std::vector<StabilityRow> rows;
-  std::vector<Curve> curves;
   std::vector<std::string> known;  ///< `WAY: why` of each known shortfall that occurred
 };
 
@@ -177,7 +169,7 @@ std::vector<StabilityRow> worst_rows(const CaseResult& result);
 std::string stability_table(const StabilityResult& result);
 
 /// Writes stability.csv and stability.json (every variant) and, if gnuplot is installed,
-/// stability.png and .svg (every figure over its limit) and CASE.png and .svg of cases with a plot.
+/// stability.png and .svg (every figure over its limit).
 /// @returns false if gnuplot is missing or fails; the other files and the script stability.gp are written.
 /// @throws Error (input) if the folder cannot be written.
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,

@@ -52,7 +52,6 @@ void Measure::update(const Simulation& now) {
   std::optional<Figure> sample = sample_(now);
   if (!sample) return;
   scale_ = std::max(scale_, sample->scale);
-  last_ = sample->value / scale_;
   if (reduce_ == Reduce::largest && kept_ && !(sample->value > kept_->value)) return;
   if (reduce_ != Reduce::total) sample->time = now.state().time;
   kept_ = std::move(sample);
@@ -63,12 +62,6 @@ std::optional<Figure> Measure::figure() const {
   std::optional<Figure> out = kept_;
   if (out) out->value /= scale_;
   return out;
-}
-
-std::optional<double> Measure::present_value() const {
-  if (reduce_ != Reduce::at_end) return last_;
-  const std::optional<Figure> now = figure();
-  return now ? std::optional(now->value) : std::nullopt;
 }
 
 std::span<const MeasureKind> measure_kinds() {

@@ -78,8 +78,6 @@ class Measure {
   void update(const simulation::Simulation& now);
   /// Nothing if the run had nothing to measure.
   std::optional<Figure> figure() const;
-  /// For plots over time.
-  std::optional<double> present_value() const;
 
  private:
   Reduce reduce_;
@@ -87,7 +85,6 @@ class Measure {
   const simulation::Simulation* now_ = nullptr;
   std::optional<Figure> kept_;
   double scale_ = 0;
-  std::optional<double> last_;
 };
 
 std::span<const MeasureKind> measure_kinds();

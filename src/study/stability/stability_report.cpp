@@ -176,42 +176,6 @@ void add_overview(const StabilityResult& result, Report& report) {
            kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks, fmt::join(curves, ", "))});
 }
 
-/// Plots a measure over time for every way and step.
-void add_curves(const CaseResult& of, Report& report) {
-  const MeasureSpec* spec = nullptr;
-  for (const MeasureSpec& measure : of.of->measures)
-    if (of.of->plot == measure.name) spec = &measure;
-  if (!spec || of.curves.empty()) return;
-  const std::string_view unit = measure_kind(spec->kind)->unit;
-  std::string data;
-  std::vector<std::string> curves;
-  bool positive = false;
-  for (std::size_t i = 0; i < of.curves.size(); ++i) {
-    const Curve& curve = of.curves[i];
-    if (curve.time.empty()) continue;
-    data += fmt::format("${}_{} << EOD\n", of.of->name, i);
-    for (std::size_t k = 0; k < curve.time.size(); ++k) {
-      const double value = std::abs(curve.value[k]);
-      positive = positive || value > 0;
-      data += fmt::format("{:.6g} {:.6g}\n", curve.time[k], std::max(value, 1e-18));
-    }
-    data += "EOD\n";
-    curves.push_back(fmt::format("${}_{} using 1:2 with lines lw 1.5 title '{}'", of.of->name, i,
-                                 output::plot_text(curve.label)));
-  }
-  if (curves.empty() || !positive) return;
-  if (spec->limit > 0)
-    curves.push_back(fmt::format("{} with lines dt 2 lw 2 lc rgb 'black' title 'limit'", spec->limit));
-  report.data += data;
-  report.plots.push_back(
-      {of.of->name, "noenhanced size 1100,600 font 'DejaVu Sans,10'",
-       fmt::format("  set title '{}'\n  set xlabel 'time [s]'\n  set ylabel '{}{}'\n  set logscale y\n"
-                   "  set format x '%g'\n  set format y '%g'\n  set grid\n  set key outside right\n"
-                   "  set ytics auto\n  set autoscale\n  plot {}\n  unset logscale\n",
-                   output::plot_text(of.of->title), output::plot_text(spec->name),
-                   unit.empty() ? "" : fmt::format(" [{}]", unit), fmt::join(curves, ", "))});
-}
-
 }  // namespace
 
 std::vector<StabilityRow> worst_rows(const CaseResult& result) {
@@ -252,7 +216,6 @@ bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out) {
   output::make_folder(out);
   Report report{csv(result), json(spec, result), {}, {}};
-  for (const CaseResult& of : result.cases) add_curves(of, report);
   add_overview(result, report);
   return write_report(out, "stability", report);
 }
@@ -295,12 +258,10 @@ namespace {
 
 /// Names of all files of a study.
 std::vector<std::string> stability_files(const StabilitySpec& spec) {
-  std::vector<std::string> plots = {"stability"}, out = {"scenes.png"};
-  for (const StabilityCase& of : spec.cases) {
+  std::vector<std::string> out = {"scenes.png"};
+  for (const StabilityCase& of : spec.cases)
     if (of.picture) out.push_back("scene_" + of.name + ".png");
-    if (of.plot) plots.push_back(of.name);
-  }
-  const std::vector<std::string> files = report_files("stability", plots);
+  const std::vector<std::string> files = report_files("stability", {"stability"});
   out.insert(out.end(), files.begin(), files.end());
   return out;
 }

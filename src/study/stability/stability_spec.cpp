@@ -221,8 +221,6 @@ void check_case(MapReader& reader, const StabilityCase& of) {
   if (variants > kMostVariants)
     reader.problem("vary", fmt::format("{} combinations", variants),
                    fmt::format("at most {}", kMostVariants));
-  if (of.plot && !names.contains(*of.plot))
-    reader.problem("plot", *of.plot, fmt::format("one of {}", fmt::join(names, ", ")));
 }
 
 StabilityCase read_case(MapReader reader) {
@@ -243,7 +241,6 @@ StabilityCase read_case(MapReader reader) {
   out.ways = read_maps(reader, "ways", true, [&](MapReader item) { return read_way(item, steps); });
   out.known = read_maps(reader, "known_short", false, [&](MapReader item) { return read_known(item, out); });
   if (reader.has("draws")) out.draws = read_draws(reader.map("draws"));
-  if (reader.has("plot")) out.plot = reader.text("plot");
   out.picture = reader.maybe_number("picture", kMoment);
   out.alone = reader.flag("alone", false);
   read_quick(reader, out);
