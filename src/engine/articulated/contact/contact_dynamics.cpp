@@ -220,8 +220,7 @@ bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const
   const AxisView& a = each.axis;
   const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
   if (*a.servo_limit > 0) {
-    const double pull =
-        *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
+    const double pull = a.servo().pull(step * rate, rate);
     // Written so that NaN does not hold.
     if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
       return false;
@@ -296,17 +295,12 @@ void ContactDynamics::bound_axes(Problem& p, double step) {
     const AxisView& a = each.axis;
     const double u = *each.u, q = *each.q;
     if (*a.servo_limit > 0) {
-      const double slope = step * *a.servo_stiffness + *a.servo_damping;
-      const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
-      const double limit = step * *a.servo_limit;
-      p.servos[at(each.place)] = {pull, step * slope, limit, side_of(*a.saturated)};
-      double& g = p.g[at(each.place)];
-      if (*a.saturated == 0) {
-        g -= pull;
-        p.inertia(each.place, each.place) -= step * slope;
-      } else {
-        g -= *a.saturated * limit;
-      }
+      const ServoLaw<double> law = a.servo();
+      const Servo servo = {step * law.start(step, u), step * law.slope(step), step * *a.servo_limit,
+                           side_of(*a.saturated)};
+      p.servos[at(each.place)] = servo;
+      p.g[at(each.place)] -= servo.torque(servo.offset);
+      if (servo.saturated == Side::within) p.inertia(each.place, each.place) -= servo.slope;
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
     p.bounds[at(each.place)] = {-stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
