@@ -92,6 +92,7 @@ void Workspace::reserve(const Unknowns& most) {
                first_touching, next);
   reserve_each(kUsualContacts * kMostRows, r, s, touching);
   carried.reserve(kSpatial * (n + 1));
+  start_contacts.reserve(kUsualContacts);
   for (Iterate* each : {&start, &latest, &best}) each->reserve(n);
   reserve_each(n + kUsualContacts * (3 + most.widest()), layout, active);
   links.reserve(n * (n / 64 + 1));

@@ -39,7 +39,14 @@ struct Workspace {
   std::vector<double> d, s;        ///< step, and J d
   std::vector<double> Ad, smooth;  ///< A d, and A x - g
 
-  Iterate start;         ///< before steps that may fail
+  /// What a step changes of a contact: two fifths of its numbers.
+  struct Outcome {
+    std::array<double, kMostRows> impulse{};
+    std::array<Sliding, 3> discs;
+    bool open = false;
+  };
+  Iterate start;  ///< before steps that may fail; all but its contacts
+  std::vector<Outcome> start_contacts;
   Iterate latest, best;  ///< with fixed limits
 
   // What the factor is compared with.

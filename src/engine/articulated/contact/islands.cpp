@@ -151,11 +151,11 @@ NewtonReport solve_island(Problem& p, SparseFactor& factor, Workspace& w, double
     return report;
   }
   if (factor.work() <= kTuning.most_work) {
-    w.start = p.iterate();
+    w.latest.contacts = p.contacts;
     evaluate(p, w, Law::active_set);
     newton_steps(p, factor, w, kTuning.heap_steps, tolerance, report);
     if (report.solved) return report;
-    p.contacts = w.start.contacts;
+    p.contacts = w.latest.contacts;
   }
   solve_gauss_seidel(p, factor, w, tolerance, report);
   return report;

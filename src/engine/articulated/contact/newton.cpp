@@ -48,22 +48,47 @@ bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
   return solved(p, w, tolerance, report);
 }
 
+void keep_start(const Problem& p, Workspace& w) {
+  w.start.x = p.x;
+  w.start.bounds = p.bounds;
+  w.start.servos = p.servos;
+  w.start_contacts.resize(p.contacts.size());
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const ContactRows& contact = p.contacts[c];
+    Workspace::Outcome& to = w.start_contacts[c];
+    to.open = contact.open;
+    to.impulse = contact.impulse;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) to.discs[k] = contact.discs[k];
+  }
+}
+
 /// Back to the start, evaluated with its active set.
 void restart(Problem& p, Workspace& w) {
-  p.iterate() = w.start;
+  p.x = w.start.x;
+  p.bounds = w.start.bounds;
+  p.servos = w.start.servos;
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    ContactRows& contact = p.contacts[c];
+    const Workspace::Outcome& from = w.start_contacts[c];
+    contact.open = from.open;
+    contact.impulse = from.impulse;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      static_cast<Sliding&>(contact.discs[k]) = from.discs[k];
+  }
   evaluate(p, w, Law::active_set);
 }
 
 /// Whether the active set is that of the start.
 bool keeps_active_set(const Problem& p, const Workspace& w) {
-  const auto same_contact = [](const ContactRows& a, const ContactRows& b) {
-    return a.open == b.open &&
-           std::equal(a.discs.begin(), a.discs.begin() + static_cast<std::ptrdiff_t>(a.disc_count),
-                      b.discs.begin(), [](const Disc& x, const Disc& y) { return x.slides == y.slides; });
-  };
-  const auto same_servo = [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; };
-  return std::equal(p.contacts.begin(), p.contacts.end(), w.start.contacts.begin(), same_contact) &&
-         std::equal(p.servos.begin(), p.servos.end(), w.start.servos.begin(), same_servo);
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const ContactRows& contact = p.contacts[c];
+    const Workspace::Outcome& start = w.start_contacts[c];
+    if (contact.open != start.open) return false;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      if (contact.discs[k].slides != start.discs[k].slides) return false;
+  }
+  return std::equal(p.servos.begin(), p.servos.end(), w.start.servos.begin(),
+                    [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
 }
 
 /// Evaluates the start, by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip that
@@ -71,7 +96,7 @@ bool keeps_active_set(const Problem& p, const Workspace& w) {
 /// the start, which goes on as the last solution, solves this problem
 bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
   const double enough = kTuning.at_rest * tolerance;
-  w.start = p.iterate();
+  keep_start(p, w);
   evaluate(p, w, Law::coulomb);
   if (largest_residual(p, w) <= enough && solved(p, w, enough, report)) return true;
   if (!keeps_active_set(p, w)) restart(p, w);
@@ -81,7 +106,7 @@ bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& rep
 /// Steps with the factor of an earlier problem, from an evaluated x, while the next may be the last: true
 /// where it was. Else x has a smaller residual than it had, or is the start again.
 bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
-  w.start = p.iterate();
+  keep_start(p, w);
   double last = largest_residual(p, w);
   for (int i = 0; i < kTuning.reused_steps; ++i) {
     if (take_step(p, factor, w, tolerance, report)) return true;

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <new>
+#include <utility>
 
 #include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
 #include "handsim/model/kinematics.h"
@@ -372,12 +373,16 @@ void Mechanism::give_coordinates(model::State& state) const {
 
 void Mechanism::give(model::State& state) const {
   in_lanes([&](auto in) {
+    int island = kNoNode;
+    Vec3 of_island = Vec3::Zero();
     for (const Carried& each : carried_) {
       const LaneSlot& slot = slots_[at(each.node)];
       const auto& frame = in.batch[slot.batch].frame;
+      if (const int own = topology_.nodes[at(each.node)].island; std::exchange(island, own) != own)
+        of_island = origin(own);
       model::BodyState& body = state.bodies[at(each.body)];
       const Vec3 p = get3(frame.p, slot.lane), turn = get3(frame.v, slot.lane);
-      body.p = origin(topology_.nodes[at(each.node)].island) + p;
+      body.p = of_island + p;
       body.q = (get4(frame.quat, slot.lane) * each.q_LB).normalized();
       body.v = get3(frame.v + 3, slot.lane) + turn.cross(p);
       body.w = turn;

@@ -91,9 +91,10 @@ void Mechanism::update_gyroscopic_torques(double step) {
 
 int Mechanism::stops_in_force() const {
   return in_lanes([&](auto in) {
-    return static_cast<int>(std::count_if(driven_.begin(), driven_.end(), [&](const Driven& each) {
-      return in.axis[each.axis].side[each.lane] != 0;
-    }));
+    int count = 0;
+    for (int i = 0; i < axes_; ++i)
+      for (const double side : in.axis[i].side) count += side != 0 ? 1 : 0;
+    return count;
   });
 }
 

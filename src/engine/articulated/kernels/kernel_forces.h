@@ -13,7 +13,7 @@ struct Forces : Lanes<V> {
 
   /// A spring-damper evaluated at the end of the step, F = F0 - k h u' - d u' with u' = u + h du, is
   /// F0 - (h k + d) u on the right and h (h k + d) on the joint-space inertia's diagonal.
-  static void prepare_axis(const Tree& tree, const Batches& b, double step) {
+  [[gnu::always_inline]] static void prepare_axis(const Tree& tree, const Batches& b, double step) {
     const V h = step;
     Axes& a = axis(tree, b);
     const V q = load(tree.q + b.q), u = load(tree.u + b.u);
