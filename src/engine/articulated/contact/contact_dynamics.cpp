@@ -51,12 +51,8 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   std::size_t most = 0;
   for (const std::vector<int>& each : carriers_) most = std::max(most, 2 * each.size());
   moving_dofs_.resize(kUsualPairs);
-  for (MovingDofs& each : moving_dofs_) {
-    each.dofs.reserve(most);
-    each.runs.reserve(most);
-  }
-  loop_dofs_.reserve(at(space_.size()));
-  loop_entries_.reserve(at(space_.size()));
+  for (MovingDofs& each : moving_dofs_) reserve_each(most, each.dofs, each.signs);
+  reserve_each(at(space_.size()), loop_dofs_, loop_entries_);
   const Topology& topology = mechanism.topology();
   axes_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
@@ -125,11 +121,7 @@ void ContactDynamics::select_dofs() {
     int dof = space_.last_dof(static_cast<int>(i));
     for (int& each : carriers_[i]) each = place_[at(std::exchange(dof, space_.parent_dof(dof)))];
   }
-  for (MovingDofs& each : moving_dofs_) {
-    each.node_a = each.node_b = kNoNode;
-    each.dofs.clear();
-    each.runs.clear();
-  }
+  for (MovingDofs& each : moving_dofs_) each.node_a = each.node_b = kNoNode;
 }
 
 template <class Archive, class T>
@@ -190,14 +182,11 @@ ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
 }
 
 void ContactDynamics::find_moving_dofs(MovingDofs& of) const {
-  std::vector<int>& dofs = of.dofs;
-  std::vector<PairRun>& runs = of.runs;
-  dofs.clear();
-  runs.clear();
-  const auto add = [&](int dof, double sign) {
-    if (dofs.empty() || dofs.back() + 1 != dof || runs.back().sign != sign) runs.push_back({dof, 0, sign});
-    ++runs.back().count;
-    dofs.push_back(dof);
+  of.dofs.clear();
+  of.signs.clear();
+  const auto add = [&](int dof, signed char sign) {
+    of.dofs.push_back(dof);
+    of.signs.push_back(sign);
   };
   const auto carriers = [&](int node) {
     return node == kNoNode ? std::span<const int>() : std::span<const int>(carriers_[at(node)]);
@@ -220,8 +209,7 @@ bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const
   const AxisView& a = each.axis;
   const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
   if (*a.servo_limit > 0) {
-    const double pull =
-        *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
+    const double pull = a.servo().pull(step * rate, rate);
     // Written so that NaN does not hold.
     if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
       return false;
@@ -296,17 +284,12 @@ void ContactDynamics::bound_axes(Problem& p, double step) {
     const AxisView& a = each.axis;
     const double u = *each.u, q = *each.q;
     if (*a.servo_limit > 0) {
-      const double slope = step * *a.servo_stiffness + *a.servo_damping;
-      const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
-      const double limit = step * *a.servo_limit;
-      p.servos[at(each.place)] = {pull, step * slope, limit, side_of(*a.saturated)};
-      double& g = p.g[at(each.place)];
-      if (*a.saturated == 0) {
-        g -= pull;
-        p.inertia(each.place, each.place) -= step * slope;
-      } else {
-        g -= *a.saturated * limit;
-      }
+      const ServoLaw<double> law = a.servo();
+      const Servo servo = {step * law.start(step, u), step * law.slope(step), step * *a.servo_limit,
+                           side_of(*a.saturated)};
+      p.servos[at(each.place)] = servo;
+      p.g[at(each.place)] -= servo.torque(servo.offset);
+      if (servo.saturated == Side::within) p.inertia(each.place, each.place) -= servo.slope;
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
     p.bounds[at(each.place)] = {-stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,

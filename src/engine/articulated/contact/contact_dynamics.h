@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/dynamics/loops.h"
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"
@@ -57,8 +58,8 @@ class ContactDynamics {
     auto point = memory_.points.begin();
     for (const Touch& touch : collider_.touches())
       for (int index = 0; matters(touch) && index < touch.count; ++index, ++point)
-        f(node_of(point->shape_a), node_of(point->shape_b),
-          contacts()[touch.first + static_cast<std::size_t>(index)].position, point->impulse, point->moment);
+        f(node_of(point->shape_a), node_of(point->shape_b), contacts()[touch.first + at(index)].position,
+          point->impulse, point->moment);
   }
 
   /// Accelerations, into Mechanism::du(), of a step [s] that ends with contacts, stops and torque limits
@@ -88,16 +89,11 @@ class ContactDynamics {
     Motion a, b;
     Mobility mobility;
   };
-  /// Unknowns that follow each other and move body a (sign 1) or b (sign -1).
-  struct PairRun {
-    int first = 0, count = 0;
-    double sign = 1;
-  };
-  /// The unknowns that move one of two nodes and not the other.
+  /// The unknowns that move one of two nodes and not the other; sign 1: body a, -1: body b.
   struct MovingDofs {
     int node_a = kNoNode, node_b = kNoNode;
     std::vector<int> dofs;
-    std::vector<PairRun> runs;
+    std::vector<signed char> signs;
   };
 
   template <class Archive, class T>
@@ -108,9 +104,7 @@ class ContactDynamics {
   bool free_step_holds(const Coordinate& each, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
-  bool involved(int dof) const {
-    return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
-  }
+  bool involved(int dof) const { return involved_[at(root_of_[at(dof)])]; }
   bool matters(const Touch& touch) const;
   void add_contacts(Problem& p, double step);
   void add_contact(Problem& p, const Contact& contact, const model::Material& surface, double share,
@@ -127,10 +121,8 @@ class ContactDynamics {
   void bound_axes(Problem& p, double step);
   bool apply_restitution(Problem& p);
   bool stiffen(Problem& p);
-  int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
-  int node_of(int shape) const {
-    return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
-  }
+  int body_of(int shape) const { return model_.shapes[at(shape)].body; }
+  int node_of(int shape) const { return mechanism_.topology().node_of_body[at(body_of(shape))]; }
   Mobility mobility_of(int shape) const;
 
   const model::Model& model_;

@@ -41,15 +41,14 @@ void ContactDynamics::find_pair(Problem& p, std::size_t index, int shape_a, int 
 /// directions added [1/kg]; a lower bound of it where that is enough.
 double ContactDynamics::mobility_across(Problem& p, const Contact& contact, double enough) {
   double sum = 0;
-  for (const PairRun& run : moving_->runs) {
-    const Vec3 r = contact.position - (run.sign > 0 ? pair_.a : pair_.b).origin;
-    for (int i = run.first; i < run.first + run.count; ++i) {
-      const double* S = p.motion(i);
-      const Vec3 v = Vec3(S[4], S[5], S[6]) + Vec3(S[0], S[1], S[2]).cross(r);
-      const double along = contact.normal.dot(v);
-      sum += (v.squaredNorm() - along * along) * inverse_inertia_[at(i)];
-      if (sum >= enough) return sum;
-    }
+  const Vec3 r_a = contact.position - pair_.a.origin, r_b = contact.position - pair_.b.origin;
+  for (std::size_t k = 0; k < moving_->dofs.size(); ++k) {
+    const int i = moving_->dofs[k];
+    const double* S = p.motion(i);
+    const Vec3 v = Vec3(S[4], S[5], S[6]) + Vec3(S[0], S[1], S[2]).cross(moving_->signs[k] > 0 ? r_a : r_b);
+    const double along = contact.normal.dot(v);
+    sum += (v.squaredNorm() - along * along) * inverse_inertia_[at(i)];
+    if (sum >= enough) return sum;
   }
   return sum;
 }
@@ -103,7 +102,7 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const mode
   };
   const Vec3 arm = contact.position - pair_.a.origin;
   for (Eigen::Index k = 0; k < (friction > 0 ? 3 : 1); ++k)
-    set_wrench(G + kSpatial * static_cast<std::size_t>(k), arm.cross(frame.col(k)), frame.col(k));
+    set_wrench(G + kSpatial * at(k), arm.cross(frame.col(k)), frame.col(k));
   std::size_t row = 1;
   const auto add = [&](Disc::Kind kind, double coefficient, double regularization) {
     Disc& disc = rows.discs[rows.disc_count++];

@@ -88,16 +88,13 @@ void Workspace::reserve(const Unknowns& most) {
   const std::size_t n = at(most.size());
   problem.reserve(most);
   island.reserve(most);
-  reserve_each(n, F, rounding, d, Ad, smooth, island_of_tree, place, members);
-  reserve_each(n + 1, first_member, first_touching, next);
-  reserve_each(kUsualContacts * kMostRows, r, s);
+  reserve_each(n + 1, F, rounding, d, Ad, smooth, island_of_tree, place, members, first_member,
+               first_touching, next);
+  reserve_each(kUsualContacts * kMostRows, r, s, touching);
   carried.reserve(kSpatial * (n + 1));
-  latest.reserve(n);
-  best.reserve(n);
-  start.reserve(n);
-  reserve_each(kUsualContacts, start_contacts, touching);
-  layout.reserve(n + kUsualContacts * (3 + most.widest()));
-  active.reserve(n + kUsualContacts);
+  start_contacts.reserve(kUsualContacts);
+  for (Iterate* each : {&start, &latest, &best}) each->reserve(n);
+  reserve_each(n + kUsualContacts * (3 + most.widest()), layout, active);
   links.reserve(n * (n / 64 + 1));
 }
 
@@ -191,7 +188,7 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
     if (!(servo.limit > 0)) continue;
     const double pull = servo.offset - servo.slope * x;
     if (law != Law::active_set) servo.saturated = servo.side(pull);
-    w.F[at(i)] -= servo.saturated != Side::within ? sign(servo.saturated) * servo.limit : pull;
+    w.F[at(i)] -= servo.torque(pull);
   }
   find_row_velocities(p, w, still, whole_step);
   add_contact_impulses(p, w);
@@ -208,8 +205,7 @@ void find_rounding(Problem& p, Workspace& w) {
     if (w.law == Law::fixed_limits && bound.side != Side::within)
       sum += (std::abs(x) + std::abs(bound.end())) / stop_compliance(p, i);
     const Servo& servo = p.servos[at(i)];
-    if (servo.limit > 0)
-      sum += servo.saturated != Side::within ? servo.limit : std::abs(servo.offset - servo.slope * x);
+    if (servo.limit > 0) sum += std::abs(servo.torque(servo.offset - servo.slope * x));
   }
   for (const ContactRows& contact : p.contacts) {
     if (contact.open && w.law != Law::fixed_limits) continue;

@@ -39,27 +39,15 @@ struct Workspace {
   std::vector<double> d, s;        ///< step, and J d
   std::vector<double> Ad, smooth;  ///< A d, and A x - g
 
-  /// What a solution changes.
-  struct Solution {
-    std::vector<double> x;
-    std::vector<ContactRows> contacts;
-    std::vector<Bound> bounds;
-    std::vector<Servo> servos;
-    double residual = 0;
-    void reserve(std::size_t n) {
-      reserve_each(n, x, bounds, servos);
-      contacts.reserve(kUsualContacts);
-    }
-  };
-  Solution latest, best;  ///< with fixed limits, and their residuals with Coulomb's law
-  /// What a step changes of a contact.
+  /// What a step changes of a contact: two fifths of its numbers.
   struct Outcome {
     std::array<double, kMostRows> impulse{};
     std::array<Sliding, 3> discs;
     bool open = false;
   };
-  Solution start;  ///< all but its contacts
+  Iterate start;  ///< before steps that may fail; all but its contacts
   std::vector<Outcome> start_contacts;
+  Iterate latest, best;  ///< with fixed limits
 
   // What the factor is compared with.
   std::vector<int> layout, active;

@@ -158,12 +158,6 @@ void restart_limits(Problem& p, double multiple) {
   });
 }
 
-void load(Problem& p, const Workspace::Solution& from) {
-  p.x = from.x;
-  p.contacts = from.contacts;
-  p.bounds = from.bounds;
-}
-
 }  // namespace
 
 void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
@@ -171,24 +165,24 @@ void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double t
   std::fill(p.x.begin(), p.x.end(), 0.0);
   restart_limits(p, 0);
   double relaxation = 1;
-  w.best.residual = HUGE_VAL;
+  double least = HUGE_VAL;
   const double work = factor.work();
   for (int i = 0;
        i < kTuning.limit_updates && (i == 0 || report.iterations * work < kTuning.most_fallback_work); ++i) {
     minimise(p, factor, w, tolerance, report);
-    w.latest.x = p.x;
-    w.latest.contacts = p.contacts;
-    w.latest.bounds = p.bounds;
+    w.latest = p.iterate();
     ++report.limit_updates;
     evaluate(p, w, Law::coulomb);
     solved(p, w, tolerance, report);
-    w.latest.residual = report.residual;
-    if (w.latest.residual < w.best.residual) w.best = w.latest;
+    if (report.residual < least) {
+      least = report.residual;
+      w.best = w.latest;
+    }
     const bool predicted = i >= kTuning.predicted_updates && i % 4 == 2;
     if (!report.solved && predicted) predict_limits(p, factor, w, report);
     newton_steps(p, factor, w, kTuning.steps_from_fixed, tolerance, report);
     if (report.solved) return;
-    load(p, w.latest);
+    p.iterate() = w.latest;
     const bool restart = i % kTuning.restart == kTuning.restart - 1;
     if (restart) restart_limits(p, kTuning.restart_at[at(i / kTuning.restart) % kTuning.restart_at.size()]);
     relaxation =
@@ -196,8 +190,8 @@ void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double t
             ? 1
             : update_limits(p, relaxation, i % 4 == 3 ? kTuning.long_relaxation : kTuning.short_relaxation);
   }
-  load(p, w.best);
-  report.residual = w.best.residual;
+  p.iterate() = w.best;
+  report.residual = least;
 }
 
 }  // namespace handsim::engine::articulated

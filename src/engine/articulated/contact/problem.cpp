@@ -11,8 +11,9 @@ namespace handsim::engine::articulated {
 void Problem::reserve(const Unknowns& most) {
   const std::size_t n = at(most.size()), widest = most.widest();
   A.reserve(most.entries);
-  reserve_each(n, g, start, bounds, servos, x);
-  reserve_each(kUsualContacts, contacts, pairs);
+  Iterate::reserve(n);
+  reserve_each(n, g, start);
+  pairs.reserve(kUsualContacts);
   motions.reserve(kSpatial * n);
   wrenches.reserve(kUsualContacts * kUsualRows * kSpatial);
   dofs.reserve(kUsualContacts * widest);

@@ -87,6 +87,7 @@ struct Servo {
   Side side(double pull) const {
     return pull > limit ? Side::high : (pull < -limit ? Side::low : Side::within);
   }
+  double torque(double pull) const { return saturated == Side::within ? pull : sign(saturated) * limit; }
 };
 
 /// Two bodies that touch, by the unknowns that carry them last, or kNone.
@@ -95,14 +96,23 @@ struct Pair : Dofs {
   Vec3 apart = Vec3::Zero();  ///< from b's origin to a's [m]
 };
 
+/// What a solution changes: x, and impulses, sides and limits in force.
+struct Iterate {
+  std::vector<double> x;
+  std::vector<ContactRows> contacts;
+  std::vector<Bound> bounds;
+  std::vector<Servo> servos;
+  void reserve(std::size_t n) {
+    reserve_each(n, x, bounds, servos);
+    contacts.reserve(kUsualContacts);
+  }
+};
+
 /// The numbers of a problem and of its solution.
-struct Problem {
+struct Problem : Iterate {
   const Unknowns* unknowns = nullptr;
   std::vector<double> A, g;
   std::vector<double> start;  ///< where the iteration starts; zero where nothing better is known
-  std::vector<Bound> bounds;
-  std::vector<Servo> servos;
-  std::vector<ContactRows> contacts;
   std::vector<int> dofs;
   std::vector<Run> runs;
   std::vector<Pair> pairs;
@@ -112,12 +122,12 @@ struct Problem {
   std::vector<double> J;  ///< rows by unknowns; of pairs only where `with_jacobians`
   std::size_t entries = 0;
   bool with_jacobians = false;
-  std::vector<double> x;  ///< solution
 
   /// Starts a new problem: A and g zero, no contacts, bounds or servos.
   void begin(const Unknowns& of);
   void reserve(const Unknowns& most);
   int size() const { return unknowns->size(); }
+  Iterate& iterate() { return *this; }
   /// A's entry, i <= j.
   double& inertia(int i, int j) {
     return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];

@@ -35,18 +35,10 @@ Loops::Loops(const model::Model& model, Mechanism& mechanism)
   rows_.reserve(rows);
   locked_.reserve(n);
   order_.reserve(rows);
-  J_.resize(rows * n);
-  Y_.resize(rows * n);
+  for (std::vector<double>* matrix : {&J_, &Y_}) matrix->resize(rows * n);
   K_.resize(rows * rows);
-  bias_.resize(n);
-  zero_.resize(n);
-  wanted_.resize(rows);
-  multipliers_.resize(rows);
-  column_.resize(rows);
-  scale_.resize(rows);
-  x_.resize(n);
-  delta_.resize(n);
-  kept_.resize(n);
+  for (std::vector<double>* of_dofs : {&bias_, &zero_, &x_, &delta_, &kept_}) of_dofs->resize(n);
+  for (std::vector<double>* of_rows : {&wanted_, &multipliers_, &column_, &scale_}) of_rows->resize(rows);
   rates_.resize(mechanism.q().size());
   row_rates_.reserve(rows);
 }

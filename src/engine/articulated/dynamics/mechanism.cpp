@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <new>
+#include <utility>
 
 #include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
 #include "handsim/model/kinematics.h"
@@ -38,11 +39,10 @@ const Kernel& fitting(const Topology& topology) {
 }  // namespace
 
 NodeView Mechanism::find_view(std::size_t node) const {
-  return of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  return in_lanes([&](auto in) {
+    constexpr int W = in.kWidth;
     const LaneSlot& slot = slots_[node];
-    const Batch<W>& b = in.batch[slot.batch];
+    const auto& b = in.batch[slot.batch];
     const auto lane = [&](const Lane<W>& first) { return &first[0] + slot.lane; };
     NodeView out;
     out.h = lane(b.h[0]);
@@ -68,11 +68,9 @@ NodeView Mechanism::find_view(std::size_t node) const {
 }
 
 AxisView Mechanism::axis_view(std::size_t node) const {
-  return of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  return in_lanes([&](auto in) {
     const LaneSlot& slot = slots_[node];
-    Axis<W>& a = in.axis[in.batch[slot.batch].axis];
+    auto& a = in.axis[in.batch[slot.batch].axis];
     const int i = slot.lane;
     return AxisView{
         a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
@@ -243,30 +241,28 @@ void Mechanism::update_bases() {
   for (std::size_t i = 0; i < origins_.size(); ++i)
     if (const Node& node = topology_.nodes[at(topology_.reference[i])]; node.kind != NodeKind::free)
       origins_[i] = bases_[at(node.base)].pose * node.anchor;
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
     for (std::size_t i = 0; i < chunks_.size(); ++i) {
-      const Batch<W>& b = in.batch[i];
+      const auto& b = in.batch[i];
       if (b.link != ParentLink::base) continue;
-      Frame<W>& frame = in.base[b.parent];
+      auto& frame = in.base[b.parent];
       for (int lane = 0; lane < b.used; ++lane) {
         const Node& node = topology_.nodes[at(chunks_[i][at(lane)])];
-        put3<W>(frame.a + 3, lane, -gravity_);
+        put3(frame.a + 3, lane, -gravity_);
         if (node.kind == NodeKind::free) continue;
         const BaseMotion& base = bases_[at(node.base)];
         const Mat3 R = base.pose.q.toRotationMatrix();
         // The origin is `r` from the base's own.
         const Vec3 r = origin(node.island) - base.pose.p;
-        put4<W>(frame.quat, lane, base.pose.q);
+        put4(frame.quat, lane, base.pose.q);
         for (int k = 0; k < 9; ++k) frame.R[k][lane] = R(k / 3, k % 3);
-        put3<W>(frame.p, lane, -r);
-        put3<W>(frame.v, lane, base.w);
-        put3<W>(frame.v + 3, lane, base.v + base.w.cross(r));
-        put3<W>(frame.a, lane, base.dw);
+        put3(frame.p, lane, -r);
+        put3(frame.v, lane, base.w);
+        put3(frame.v + 3, lane, base.v + base.w.cross(r));
+        put3(frame.a, lane, base.dw);
         // Spatial acceleration: of the flow of velocity at a fixed point (Featherstone 2008, eq. 2.48, p.
         // 28).
-        put3<W>(frame.a + 3, lane, base.dv + base.dw.cross(r) - base.w.cross(base.v) - gravity_);
+        put3(frame.a + 3, lane, base.dv + base.dw.cross(r) - base.w.cross(base.v) - gravity_);
       }
     }
   });
@@ -275,16 +271,14 @@ void Mechanism::update_bases() {
 void Mechanism::refresh(const Settings& settings) {
   gravity_ = settings.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
   const Topology topology = make_topology(model_);
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       Node& node = topology_.nodes[i];
       node.mass = topology.nodes[i].mass;
       node.inertia = topology.nodes[i].inertia;
-      Batch<W>& b = in.batch[slots_[i].batch];
+      auto& b = in.batch[slots_[i].batch];
       b.mass[slots_[i].lane] = node.mass;
-      put3<W>(b.inertia, slots_[i].lane, node.inertia);
+      put3(b.inertia, slots_[i].lane, node.inertia);
     }
   });
   update_bases();
@@ -378,17 +372,19 @@ void Mechanism::give_coordinates(model::State& state) const {
 }
 
 void Mechanism::give(model::State& state) const {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
+    int island = kNoNode;
+    Vec3 of_island = Vec3::Zero();
     for (const Carried& each : carried_) {
       const LaneSlot& slot = slots_[at(each.node)];
-      const Frame<W>& frame = in.batch[slot.batch].frame;
+      const auto& frame = in.batch[slot.batch].frame;
+      if (const int own = topology_.nodes[at(each.node)].island; std::exchange(island, own) != own)
+        of_island = origin(own);
       model::BodyState& body = state.bodies[at(each.body)];
-      const Vec3 p = get3<W>(frame.p, slot.lane), turn = get3<W>(frame.v, slot.lane);
-      body.p = origin(topology_.nodes[at(each.node)].island) + p;
-      body.q = (get4<W>(frame.quat, slot.lane) * each.q_LB).normalized();
-      body.v = get3<W>(frame.v + 3, slot.lane) + turn.cross(p);
+      const Vec3 p = get3(frame.p, slot.lane), turn = get3(frame.v, slot.lane);
+      body.p = of_island + p;
+      body.q = (get4(frame.quat, slot.lane) * each.q_LB).normalized();
+      body.v = get3(frame.v + 3, slot.lane) + turn.cross(p);
       body.w = turn;
     }
   });

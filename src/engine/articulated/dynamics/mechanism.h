@@ -43,6 +43,7 @@ struct AxisView {
       *servo_limit;
   double *side, *saturated;
   double* reaction;
+  ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }
 };
 
 template <int W>
@@ -125,7 +126,10 @@ class Mechanism {
 
  private:
   template <int W>
-  struct In;  ///< the same for one width
+  struct In;  ///< arrays of the tree
+  /// Calls f with the In of the tree's width.
+  template <class F>
+  decltype(auto) in_lanes(const F& f) const;
 
   struct AlignedDelete {
     void operator()(void* memory) const;

@@ -9,9 +9,7 @@
 namespace handsim::engine::articulated {
 
 void Mechanism::set_torques(std::span<const double> torques) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
     for (const Driven& each : driven_)
       in.axis[each.axis].tau[each.lane] = torques.empty() ? 0 : torques[each.dof];
     for (const int ball : balls_) {
@@ -30,7 +28,7 @@ void Mechanism::set_torques(std::span<const double> torques) {
         const std::size_t n = stride();
         tau = -(Quat(q[3 * n], q[0], q[n], q[2 * n]) * tau);
       }
-      put3<W>(in.joint3[in.batch[slot.batch].axis].tau, slot.lane, tau);
+      put3(in.joint3[in.batch[slot.batch].axis].tau, slot.lane, tau);
     }
   });
 }
@@ -38,12 +36,10 @@ void Mechanism::set_torques(std::span<const double> torques) {
 bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) {
   if (servos.empty() && servos_at_rest_) return true;
   servos_at_rest_ = servos.empty();
-  return of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  return in_lanes([&](auto in) {
     bool sound = true;
     for (const Driven& each : driven_) {
-      Axis<W>& a = in.axis[each.axis];
+      auto& a = in.axis[each.axis];
       const int lane = each.lane;
       const model::Servo servo = servos.empty() ? model::Servo{} : servos[each.dof];
       const bool on = servo.limit != 0;
@@ -65,16 +61,14 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
 
 /// As bias forces: the wrench about the island's origin, taken from the velocity products'.
 void Mechanism::add_forces(std::span<const BodyForce> forces) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
     for (const BodyForce& each : forces) {
       const LaneSlot& slot = slots_[at(topology_.node_of_body[at(each.body)])];
-      Batch<W>& b = in.batch[slot.batch];
-      const Vec3 p = get3<W>(b.frame.p, slot.lane);
+      auto& b = in.batch[slot.batch];
+      const Vec3 p = get3(b.frame.p, slot.lane);
       const Vec3 moment = each.moment + p.cross(each.force);
-      put3<W>(b.pv, slot.lane, get3<W>(b.pv, slot.lane) - moment);
-      put3<W>(b.pv + 3, slot.lane, get3<W>(b.pv + 3, slot.lane) - each.force);
+      put3(b.pv, slot.lane, get3(b.pv, slot.lane) - moment);
+      put3(b.pv + 3, slot.lane, get3(b.pv + 3, slot.lane) - each.force);
     }
   });
 }
@@ -96,22 +90,18 @@ void Mechanism::update_gyroscopic_torques(double step) {
 }
 
 int Mechanism::stops_in_force() const {
-  return of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  return in_lanes([&](auto in) {
     int count = 0;
     for (int i = 0; i < axes_; ++i)
-      for (int lane = 0; lane < W; ++lane) count += in.axis[i].side[lane] != 0 ? 1 : 0;
+      for (const double side : in.axis[i].side) count += side != 0 ? 1 : 0;
     return count;
   });
 }
 
 void Mechanism::forget_contacts() {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    for (int i = 0; i < axes_; ++i)
-      for (int lane = 0; lane < W; ++lane) in.axis[i].side[lane] = in.axis[i].saturated[lane] = 0;
+  in_lanes([&](auto in) {
+    for (const Driven& each : driven_)
+      in.axis[each.axis].side[each.lane] = in.axis[each.axis].saturated[each.lane] = 0;
   });
 }
 

@@ -51,6 +51,7 @@ struct Mechanism::In {
         axis(static_cast<Axis<W>*>(m.tree_.axis)),
         joint3(static_cast<Joint3<W>*>(m.tree_.joint3)),
         base(static_cast<Frame<W>*>(m.tree_.base)) {}
+  static constexpr int kWidth = W;
   Batch<W>* batch;
   Axis<W>* axis;
   Joint3<W>* joint3;
@@ -88,5 +89,10 @@ struct Mechanism::In {
     }
   }
 };
+
+template <class F>
+decltype(auto) Mechanism::in_lanes(const F& f) const {
+  return of_width(kernel_->width, [&](auto w) { return f(In<w>(*this)); });
+}
 
 }  // namespace handsim::engine::articulated

@@ -58,7 +58,6 @@ class Builder {
     for (std::size_t i = 0; i < frames_.size(); ++i)
       if (model.bodies[i].kinematic) frames_[i] = {};
     out_.node_of_body.assign(model.bodies.size(), kNoNode);
-    out_.of_joint.resize(model.joints.size());
   }
 
   Topology run() {
@@ -179,7 +178,7 @@ class Builder {
       last.base = model::kWorld;
       last.anchor = Vec3::Zero();
       last.axis_index = 1 - first.axis_index;
-      add_node(first);
+      out_.nodes.push_back(first);
       attach(last, joint, Quat::Identity(), q_ML, sign);
     } else {
       attach(last, joint, q_LF, q_ML, sign);
@@ -187,7 +186,7 @@ class Builder {
     last.arm = -(frames_[at(child)].q_LB * x_CM.p);
     carry(last, child);
     out_.node_of_body[at(child)] = static_cast<int>(out_.nodes.size());
-    add_node(last);
+    out_.nodes.push_back(last);
   }
 
   /// The joint's transform, but for the places of its ends.
@@ -215,8 +214,6 @@ class Builder {
     }
   }
 
-  void add_node(const Node& node) { out_.nodes.push_back(node); }
-
   void sort_by_depth() {
     std::vector<int> order(out_.nodes.size()), place(out_.nodes.size());
     std::iota(order.begin(), order.end(), 0);
@@ -243,14 +240,8 @@ class Builder {
       if (sorted.back().parent) sorted.back().parent = place[at(*sorted.back().parent)];
     }
     out_.nodes = std::move(sorted);
-    for (std::size_t i = 0; i < out_.nodes.size(); ++i) {
-      const Node& node = out_.nodes[i];
-      if (node.body) out_.node_of_body[at(*node.body)] = static_cast<int>(i);
-      if (!node.joint) continue;
-      std::vector<int>& nodes = out_.of_joint[at(*node.joint)];
-      nodes.resize(std::max(nodes.size(), at(node.axis_index) + 1));
-      nodes[at(node.axis_index)] = static_cast<int>(i);
-    }
+    for (std::size_t i = 0; i < out_.nodes.size(); ++i)
+      if (out_.nodes[i].body) out_.node_of_body[at(*out_.nodes[i].body)] = static_cast<int>(i);
   }
 
   CutSide side(int body, const Pose& frame) const {

@@ -56,8 +56,6 @@ struct Topology {
   std::vector<Node> nodes;  ///< by depth, then kind
   std::vector<Cut> cuts;
   std::vector<int> node_of_body;  ///< as Model::bodies; kNoNode for kinematic ones
-  std::vector<std::vector<int>>
-      of_joint;  ///< nodes of each joint of the model, by axis; empty where it is cut
   int islands = 0;
   std::vector<int> reference;  ///< of each island: the node next to a base, or free, that its origin goes by
 };

@@ -8,7 +8,7 @@ namespace handsim::engine::articulated {
 using Number = stdx::native_simd<double>;
 static_assert(Number::size() == 4);
 
-const Kernel kAvx2Kernel = Lanes<Number>::kernel("4 lanes (AVX2)");
+const Kernel kAvx2Kernel = make_kernel<Number>("4 lanes (AVX2)");
 const RowKernel kAvx2Rows = RowOperations<Number>::kernel();
 
 }  // namespace handsim::engine::articulated

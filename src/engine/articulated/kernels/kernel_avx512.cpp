@@ -8,7 +8,7 @@ namespace handsim::engine::articulated {
 using Number = stdx::native_simd<double>;
 static_assert(Number::size() == 8);
 
-const Kernel kAvx512Kernel = Lanes<Number>::kernel("8 lanes (AVX-512)");
+const Kernel kAvx512Kernel = make_kernel<Number>("8 lanes (AVX-512)");
 const RowKernel kAvx512Rows = RowOperations<Number>::kernel();
 
 }  // namespace handsim::engine::articulated

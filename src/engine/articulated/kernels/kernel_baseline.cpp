@@ -5,11 +5,11 @@
 
 namespace handsim::engine::articulated {
 
-const Kernel kScalarKernel = Lanes<double>::kernel("1 lane");
+const Kernel kScalarKernel = make_kernel<double>("1 lane");
 
 using Number = stdx::native_simd<double>;
 
-const Kernel kBaselineKernel = Lanes<Number>::kernel("vector unit of the build");
+const Kernel kBaselineKernel = make_kernel<Number>("vector unit of the build");
 const RowKernel kBaselineRows = RowOperations<Number>::kernel();
 
 }  // namespace handsim::engine::articulated

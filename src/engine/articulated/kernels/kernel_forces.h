@@ -1,171 +1,163 @@
-// Of kernel.h: the forces of a step, and the stops and torque limits that are in force in it.
+// The forces of a step, and the stops and torque limits that are in force in it.
 #pragma once
 
-#include "handsim/engine/articulated/kernels/kernel.h"
+#include "handsim/engine/articulated/kernels/lanes.h"
 
 namespace handsim::engine::articulated {
 
-/// A spring-damper evaluated at the end of the step, F = F0 - k h u' - d u' with u' = u + h du, is
-/// F0 - (h k + d) u on the right and h (h k + d) on the joint-space inertia's diagonal.
 template <class V>
-inline void Lanes<V>::prepare_axis(const Tree& tree, const Batches& b, double step) {
-  const V h = step;
-  Axes& a = axis(tree, b);
-  const V q = load(tree.q + b.q), u = load(tree.u + b.u);
-  const V k = load(a.stiffness);
-  const V damping = h * k + load(a.damping);
-  const V ks = load(a.servo_stiffness);
-  const V servo = h * ks + load(a.servo_damping);
-  const V saturated = load(a.saturated);
-  const V on = V(1.0) - saturated * saturated;
-  const V pull = ks * load(a.servo_error) + load(a.servo_feed) - servo * u;
-  store(a.force,
-        load(a.tau) - k * (q - load(a.rest)) - damping * u + on * pull + saturated * load(a.servo_limit));
-  // An empty lane has to have some inertia.
-  store(a.weight, h * (damping + on * servo) + (V(1.0) - load(a.present)));
-  lock_at_stops(tree, b, a, step);
-}
+struct Forces : Lanes<V> {
+  using L = Lanes<V>;
+  using L::W, L::load, L::store, L::batches, L::axis, L::servo_law, L::single;
+  using typename L::Batches, typename L::Axes;
 
-template <class V>
-inline void Lanes<V>::prepare(const Tree& tree, double step) {
-  for (int i = 0; i < tree.batches; ++i)
-    if (const Batches& b = batches(tree)[i]; single(b)) prepare_axis(tree, b, step);
-}
-
-template <class V>
-inline void Lanes<V>::find_torque(const Tree& tree, const Batches& b, double step) {
-  const V h = step, zero = 0.0;
-  const Axes& a = axis(tree, b);
-  const V u = load(tree.u + b.u) + h * load(tree.du + b.u), q = load(tree.q + b.q) + h * u;
-  const V limit = load(a.servo_limit);
-  V pull = load(a.servo_stiffness) * (load(a.servo_error) - h * u) - load(a.servo_damping) * u +
-           load(a.servo_feed);
-  pull = articulated::select(pull > limit, limit, pull);
-  pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
-  store(tree.tau_servo + b.u, pull);
-  store(tree.tau + b.u, load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
-}
-
-template <class V>
-inline void Lanes<V>::find_torques(const Tree& tree, double step) {
-  for (int i = 0; i < tree.batches; ++i)
-    if (const Batches& b = batches(tree)[i]; single(b)) find_torque(tree, b, step);
-}
-
-template <class V>
-inline void Lanes<V>::prepare_smooth(const Tree& tree) {
-  const V zero = 0.0;
-  for (int i = 0; i < tree.batches; ++i) {
-    const Batches& b = batches(tree)[i];
-    if (!single(b)) continue;
+  /// A spring-damper evaluated at the end of the step, F = F0 - k h u' - d u' with u' = u + h du, is
+  /// F0 - (h k + d) u on the right and h (h k + d) on the joint-space inertia's diagonal.
+  [[gnu::always_inline]] static void prepare_axis(const Tree& tree, const Batches& b, double step) {
+    const V h = step;
     Axes& a = axis(tree, b);
     const V q = load(tree.q + b.q), u = load(tree.u + b.u);
-    const V limit = load(a.servo_limit);
-    V pull =
-        load(a.servo_stiffness) * (load(a.servo_error) - q) - load(a.servo_damping) * u + load(a.servo_feed);
+    const V k = load(a.stiffness);
+    const V damping = h * k + load(a.damping);
+    const ServoLaw<V> servo = servo_law(a);
+    const V saturated = load(a.saturated);
+    const V on = V(1.0) - saturated * saturated;
+    store(a.force, load(a.tau) - k * (q - load(a.rest)) - damping * u + on * servo.start(h, u) +
+                       saturated * load(a.servo_limit));
+    // An empty lane has to have some inertia.
+    store(a.weight, h * (damping + on * servo.slope(h)) + (V(1.0) - load(a.present)));
+    lock_at_stops(tree, b, a, step);
+  }
+
+  static void prepare(const Tree& tree, double step) {
+    for (int i = 0; i < tree.batches; ++i)
+      if (const Batches& b = batches(tree)[i]; single(b)) prepare_axis(tree, b, step);
+  }
+
+  static void find_torque(const Tree& tree, const Batches& b, double step) {
+    const V h = step;
+    const V u = load(tree.u + b.u) + h * load(tree.du + b.u);
+    store_torque(tree, b, load(tree.q + b.q) + h * u, u, h * u);
+  }
+
+  /// tau and tau_servo of a position and a rate. @param moved since the servo's error was found
+  static V store_torque(const Tree& tree, const Batches& b, const V& q, const V& u, const V& moved) {
+    const Axes& a = axis(tree, b);
+    const V limit = load(a.servo_limit), least = V(0.0) - limit;
+    V pull = servo_law(a).pull(moved, u);
     pull = articulated::select(pull > limit, limit, pull);
-    pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
+    pull = articulated::select(pull < least, least, pull);
     const V tau = load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull;
-    store(a.force, tau);
-    store(tree.tau + b.u, tau);
     store(tree.tau_servo + b.u, pull);
-    store(a.weight, V(1.0) - load(a.present));
-    store(a.locked, V(1.0) - load(a.present));
-    store(a.given, zero);
+    store(tree.tau + b.u, tau);
+    return tau;
   }
-}
 
-template <class V>
-inline void Lanes<V>::work(const Tree& tree, double step) {
-  const V h = step, half = 0.5 * step;
-  for (int i = 0; i < tree.batches; ++i) {
-    const Batches& b = batches(tree)[i];
-    if (!single(b)) continue;
+  static void find_torques(const Tree& tree, double step) {
+    for (int i = 0; i < tree.batches; ++i)
+      if (const Batches& b = batches(tree)[i]; single(b)) find_torque(tree, b, step);
+  }
+
+  static void prepare_smooth(const Tree& tree) {
+    const V zero = 0.0;
+    for (int i = 0; i < tree.batches; ++i) {
+      const Batches& b = batches(tree)[i];
+      if (!single(b)) continue;
+      Axes& a = axis(tree, b);
+      const V q = load(tree.q + b.q), u = load(tree.u + b.u);
+      store(a.force, store_torque(tree, b, q, u, q));
+      store(a.weight, V(1.0) - load(a.present));
+      store(a.locked, V(1.0) - load(a.present));
+      store(a.given, zero);
+    }
+  }
+
+  static void work(const Tree& tree, double step) {
+    const V h = step, half = 0.5 * step;
+    for (int i = 0; i < tree.batches; ++i) {
+      const Batches& b = batches(tree)[i];
+      if (!single(b)) continue;
+      Axes& a = axis(tree, b);
+      const V du = load(tree.du + b.u);
+      const V force = load(a.force) - load(a.weight) * du + load(a.reaction);
+      store(a.work, h * force * (load(tree.u + b.u) + half * du));
+    }
+  }
+
+  /// Compares an axis with the stop and the limit that its acceleration was found with. True where nothing
+  /// was wrong.
+  static bool correct(const Tree& tree, const Batches& b, double step, bool only_first) {
+    const V h = step, one = 1.0, zero = 0.0;
+    const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
     Axes& a = axis(tree, b);
-    const V du = load(tree.du + b.u);
-    const V force = load(a.force) - load(a.weight) * du + load(a.reaction);
-    store(a.work, h * force * (load(tree.u + b.u) + half * du));
+    const V q = load(tree.q + b.q), u = load(tree.u + b.u), u1 = u + h * load(tree.du + b.u);
+    const V limit = load(a.servo_limit), was = load(a.saturated), pull = servo_law(a).pull(h * u1, u1);
+    const V bound = limit * articulated::select(was * was > zero, tight, loose);
+    V now = articulated::select(pull > bound, one, zero);
+    now = articulated::select(pull < V(zero - bound), V(zero - one), now);
+    const V side = load(a.side), low = load(a.low), high = load(a.high);
+    const V then = q + h * u1;
+    V reached = articulated::select(then < low - touch, V(zero - one), zero);
+    reached = articulated::select(then > high + touch, one, reached);
+    // A stop pushes inward only: up from the low end, down from the high one.
+    const V held = articulated::select(side * load(a.reaction) <= zero, side, zero);
+    reached = articulated::select(side * side > zero, held, reached);
+    const auto wrong = (now != was) || (reached != side);
+    if (!any(wrong)) return true;
+    if (only_first) {
+      correct_first(a, now, reached);
+    } else {
+      store(a.saturated, now);
+      store(a.side, reached);
+    }
+    return false;
   }
-}
 
-/// Compares an axis with the stop and the limit that its acceleration was found with. True where nothing was
-/// wrong.
-template <class V>
-inline bool Lanes<V>::correct(const Tree& tree, const Batches& b, double step, bool only_first) {
-  const V h = step, one = 1.0, zero = 0.0;
-  const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
-  Axes& a = axis(tree, b);
-  const V q = load(tree.q + b.q), u = load(tree.u + b.u), u1 = u + h * load(tree.du + b.u);
-  const V ks = load(a.servo_stiffness), limit = load(a.servo_limit), was = load(a.saturated);
-  const V pull = ks * (load(a.servo_error) - h * u1) - load(a.servo_damping) * u1 + load(a.servo_feed);
-  const V bound = limit * articulated::select(was * was > zero, tight, loose);
-  V now = articulated::select(pull > bound, one, zero);
-  now = articulated::select(pull < V(zero - bound), V(zero - one), now);
-  const V side = load(a.side), low = load(a.low), high = load(a.high);
-  const V then = q + h * u1;
-  V reached = articulated::select(then < low - touch, V(zero - one), zero);
-  reached = articulated::select(then > high + touch, one, reached);
-  // A stop pushes inward only: up from the low end, down from the high one.
-  const V held = articulated::select(side * load(a.reaction) <= zero, side, zero);
-  reached = articulated::select(side * side > zero, held, reached);
-  const auto wrong = (now != was) || (reached != side);
-  if (!any(wrong)) return true;
-  if (only_first) {
-    correct_first(a, now, reached);
-  } else {
-    store(a.saturated, now);
-    store(a.side, reached);
+  static bool update_active_set(const Tree& tree, double step, bool only_first) {
+    bool sound = true;
+    for (int i = 0; i < tree.batches; ++i) {
+      const Batches& b = batches(tree)[i];
+      if (!single(b) || correct(tree, b, step, only_first)) continue;
+      if (only_first) return false;
+      sound = false;
+    }
+    return sound;
   }
-  return false;
-}
 
-template <class V>
-inline bool Lanes<V>::update_active_set(const Tree& tree, double step, bool only_first) {
-  bool sound = true;
-  for (int i = 0; i < tree.batches; ++i) {
-    const Batches& b = batches(tree)[i];
-    if (!single(b) || correct(tree, b, step, only_first)) continue;
-    if (only_first) return false;
-    sound = false;
+  static void correct_first(Axes& a, const V& now, const V& reached) {
+    alignas(64) Lane<W> saturated, side;
+    store(saturated, now);
+    store(side, reached);
+    for (int lane = 0; lane < W; ++lane) {
+      if (saturated[lane] == a.saturated[lane] && side[lane] == a.side[lane]) continue;
+      if (saturated[lane] != a.saturated[lane])
+        a.saturated[lane] = saturated[lane];
+      else
+        a.side[lane] = side[lane];
+      return;
+    }
   }
-  return sound;
-}
 
-template <class V>
-inline void Lanes<V>::correct_first(Axes& a, const V& now, const V& reached) {
-  alignas(64) Lane<W> saturated, side;
-  store(saturated, now);
-  store(side, reached);
-  for (int lane = 0; lane < W; ++lane) {
-    if (saturated[lane] == a.saturated[lane] && side[lane] == a.side[lane]) continue;
-    if (saturated[lane] != a.saturated[lane])
-      a.saturated[lane] = saturated[lane];
-    else
-      a.side[lane] = side[lane];
-    return;
+  /// Locks what is on a stop: to land on it, to come back into the range, or to bounce off.
+  static void lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step) {
+    const V zero = 0.0, h = step;
+    const V side = load(a.side), q = load(tree.q + b.q), u = load(tree.u + b.u);
+    const auto on = side * side > zero;
+    if (!any(on)) {
+      store(a.locked, V(1.0 - load(a.present)));
+      store(a.given, zero);
+      return;
+    }
+    const V end = articulated::select(side < zero, load(a.low), load(a.high));
+    // Along the way out: how far there is to go, and how fast it goes.
+    const V room = articulated::select(side < zero, V(q - end), V(end - q));
+    const V speed = side * u;
+    V target = articulated::select(room < zero, V(tree.erp * room / h), V(room / h));
+    const V bounced = V(zero - load(a.bounce)) * speed;
+    target = articulated::select(speed > zero && bounced < target && load(a.bounce) > zero, bounced, target);
+    store(a.locked, articulated::select(on, V(1.0), V(1.0 - load(a.present))));
+    store(a.given, articulated::select(on, V((side * target - u) / h), zero));
   }
-}
-
-/// Locks what is on a stop: to land on it, to come back into the range, or to bounce off.
-template <class V>
-inline void Lanes<V>::lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step) {
-  const V zero = 0.0, h = step;
-  const V side = load(a.side), q = load(tree.q + b.q), u = load(tree.u + b.u);
-  const auto on = side * side > zero;
-  if (!any(on)) {
-    store(a.locked, V(1.0 - load(a.present)));
-    store(a.given, zero);
-    return;
-  }
-  const V end = articulated::select(side < zero, load(a.low), load(a.high));
-  // Along the way out: how far there is to go, and how fast it goes.
-  const V room = articulated::select(side < zero, V(q - end), V(end - q));
-  const V speed = side * u;
-  V target = articulated::select(room < zero, V(tree.erp * room / h), V(room / h));
-  const V bounced = V(zero - load(a.bounce)) * speed;
-  target = articulated::select(speed > zero && bounced < target && load(a.bounce) > zero, bounced, target);
-  store(a.locked, articulated::select(on, V(1.0), V(1.0 - load(a.present))));
-  store(a.given, articulated::select(on, V((side * target - u) / h), zero));
-}
+};
 
 }  // namespace handsim::engine::articulated

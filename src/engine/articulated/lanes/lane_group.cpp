@@ -6,9 +6,8 @@
 #include <limits>
 
 #include "handsim/engine/articulated/articulated_engine.h"
-#include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
-#include "handsim/engine/articulated/lanes/lane_tree.h"
+#include "handsim/engine/articulated/lanes/mechanism_exchange.h"
 #include "handsim/engine/checks.h"
 
 namespace handsim::engine::articulated {
@@ -213,7 +212,7 @@ class GroupOf final : public LaneGroup {
     }
     put3<W>(gravity(), lane, plan.gravity);
   }
-  Lane<W>* gravity() { return reinterpret_cast<Lane<W>*>(lanes_.at(lanes_.gravity)); }
+  Lane<W>* gravity() { return reinterpret_cast<Lane<W>*>(lanes_.data(lanes_.gravity)); }
 
   /// All numbers of a lane to another one.
   void copy(int from, int to) {

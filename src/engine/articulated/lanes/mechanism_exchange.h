@@ -1,11 +1,9 @@
-// A mechanism's numbers to a lane beside other mechanisms, and back.
-#include "handsim/engine/articulated/dynamics/mechanism.h"
-#include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
+// A mechanism's numbers to a lane beside other mechanisms, and back. Included by lane_group.cpp only.
+#pragma once
+
 #include "handsim/engine/articulated/lanes/lane_tree.h"
 
 namespace handsim::engine::articulated {
-
-namespace {
 
 /// One lane of `count` numbers.
 template <int W, int N>
@@ -13,20 +11,17 @@ void copy_lane(const Lane<W>* from, int lane, Lane<N>* to, int to_lane, std::ptr
   for (std::ptrdiff_t i = 0; i < count; ++i) to[i][to_lane] = from[i][lane];
 }
 
-}  // namespace
-
 template <int N>
 void Mechanism::lend_constants(LaneTree<N>& to, int lane) const {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
+    constexpr int W = in.kWidth;
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       const LaneSlot& slot = slots_[i];
-      const Batch<W>& b = in.batch[slot.batch];
+      const auto& b = in.batch[slot.batch];
       Batch<N>& out = to.batches[i];
       copy_lane<W, N>(b.before, slot.lane, out.before, lane, &b.sine - &b.before[0]);
       if (!single(b.kind)) continue;
-      const Axis<W>& a = in.axis[b.axis];
+      const auto& a = in.axis[b.axis];
       copy_lane<W, N>(&a.stiffness, slot.lane, &to.axes[at(out.axis)].stiffness, lane, &a.tau - &a.stiffness);
     }
   });
@@ -36,12 +31,11 @@ void Mechanism::lend_constants(LaneTree<N>& to, int lane) const {
 
 template <int N>
 void Mechanism::lend_bases(LaneTree<N>& to, int lane) const {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
+    constexpr int W = in.kWidth;
     constexpr auto kFrame = static_cast<std::ptrdiff_t>(sizeof(Frame<W>) / sizeof(Lane<W>));
     for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const Batch<W>& b = in.batch[slots_[i].batch];
+      const auto& b = in.batch[slots_[i].batch];
       if (b.link != ParentLink::base) continue;
       Frame<N>& frame = to.bases[at(to.batches[i].parent)];
       copy_lane<W, N>(in.base[b.parent].quat, slots_[i].lane, frame.quat, lane, kFrame);
@@ -59,12 +53,11 @@ void Mechanism::lend_bases(LaneTree<N>& to, int lane) const {
 /// Calls copy(own, other) with each number of the motion. @param all_torques those of balls, too
 template <int N, class Other, class Copy>
 void Mechanism::exchange(Other& with, int lane, bool all_torques, const Copy& copy) const {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
+  in_lanes([&](auto in) {
+    constexpr int W = in.kWidth;
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       const LaneSlot& slot = slots_[i];
-      const Batch<W>& b = in.batch[slot.batch];
+      const auto& b = in.batch[slot.batch];
       const Batch<N>& other = with.batches[i];
       for (std::size_t k = 0; k < at(position_count(b.kind)); ++k)
         copy(tree_.q[slot.q + k * W], with.tree.q[at(other.q) + k * N + at(lane)]);
@@ -100,15 +93,5 @@ void Mechanism::take_back(const LaneTree<N>& from, int lane) {
   // The tree holds what it was last given, not what the next step is given.
   servos_at_rest_ = false;
 }
-
-template void Mechanism::lend_constants(LaneTree<2>&, int) const;
-template void Mechanism::lend_constants(LaneTree<4>&, int) const;
-template void Mechanism::lend_constants(LaneTree<8>&, int) const;
-template void Mechanism::lend(LaneTree<2>&, int) const;
-template void Mechanism::lend(LaneTree<4>&, int) const;
-template void Mechanism::lend(LaneTree<8>&, int) const;
-template void Mechanism::take_back(const LaneTree<2>&, int);
-template void Mechanism::take_back(const LaneTree<4>&, int);
-template void Mechanism::take_back(const LaneTree<8>&, int);
 
 }  // namespace handsim::engine::articulated

@@ -1,0 +1,117 @@
+// The recursive algorithms in lanes: written once for any number type V, built for each instruction set in a
+// file of its own. Notation of Featherstone 2008; body-fixed steps in world axes about O, so that X is the
+// identity. Included by the kernel_*.cpp files only; kernel.h has the
+// algorithms.
+#pragma once
+
+#include <cstddef>
+#include <type_traits>
+
+#include "handsim/engine/articulated/kernels/batch.h"
+#include "handsim/engine/articulated/kernels/spatial.h"
+
+namespace handsim::engine::articulated {
+
+template <class V>
+struct Lanes {
+  // Wide, as it multiplies pointer offsets; named as in batch.h.
+  // NOLINTNEXTLINE(readability-identifier-naming)
+  static constexpr std::ptrdiff_t W = [] {
+    if constexpr (std::is_same_v<V, double>)
+      return 1;
+    else
+      return static_cast<int>(V::size());
+  }();
+  using Batches = Batch<W>;
+  using Axes = Axis<W>;
+  using Joints3 = Joint3<W>;
+  using Frames = Frame<W>;
+
+  static V load(const double* x) {
+    if constexpr (std::is_same_v<V, double>)
+      return *x;
+    else
+      return V(x, stdx::vector_aligned);
+  }
+  static void store(double* x, const V& v) {
+    if constexpr (std::is_same_v<V, double>)
+      *x = v;
+    else
+      v.copy_to(x, stdx::vector_aligned);
+  }
+  /// Where nothing is known of the alignment.
+  static void store_loose(double* x, const V& v) {
+    if constexpr (std::is_same_v<V, double>)
+      *x = v;
+    else
+      v.copy_to(x, stdx::element_aligned);
+  }
+  static V3<V> load3(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2])}; }
+  static V6<V> load6(const Lane<W>* x) { return {load3(x), load3(x + 3)}; }
+  static Q4<V> load4(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2]), load(x[3])}; }
+  static Sym3<V> load_sym(const Lane<W>* x) {
+    return {load(x[0]), load(x[1]), load(x[2]), load(x[3]), load(x[4]), load(x[5])};
+  }
+  static Mat<V> load_mat(const Lane<W>* x) { return {load3(x), load3(x + 3), load3(x + 6)}; }
+  static void store3(Lane<W>* x, const V3<V>& v) {
+    store(x[0], v.x);
+    store(x[1], v.y);
+    store(x[2], v.z);
+  }
+  static void store6(Lane<W>* x, const V6<V>& v) {
+    store3(x, v.n);
+    store3(x + 3, v.f);
+  }
+  static void store4(Lane<W>* x, const Q4<V>& v) {
+    store(x[0], v.x);
+    store(x[1], v.y);
+    store(x[2], v.z);
+    store(x[3], v.w);
+  }
+  static void store_sym(Lane<W>* x, const Sym3<V>& v) {
+    store3(x, {v.xx, v.xy, v.xz});
+    store3(x + 3, {v.yy, v.yz, v.zz});
+  }
+  static void store_mat(Lane<W>* x, const Mat<V>& v) {
+    store3(x, v.r0);
+    store3(x + 3, v.r1);
+    store3(x + 6, v.r2);
+  }
+  static void add(double* x, const V& v) { store(x, load(x) + v); }
+
+  static Batches* batches(const Tree& tree) { return static_cast<Batches*>(tree.batch); }
+  static Axes& axis(const Tree& tree, const Batches& b) { return static_cast<Axes*>(tree.axis)[b.axis]; }
+  static Joints3& joint3(const Tree& tree, const Batches& b) {
+    return static_cast<Joints3*>(tree.joint3)[b.axis];
+  }
+  static ServoLaw<V> servo_law(const Axes& a) {
+    return {load(a.servo_stiffness), load(a.servo_damping), load(a.servo_error), load(a.servo_feed)};
+  }
+  static bool single(const Batches& b) {
+    return b.kind == NodeKind::revolute || b.kind == NodeKind::prismatic;
+  }
+
+  /// The parents' frame; `scratch` is filled where each lane has its own.
+  static const Frames& parent(const Tree& tree, const Batches& b, Frames& scratch) {
+    if (b.link == ParentLink::base) return static_cast<Frames*>(tree.base)[b.parent];
+    if (b.link == ParentLink::aligned) return batches(tree)[b.parent].frame;
+    gather(tree, b, scratch);
+    return scratch;
+  }
+  static void gather(const Tree& tree, const Batches& b, Frames& scratch) {
+    constexpr int kNumbers = static_cast<int>(sizeof(Frames) / sizeof(Lane<W>));
+    double* out = &scratch.quat[0][0];
+    for (int lane = 0; lane < W; ++lane) {
+      const double* in = &batches(tree)[b.parent_batch[lane]].frame.quat[0][0] + b.parent_lane[lane];
+      for (int i = 0; i < kNumbers; ++i) out[i * W + lane] = in[i * W];
+    }
+  }
+
+  /// The same as by the 6 x 6 blocks, to the bit, without their zeros.
+  static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S) {
+    const V3<V> h = load3(b.h);
+    return {I * S.n + cross(h, S.f), cross(S.n, h) + load(b.mass) * S.f};
+  }
+};
+
+}  // namespace handsim::engine::articulated
