@@ -1,13 +1,14 @@
 #!/usr/bin/env bash
 # package.sh FOLDER WHEELS: builds in FOLDER handsim_…_amd64.deb and libhandsim-dev_…_amd64.deb for this Debian, with its
-# libraries, from build/release, and handsim-…-linux-x86_64.tar.gz, which runs from any folder with glibc 2.28 or newer: the program, linked
-# with the libraries of the wheels, which are built in WHEELS. MAINTAINER="Name <mail>" names who answers for the packages.
+# libraries, from build/release, and handsim-…-linux-x86_64.tar.gz, which runs from any folder with glibc 2.28 or newer: the
+# program, linked with the libraries of the wheels, which are built in WHEELS. MAINTAINER="Name <mail>" names who answers for
+# the packages; without it, who made the last commit.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 mkdir -p "$1" "$2"
 top=$(cd "$1" && pwd)
 wheels=$(cd "$2" && pwd)
-(cd build/release && cpack -G DEB -B "$top" ${MAINTAINER:+-D CPACK_PACKAGE_CONTACT="$MAINTAINER"} >"$top/cpack.log") ||
+(cd build/release && cpack -G DEB -B "$top" >"$top/cpack.log") ||
   { cat "$top/cpack.log"; exit 1; }
 lintian --tag-display-limit 0 --fail-on error "$top"/*.deb
 

@@ -51,6 +51,6 @@ print("%d.%d" % sys.version_info[:2])' 2>/dev/null); then
 done
 [[ $built -gt 0 ]] || { echo "wheel: no Python of 3.9 to 3.13 with headers: install python3-dev and python3-venv"; exit 1; }
 for wheel in "$top"/dist/*.whl; do
-  "$top/tools/bin/auditwheel" show "$wheel" | grep -o "manylinux_[0-9]*_[0-9]*_x86_64" | head -1 |
-    sed "s|^|$(basename "$wheel"), $(du -h "$wheel" | cut -f1): |"
+  echo "$(basename "$wheel"), $(du -h "$wheel" | cut -f1):$("$top/tools/bin/auditwheel" show "$wheel" | tr '\n' ' ' |
+    sed 's/.*the following platform tag: \("[^"]*"\).*/ its names fit \1/')"
 done
