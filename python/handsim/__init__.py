@@ -9,6 +9,10 @@ all cores, `handsim.study` has the studies and `handsim.gym` environments for gy
 """
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import os
+import shutil
 from typing import TYPE_CHECKING, Any
 
 from . import _core, study
@@ -31,6 +35,12 @@ has_pictures: bool = _core.has_pictures
 """False in a build without OSMesa and EGL: nothing can be drawn."""
 has_reports: bool = _core.has_reports
 """False in a build without three.js: runs have no reports."""
+
+if "HANDSIM_FFMPEG" not in os.environ and not shutil.which("ffmpeg") and importlib.util.find_spec("imageio_ffmpeg"):
+    from imageio_ffmpeg import get_ffmpeg_exe
+
+    with contextlib.suppress(RuntimeError):  # it has no program for this system
+        os.environ["HANDSIM_FFMPEG"] = get_ffmpeg_exe()
 
 
 def __getattr__(name: str) -> Any:

@@ -12,6 +12,7 @@
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
 #include "handsim/core/version.h"
+#include "handsim/engine/articulated/kernels/kernels.h"
 
 namespace handsim::app {
 
@@ -83,7 +84,8 @@ int parse_and_call(int argc, const char* const* argv) {
   CommandLine line;
   CLI::App& app = line.app;
   app.set_version_flag("--version",
-                       fmt::format("handsim {}, commit {}\n{}\n{}", kVersion, kCommit, kCompiler, kOde));
+                       fmt::format("handsim {}, commit {}\n{}\n{}\narticulated engine, {}", kVersion, kCommit,
+                                   kCompiler, kOde, engine::articulated::kernels().back()->name));
   app.require_subcommand(1);
   app.footer(
       "Details: handsim COMMAND --help. Exit status: 0 done, all criteria held; 1 a criterion failed, the "

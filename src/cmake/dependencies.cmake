@@ -40,6 +40,9 @@ handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (thi
 
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
+if(NOT TARGET Qhull::qhull_r)
+  add_library(Qhull::qhull_r ALIAS Qhull::qhullstatic_r)
+endif()
 
 find_package(Ceres QUIET)
 handsim_need(Ceres_FOUND "Ceres (least squares of handsim track)" libceres-dev)

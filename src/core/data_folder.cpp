@@ -12,26 +12,23 @@
 
 namespace handsim {
 
-namespace {
-
-/// Folder `data` beside the file that has this code: the Python module's.
-std::filesystem::path beside_this() {
+std::filesystem::path own_folder() {
   static const int kHere = 0;
   Dl_info info{};
-  if (dladdr(&kHere, &info) == 0 || info.dli_fname == nullptr) return {};
-  return std::filesystem::path(info.dli_fname).parent_path() / "data";
+  std::error_code none;
+  // Of a program, dladdr gives the word by which it was called.
+  const bool module = dladdr(&kHere, &info) != 0 && info.dli_fname != nullptr &&
+                      std::filesystem::path(info.dli_fname).extension() == ".so";
+  return std::filesystem::canonical(module ? info.dli_fname : "/proc/self/exe", none).parent_path();
 }
 
-}  // namespace
-
 std::filesystem::path data_folder() {
-  std::error_code none;
-  if (const std::filesystem::path own = beside_this();
-      std::filesystem::is_directory(own / "handmodels", none))
-    return own;
-  for (const char* folder : {HANDSIM_INSTALLED_DATA, HANDSIM_SOURCE_DATA}) {
+  const std::filesystem::path own = own_folder();
+  for (const std::filesystem::path& folder :
+       {own / "data", own / "../share/handsim", std::filesystem::path(HANDSIM_INSTALLED_DATA),
+        std::filesystem::path(HANDSIM_SOURCE_DATA), std::filesystem::path("/usr/share/handsim")}) {
     std::error_code failure;
-    if (std::filesystem::is_directory(std::filesystem::path(folder) / "handmodels", failure)) return folder;
+    if (std::filesystem::is_directory(folder / "handmodels", failure)) return folder.lexically_normal();
   }
   throw input_error("files installed with handsim", "no folder " HANDSIM_INSTALLED_DATA,
                     "an installed handsim, or the paths of the files");

@@ -198,7 +198,9 @@ void describe(Json& schema, std::string_view kind, const std::string& path, cons
 
 std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources,
                         const KeyText& text_of) {
+  // A key that goes or changes its meaning raises the version (CONTRIBUTING.md).
   Json out = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+              {"$comment", "schema version 1"},
               {"title", "handsim: " + std::string(kind)}};
   SchemaRecorder root;
   const auto described = [&](std::string_view of, SchemaRecorder& recorder) {

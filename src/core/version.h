@@ -3,7 +3,7 @@
 
 namespace handsim {
 
-extern const char* const kVersion;   ///< e.g. `0.1.0`
+extern const char* const kVersion;   ///< e.g. `1.0.0`
 extern const char* const kCommit;    ///< e.g. `28628a2-dirty`; `unknown` without a git checkout
 extern const char* const kCompiler;  ///< e.g. `GNU 12.2.0, Release`
 extern const char* const kOde;       ///< e.g. `ODE 0.16.2, double precision`

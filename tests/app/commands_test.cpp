@@ -323,7 +323,7 @@ TEST(Commands, VersionNamesCommitCompilerAndTheBuildOfOde) {
   EXPECT_EQ(outcome.status, 0);
   const std::regex form(
       "handsim [0-9.]+, commit (unknown|[0-9a-f]{7,40}(-dirty)?)\n(GNU|Clang) [0-9.]+, [A-Za-z]+\n"
-      "ODE 0\\.[0-9.]+, double precision\n");
+      "ODE 0\\.[0-9.]+, double precision\narticulated engine, [a-z0-9 ]+( \\([A-Z0-9-]+\\))?\n");
   EXPECT_TRUE(std::regex_match(outcome.out, form)) << outcome.out;
 }
 

@@ -21,6 +21,12 @@ std::vector<Gl> built_gls() {
 }
 
 std::unique_ptr<Canvas> make_canvas(std::optional<Gl> gl) {
+  // A wheel has both and takes what the system has.
+  if (!gl && built_gls().size() > 1) try {
+      return make_canvas(built_gls().front());
+    } catch (const Error&) {
+      return make_canvas(built_gls().back());
+    }
   const Gl wanted = gl.value_or(built_gls().front());
 #ifdef HANDSIM_OSMESA
   if (wanted == Gl::osmesa) return make_osmesa_canvas();

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <iterator>
 #include <optional>
@@ -43,7 +44,10 @@ std::optional<pid_t> start(std::vector<std::string> words, int in, int errors) {
   for (std::string& word : words) pointers.push_back(word.data());
   pointers.push_back(nullptr);
   pid_t child = 0;
-  const int failure = posix_spawnp(&child, pointers.front(), &actions, nullptr, pointers.data(), environ);
+  // Set by the Python package where imageio-ffmpeg has one and the path has none.
+  const char* const other = std::getenv("HANDSIM_FFMPEG");
+  const int failure =
+      posix_spawnp(&child, other ? other : pointers.front(), &actions, nullptr, pointers.data(), environ);
   posix_spawn_file_actions_destroy(&actions);
   return failure == 0 ? std::optional(child) : std::nullopt;
 }
@@ -68,7 +72,8 @@ bool has_ffmpeg() {
 }
 
 Error no_ffmpeg() {
-  return input_error("--video", "no program ffmpeg that works", "Debian package ffmpeg, or no --video");
+  return input_error("--video", "no program ffmpeg that works",
+                     "Debian package ffmpeg, or pip install imageio-ffmpeg for the Python package");
 }
 
 std::vector<std::string> words_of(const VideoFormat& format, const fs::path& part) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/core/error.h"
 
 namespace handsim::study {
@@ -17,18 +18,11 @@ constexpr const char* kModule = "handsim_ceres.so";
 using Solve = void (*)(const LeastSquares*, double*);
 
 /// Where the module may be: beside this program or Python module, in a folder of libraries of the same
-/// installation, where it was installed, where it was built.
+/// installation, where it was installed, where it was built, where the Debian package has it.
 std::vector<std::filesystem::path> places() {
-  std::vector<std::filesystem::path> out;
-  static const int kHere = 0;
-  Dl_info info{};
-  if (dladdr(&kHere, &info) != 0 && info.dli_fname != nullptr) {
-    std::error_code none;
-    const auto own = std::filesystem::canonical(info.dli_fname, none).parent_path();
-    out = {own, own / "../" HANDSIM_LIBRARIES "/handsim"};
-  }
-  out.insert(out.end(), {HANDSIM_INSTALLED_MODULES, HANDSIM_BUILT_MODULES});
-  return out;
+  const std::filesystem::path own = own_folder();
+  return {own, own / "../" HANDSIM_LIBRARIES "/handsim", HANDSIM_INSTALLED_MODULES, HANDSIM_BUILT_MODULES,
+          "/usr/lib/handsim"};
 }
 
 Solve load() {
