@@ -59,7 +59,7 @@ class Hand:
         :param muscles: with the hand model's muscles and tendons, which exports then have, too
         :param measures: measured values in place of predicted ones: ``hand_length``, ``hand_breadth``,
             ``hand_circumference`` [m], ``hand_mass`` [kg], ``grip_strength`` [N], ``age`` [years],
-            ``hand_length_percentile`` (0 to 100)
+            ``hand_length_percentile`` (0 to 100); a person file may also have bones, radii and fingers
         :raises Error: of kind input with every impossible value
         """
         flags(muscles=muscles)
@@ -196,8 +196,9 @@ class Hand:
 
     @cached_property
     def dimensions(self) -> dict[str, float]:
-        """Size of the hand: length (wrist to middle fingertip), breadth, palm_length, circumference, thickness and
-        centre_of_mass (from the wrist) in m, mass in kg, grip_strength in N."""
+        """Size of the hand: length (wrist to middle fingertip), breadth, palm_length, circumference, thickness,
+        thumb_length, index_length, middle_length (from the crease at the base) and centre_of_mass (from the wrist) in m,
+        mass in kg, grip_strength in N."""
         return _core.hand_dimensions(self.scene._core)
 
     @cached_property

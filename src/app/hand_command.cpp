@@ -47,7 +47,8 @@ std::string origin(bool measured) { return measured ? "measured" : "predicted"; 
 
 void print_size(const hand::Person& person, const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   const hand::HandSize& size = hand.size;
-  print("person   {:.3f} m, {:.1f} kg, {}\n", person.stature, person.mass, hand::name(person.sex));
+  print("person   {:.3f} m, {:.1f} kg, {}{}\n", person.stature, person.mass, hand::name(person.sex),
+        person.age ? fmt::format(", {:g} years", *person.age) : "");
   const auto row = [&](const char* what, double value, const std::string& from) {
     print("  {:<18} {:7.1f} mm  {}\n", what, 1e3 * value, from);
   };
@@ -56,9 +57,12 @@ void print_size(const hand::Person& person, const hand::HandSpec& spec, const ha
   row("palm length", size.palm_length, "predicted");
   row("hand circumference", size.circumference, origin(size.measured[3]));
   row("hand thickness", size.thickness, "of a slab with half-round edges of that breadth and circumference");
+  for (const auto& [name, finger] : size.fingers)
+    row((name + " length").c_str(), finger.length,
+        origin(person.fingers.contains(name)) + ", crease at the base to tip");
   print("  {:<18} {:7.1f} g   {:.2f} % of body mass; {}\n", "hand mass", 1e3 * hand.mass,
         100 * hand.mass / person.mass, person.hand_mass ? "measured" : mass_rule(person, spec.mass));
-  print("  predicted from: {}\n", spec.anthropometry.source);
+  print("  predicted from: {}\n", hand::survey_of(spec.anthropometry, person).source);
 }
 
 std::string moments_of(const model::Body& body) {

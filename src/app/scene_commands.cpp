@@ -25,6 +25,7 @@ void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments)
   measure("--stature", "stature", "m, or with a unit: 1.75, \"175 cm\"");
   measure("--mass", "mass", "kg");
   measure("--sex", "sex", "of the person")->type_name("male|female|unknown");
+  measure("--age", "age", "years; without it a body of a child's size has a child's hand");
   measure("--hand-length", "hand_length", "measured: wrist crease to middle fingertip [m]");
   measure("--hand-breadth", "hand_breadth", "measured: across the knuckles [m]");
   measure("--hand-circumference", "hand_circumference", "measured: around the knuckles [m]");

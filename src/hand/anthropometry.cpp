@@ -1,5 +1,6 @@
 #include "handsim/hand/anthropometry.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -23,33 +24,87 @@ Allometry read_allometry(MapReader reader) {
   return out;
 }
 
-void read_covariance(MapReader& reader, Eigen::Matrix4d& out) {
-  const char* key = "residual_covariance";
+/// Rows of numbers, all of `columns`.
+Eigen::MatrixXd read_matrix(MapReader& reader, const char* key, std::size_t least, std::size_t most,
+                            std::size_t columns) {
   const YamlNode* rows = reader.list(key, true);
-  if (!rows) return;
-  bool square = rows->items.size() == kHandDimensions;
-  for (const YamlNode& row : rows->items) square = square && row.items.size() == kHandDimensions;
-  if (!square) return reader.problem(key, rows->described(), "a list of four rows of four numbers");
-  for (int i = 0; i < kHandDimensions; ++i)
-    for (int j = 0; j < kHandDimensions; ++j) {
-      const YamlNode& item = rows->items[static_cast<std::size_t>(i)].items[static_cast<std::size_t>(j)];
-      out(i, j) = read_number(item, fmt::format("{}.{}.{}", reader.path_of(key), i, j),
-                              {Dimension::none, -1, 1}, reader.diagnostics())
-                      .value_or(i == j ? 1.0 : 0.0);
-    }
-  if (!reader.sound()) return;
-  const bool valid = out.isApprox(out.transpose()) && out.llt().info() == Eigen::Success;
-  if (!valid)
-    reader.problem(key, "a matrix that is not a covariance", "a symmetric positive definite matrix");
+  Eigen::MatrixXd out =
+      Eigen::MatrixXd::Identity(static_cast<Eigen::Index>(least), static_cast<Eigen::Index>(columns));
+  if (!rows) return out;
+  bool fits = rows->items.size() >= least && rows->items.size() <= most;
+  for (const YamlNode& row : rows->items) fits = fits && row.items.size() == columns;
+  if (!fits) {
+    reader.problem(key, rows->described(), fmt::format("{} to {} rows of {} numbers", least, most, columns));
+    return out;
+  }
+  out.resize(static_cast<Eigen::Index>(rows->items.size()), out.cols());
+  for (Eigen::Index i = 0; i < out.rows(); ++i)
+    for (Eigen::Index j = 0; j < out.cols(); ++j)
+      out(i, j) =
+          read_number(rows->items[static_cast<std::size_t>(i)].items[static_cast<std::size_t>(j)],
+                      fmt::format("{}.{}.{}", reader.path_of(key), i, j), kCoefficient, reader.diagnostics())
+              .value_or(i == j ? 1.0 : 0.0);
+  return out;
 }
 
 Fit read_fit(MapReader reader) {
   Fit fit;
   for (std::size_t i = 0; i < kNames.size(); ++i)
     fit.dimensions[i] = read_allometry(reader.required_map(kNames[i], "a mapping of coefficients"));
-  read_covariance(reader, fit.residual_covariance);
+  const Eigen::MatrixXd covariance =
+      read_matrix(reader, "residual_covariance", kHandDimensions, kHandDimensions, kHandDimensions);
+  if (reader.sound() &&
+      !(covariance.isApprox(covariance.transpose()) && covariance.llt().info() == Eigen::Success))
+    reader.problem("residual_covariance", "a matrix that is not a covariance",
+                   "a symmetric positive definite matrix");
+  fit.residual_covariance = covariance;
   reader.finish();
   return fit;
+}
+
+Children::Tables read_tables(MapReader reader) {
+  Children::Tables out;
+  for (std::size_t sex = 0; sex < 2; ++sex) {
+    const char* key = sex == 0 ? "male" : "female";
+    out[sex] = read_matrix(reader, key, 2, 100, 11);
+    for (Eigen::Index i = 1; i < out[sex].rows() && reader.sound(); ++i)
+      if (out[sex](i, 0) <= out[sex](i - 1, 0))
+        reader.problem(key, "rows that do not rise in their first number", "rows of rising age or stature");
+  }
+  reader.finish();
+  return out;
+}
+
+const Quantity kSurveyStature = {Dimension::length, 0.1, 3}, kSurveyAge = {Dimension::none, 0, 150};
+
+Survey read_survey(MapReader& reader) {
+  Survey out;
+  out.source = reader.text("source");
+  MapReader range = reader.map("survey_range");
+  out.stature = range.maybe_range("stature", kSurveyStature).value_or(out.stature);
+  out.mass = range.maybe_range("mass", {Dimension::mass, 1, 1000}).value_or(out.mass);
+  out.age = range.maybe_range("age", kSurveyAge).value_or(out.age);
+  range.finish();
+  return out;
+}
+
+Children read_children(MapReader reader) {
+  Children out;
+  out.survey = read_survey(reader);
+  MapReader adult = reader.required_map("adult", "a mapping of age, stature and mass_per_stature");
+  const auto range = [&](const char* key, const Quantity& quantity) {
+    return adult.maybe_range(key, quantity, true).value_or(std::pair(0.0, 1.0));
+  };
+  out.adult_age = range("age", kSurveyAge);
+  out.adult_stature = range("stature", kSurveyStature);
+  out.adult_mass_per_stature = range("mass_per_stature", {Dimension::none, 1, 1000});
+  adult.finish();
+  out.stature_deviation = reader.number("stature_deviation", {Dimension::none, 0.001, 1});
+  out.finger_of_length = reader.number("finger_of_length", {Dimension::none, 0, 2});
+  out.by_age = read_tables(reader.required_map("by_age", "a mapping with male and female"));
+  out.by_stature = read_tables(reader.required_map("by_stature", "a mapping with male and female"));
+  reader.finish();
+  return out;
 }
 
 HandInertiaShares read_shares(MapReader reader) {
@@ -63,13 +118,69 @@ HandInertiaShares read_shares(MapReader reader) {
   return out;
 }
 
-/// ln of each dimension without smearing.
-Eigen::Vector4d log_means(const Fit& fit, const Person& person) {
+/// ln of each dimension by the adults' survey, without smearing.
+Eigen::Vector4d adult_means(const Fit& fit, const Person& person, Sex sex) {
   Eigen::Vector4d out;
   for (int i = 0; i < kHandDimensions; ++i) {
     const Allometry& a = fit.dimensions[static_cast<std::size_t>(i)];
     out[i] = a.intercept + a.stature * std::log(person.stature) + a.mass * std::log(person.mass) +
-             (person.sex == Sex::female ? a.female : 0.0);
+             (sex == Sex::female ? a.female : 0.0);
+  }
+  return out;
+}
+
+double smoothstep(double x, std::pair<double, double> range) {
+  const double t = std::clamp((x - range.first) / (range.second - range.first), 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+/// Share of the adults' fit, 0 to 1.
+double adult_share(const Children& children, const Person& person) {
+  return person.age ? smoothstep(*person.age, children.adult_age)
+                    : smoothstep(person.stature, children.adult_stature) *
+                          smoothstep(person.mass / person.stature, children.adult_mass_per_stature);
+}
+
+/// The rows of both sexes at this person's age or stature.
+std::array<Eigen::RowVectorXd, 2> rows_at(const Children& children, const Person& person) {
+  std::array<Eigen::RowVectorXd, 2> out;
+  for (std::size_t sex = 0; sex < out.size(); ++sex) {
+    const Eigen::MatrixXd& table = (person.age ? children.by_age : children.by_stature)[sex];
+    const double x = std::clamp(person.age.value_or(person.stature), table(0, 0), table(table.rows() - 1, 0));
+    Eigen::Index i = 1;
+    while (i + 1 < table.rows() && table(i, 0) < x) ++i;
+    const double t = (x - table(i - 1, 0)) / (table(i, 0) - table(i - 1, 0));
+    out[sex] = (1 - t) * table.row(i - 1) + t * table.row(i);
+  }
+  return out;
+}
+
+/// What the children's survey says: ln of each dimension without smearing, and ln (finger / hand length).
+/// Unknown sex: the mean of both, weighted with the chances of each at this stature. Palm length keeps the
+/// adults' ratio to length, circumference that to breadth, and an adult has the fingers of the last age.
+Eigen::Vector<double, 7> child_means(const Anthropometry& anthropometry, const Person& person) {
+  const Children& children = *anthropometry.children;
+  const std::array<Eigen::RowVectorXd, 2> rows = rows_at(children, person);
+  const auto square = [&](std::size_t sex) {
+    const double off = std::log(person.stature / rows[sex][10]) / children.stature_deviation;
+    return off * off;
+  };
+  const double girl = person.sex == Sex::unknown ? 1 / (1 + std::exp(0.5 * (square(1) - square(0))))
+                                                 : (person.sex == Sex::female ? 1 : 0);
+  const double adult = adult_share(children, person);
+  Eigen::Vector<double, 7> out = Eigen::Vector<double, 7>::Zero();
+  for (std::size_t sex = 0; sex < 2; ++sex) {
+    const Eigen::RowVectorXd& row = rows[sex];
+    Eigen::Vector<double, 7> of;
+    of << adult_means(anthropometry.by_sex, person, sex == 0 ? Sex::male : Sex::female),
+        ((1 - adult) * row + adult * children.by_age[sex].bottomRows<1>()).segment<3>(7).transpose();
+    for (int i = 0; i < 2; ++i) {
+      const double mean = row.segment<3>(1 + 3 * i).dot(
+          Eigen::RowVector3d(1, std::log(person.stature), std::log(person.mass)));
+      of[i + 2] += mean - of[i];
+      of[i] = mean;
+    }
+    out += (sex == 0 ? 1 - girl : girl) * of;
   }
   return out;
 }
@@ -94,15 +205,12 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
   MapReader reader(node, path, diagnostics);
   Anthropometry out;
   reader.maybe_text("title");
-  out.source = reader.text("source");
-  MapReader range = reader.map("survey_range");
-  out.stature_range = range.maybe_range("stature", {Dimension::length, 0.1, 3}).value_or(std::pair(0.5, 2.5));
-  out.mass_range = range.maybe_range("mass", {Dimension::mass, 1, 1000}).value_or(std::pair(2.0, 400.0));
-  range.finish();
+  out.survey = read_survey(reader);
   MapReader fits = reader.required_map("fits", "a mapping with by_sex and pooled");
   out.by_sex = read_fit(fits.required_map("by_sex", "a mapping of hand dimensions"));
   out.pooled = read_fit(fits.required_map("pooled", "a mapping of hand dimensions"));
   fits.finish();
+  if (reader.has("children")) out.children = read_children(reader.map("children"));
   MapReader reference = reader.required_map("reference", "a mapping with source, male and female");
   out.reference_source = reference.text("source");
   out.reference_male = read_shares(reference.required_map("male", "a mapping of shares"));
@@ -114,7 +222,14 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
 
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   const Fit& fit = person.sex == Sex::unknown ? anthropometry.pooled : anthropometry.by_sex;
-  const Eigen::Vector4d means = log_means(fit, person);
+  Eigen::Vector4d means = adult_means(fit, person, person.sex);
+  Eigen::Vector3d fingers = Eigen::Vector3d::Zero();
+  if (anthropometry.children) {
+    const Eigen::Vector<double, 7> child = child_means(anthropometry, person);
+    fingers = child.tail<3>();
+    if (const double adult = adult_share(*anthropometry.children, person); adult < 1)
+      means = adult * means + (1 - adult) * child.head<4>();
+  }
   const std::array<std::optional<double>, kHandDimensions> given = {person.hand_length, person.hand_breadth,
                                                                     std::nullopt, person.hand_circumference};
   std::array<std::optional<double>, kHandDimensions> residuals;
@@ -136,9 +251,20 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   out.breadth = y[1];
   out.palm_length = y[2];
   out.circumference = y[3];
+  const double predicted = fit.dimensions[0].smearing * std::exp(means[0]);
+  for (int i = 0; anthropometry.children && i < 3; ++i)
+    out.fingers[kMeasuredFingers[i]].length =
+        predicted * std::exp(fingers[i]) *
+        std::pow(out.length / predicted, anthropometry.children->finger_of_length);
   const auto refuse = [&](const char* key, std::string got, std::string need) {
     throw Error(std::vector<Problem>{{person.place, key, std::move(got), std::move(need)}});
   };
+  for (const auto& [name, length] : person.fingers) {
+    const auto of = out.fingers.find(name);
+    if (of == out.fingers.end())
+      refuse("person.fingers", name, "thumb, index or middle, with a survey of fingers");
+    of->second = {length, length / of->second.length};
+  }
   // Measured values were checked when read; this catches predictions far outside the survey.
   for (std::size_t k = 0; k < kNames.size(); ++k)
     if (const double size = y[static_cast<Eigen::Index>(k)]; !(size > 0.005 && size < 1))
@@ -155,15 +281,32 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   return out;
 }
 
+const Survey& survey_of(const Anthropometry& anthropometry, const Person& person) {
+  const auto& children = anthropometry.children;
+  return children && adult_share(*children, person) < 0.5 ? children->survey : anthropometry.survey;
+}
+
 std::vector<std::string> extrapolations(const Anthropometry& anthropometry, const Person& person) {
   std::vector<std::string> out;
+  const Survey& survey = survey_of(anthropometry, person);
   const auto check = [&](const char* key, double value, std::pair<double, double> range, const char* unit) {
-    if (value < range.first || value > range.second)
-      out.push_back(fmt::format("{} of {:g} {} is outside the survey ({:g} to {:g} {}): extrapolated", key,
-                                value, unit, range.first, range.second, unit));
+    if (const double off = std::max(range.first - value, value - range.second); off > 0)
+      out.push_back(
+          fmt::format("{} of {:g} {} is outside the survey ({:g} to {:g} {}) by {:.3g} {}: extrapolated", key,
+                      value, unit, range.first, range.second, unit, off, unit));
   };
-  check("stature", person.stature, anthropometry.stature_range, "m");
-  check("mass", person.mass, anthropometry.mass_range, "kg");
+  check("stature", person.stature, survey.stature, "m");
+  check("mass", person.mass, survey.mass, "kg");
+  if (person.age) check("age", *person.age, survey.age, "years");
+  if (&survey == &anthropometry.survey || !person.age || *person.age < survey.age.first) return out;
+  const auto rows = rows_at(*anthropometry.children, person);
+  const double medians[] = {rows[0][10], rows[1][10], std::sqrt(rows[0][10] * rows[1][10])};
+  const double median = medians[static_cast<std::size_t>(person.sex)];
+  if (const double z = std::log(person.stature / median) / anthropometry.children->stature_deviation;
+      std::abs(z) > 3.09)
+    out.push_back(fmt::format(
+        "stature of {:g} m is {:.1f} standard deviations from that of children of {:g} years, {:.4g} m",
+        person.stature, std::abs(z), *person.age, median));
   return out;
 }
 

@@ -1,8 +1,10 @@
-// Predicts the size of a hand from stature, mass and sex: allometric regressions with their residual
-// covariance, read from handmodels/anthropometry.yaml.
+// Predicts the size of a hand from stature, mass, sex and age: allometric regressions of adults with their
+// residual covariance, and of children, read from handmodels/anthropometry.yaml.
 #pragma once
 
 #include <array>
+#include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,6 +31,27 @@ struct Fit {
   Eigen::Matrix4d residual_covariance = Eigen::Matrix4d::Identity();  ///< of ln y
 };
 
+/// Where fits come from, and the least and largest value there.
+struct Survey {
+  std::string source;
+  std::pair<double, double> stature{0, 3}, mass{0, 1000}, age{0, 150};  ///< [m, kg, years]
+};
+
+inline constexpr const char* kMeasuredFingers[] = {"thumb", "index", "middle"};
+
+/// Survey of children. A fit has a table for each sex, male first, with a row for each knot x of age [years]
+/// or stature [m]: x; intercept, stature and mass of ln length; the same of ln breadth; ln (finger / hand
+/// length) of each measured finger; median stature [m]. Linear between rows, constant beyond them.
+struct Children {
+  using Tables = std::array<Eigen::MatrixXd, 2>;
+  Survey survey;
+  /// From a child's fit to the adults': ages, or of unknown age both statures and masses per stature [kg/m].
+  std::pair<double, double> adult_age, adult_stature, adult_mass_per_stature;
+  double stature_deviation = 1;  ///< of ln H at one age and sex
+  double finger_of_length = 0;   ///< a hand exp(d) times as long as predicted has fingers exp(this d) times
+  Tables by_age, by_stature;
+};
+
 /// Centre of mass and radii of gyration of a whole hand as shares of its length (wrist to middle fingertip).
 struct HandInertiaShares {
   double centre_of_mass = 0;
@@ -38,11 +61,10 @@ struct HandInertiaShares {
 };
 
 struct Anthropometry {
-  std::string source;
-  std::pair<double, double> stature_range;  ///< of the survey [m]
-  std::pair<double, double> mass_range;     ///< of the survey [kg]
+  Survey survey;
   Fit by_sex;
   Fit pooled;  ///< for persons of unknown sex; `female` is 0
+  std::optional<Children> children;
   std::string reference_source;
   HandInertiaShares reference_male;
   HandInertiaShares reference_female;
@@ -56,6 +78,11 @@ struct HandSize {
   double circumference = 0;
   double thickness = 0;  ///< of a stadium (slab with half-round edges) of this breadth and circumference
   std::array<bool, kHandDimensions> measured{};
+  struct Finger {
+    double length = 0;  ///< from the crease at its base to its tip
+    double scale = 1;   ///< measured length over the predicted one
+  };
+  std::map<std::string, Finger> fingers;  ///< thumb, index, middle; none without a survey of children
 };
 
 Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
@@ -64,7 +91,11 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
 /// @throws Error (input) for impossible dimensions, e.g. a circumference too small for the breadth.
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person);
 
-/// A sentence for each property of the person that is outside the survey's range.
+/// The survey with the larger part in this person's hand.
+const Survey& survey_of(const Anthropometry& anthropometry, const Person& person);
+
+/// A sentence for each property of the person that is outside the surveys, with how far; and for a child's
+/// stature below percentile 0.1 or above 99.9 of its age.
 std::vector<std::string> extrapolations(const Anthropometry& anthropometry, const Person& person);
 
 /// Thickness of a stadium: (circumference - 2 breadth) / (pi - 2).

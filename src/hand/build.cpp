@@ -24,15 +24,16 @@ using model::ShapeKind;
 /// Capsules and cylinders lie along z, segments along y.
 const Quat kZToY(Eigen::AngleAxisd(-M_PI / 2, Vec3::UnitX()));
 
-/// Measured bones must be segments of the hand model.
-void check_bones(const HandSpec& spec, const Person& person, std::vector<Problem>& problems) {
+/// Measured bones and radii must be of segments of the hand model.
+void check_measured(const HandSpec& spec, const Person& person, std::vector<Problem>& problems) {
   std::vector<std::string> known;
   for (const SegmentSpec& row : spec.segments)
     if (!row.carrier && row.of_palm.empty()) known.push_back(row.name);
-  for (const auto& [name, length] : person.bones)
-    if (std::find(known.begin(), known.end(), name) == known.end())
-      problems.push_back({person.place.value_or(Place{}), "bones." + name, "an unknown segment",
-                          "a segment of the hand model" + nearest_hint(name, known)});
+  for (const auto& [key, measures] : {std::pair("bones.", &person.bones), {"radii.", &person.radii}})
+    for (const auto& [name, length] : *measures)
+      if (std::find(known.begin(), known.end(), name) == known.end())
+        problems.push_back({person.place.value_or(Place{}), key + name, "an unknown segment",
+                            "a segment of the hand model" + nearest_hint(name, known)});
 }
 
 /// Length of the capsule's axis: a fingertip's cap ends at the tip, other caps are centred on the joints.
@@ -55,9 +56,14 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
     if (row.carrier) continue;
     const std::string key = fmt::format("segments.{}.", rows++);
     if (!row.of_palm.empty()) continue;
-    const auto measured = person.bones.find(row.name);
-    built.length = measured == person.bones.end() ? row.length.value(size) : measured->second;
-    built.radius = row.radius.value(size);
+    const auto length = person.bones.find(row.name), radius = person.radii.find(row.name);
+    // A measured finger scales its segments, but not the thumb's metacarpal, which is within the palm.
+    const auto finger = size.fingers.find(row.finger);
+    const bool scaled = finger != size.fingers.end() && !(on_palm && row.part == model::Part::thumb);
+    built.length = length != person.bones.end()
+                       ? length->second
+                       : (scaled ? finger->second.scale : 1) * row.length.value(size);
+    built.radius = radius != person.radii.end() ? radius->second : row.radius.value(size);
     const std::size_t before = problems.size();
     check_size(row.place, key + "radius", built.radius, problems);
     check_size(row.place, key + "length", built.length, problems);
@@ -67,7 +73,7 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
            fmt::format("a length of {:.3g} m with a radius of {:.3g} m", built.length, built.radius),
            "a fingertip longer than its radius"});
   }
-  check_bones(spec, person, problems);
+  check_measured(spec, person, problems);
   throw_if_any(std::move(problems));
   return out;
 }

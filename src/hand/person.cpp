@@ -14,7 +14,7 @@ const std::vector<std::pair<std::string_view, Sex>> kSexes = {
 auto measures(const Person& person) {
   return std::tie(person.stature, person.mass, person.sex, person.hand_length, person.hand_breadth,
                   person.hand_circumference, person.hand_mass, person.grip_strength, person.age, person.bones,
-                  person.hand_length_percentile);
+                  person.radii, person.fingers, person.hand_length_percentile);
 }
 
 /// Refuses impossible proportions of mass, hand and stature.
@@ -55,13 +55,18 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
   person.hand_circumference = reader.maybe_number("hand_circumference", {Dimension::length, 0.03, 0.8});
   person.hand_mass = reader.maybe_number("hand_mass", {Dimension::mass, 0.005, 5});
   person.grip_strength = reader.maybe_number("grip_strength", {Dimension::force, 1, 3000});
-  person.age = reader.maybe_number("age", {Dimension::none, 1, 120});
-  if (reader.has("bones")) {
-    MapReader bones = reader.map("bones");
-    for (const std::string& bone : bones.keys())
-      person.bones[bone] = bones.number(bone, {Dimension::length, 0.003, 0.2});
-    bones.finish();
-  }
+  person.age = reader.maybe_number("age", {Dimension::none, 0, 120});
+  const auto lengths = [&](const char* key, double least, double most) {
+    std::map<std::string, double> out;
+    if (!reader.has(key)) return out;
+    MapReader map = reader.map(key);
+    for (const std::string& name : map.keys()) out[name] = map.number(name, {Dimension::length, least, most});
+    map.finish();
+    return out;
+  };
+  person.bones = lengths("bones", 0.003, 0.2);
+  person.radii = lengths("radii", 0.001, 0.05);
+  person.fingers = lengths("fingers", 0.01, 0.25);
   person.hand_length_percentile =
       reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
   if (person.hand_length && person.hand_length_percentile)

@@ -239,6 +239,7 @@ py::dict dimensions(const SceneHandle& of) {
   out["palm_length[m]"] = built.size.palm_length;
   out["circumference[m]"] = built.size.circumference;
   out["thickness[m]"] = built.size.thickness;
+  for (const auto& [name, finger] : built.size.fingers) out[(name + "_length[m]").c_str()] = finger.length;
   out["mass[kg]"] = built.mass;
   out["centre_of_mass[m]"] = whole.shares.centre_of_mass * built.size.length;
   out["grip_strength[N]"] = hand::grip_strength(table, of.scene->spec.hands.front().person).own;

@@ -278,9 +278,9 @@ TEST(Commands, CheckKnowsAHandModelByItsBase) {
 TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
   for (const char* side : {"right", "both"}) {
     const Outcome outcome =
-        run_program({"hand", "--stature", "1 m", "--mass", "60", "--sex", "female", "--side", side});
+        run_program({"hand", "--stature", "2.1 m", "--mass", "90", "--sex", "female", "--side", side});
     EXPECT_EQ(outcome.status, 0) << outcome.err;
-    EXPECT_TRUE(outcome.err.starts_with("warning: stature of 1 m is outside the survey (")) << outcome.err;
+    EXPECT_TRUE(outcome.err.starts_with("warning: stature of 2.1 m is outside the survey (")) << outcome.err;
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
   }
 }

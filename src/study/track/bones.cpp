@@ -155,9 +155,15 @@ std::string person_text(const hand::Person& person) {
   add("hand_mass", person.hand_mass);
   add("grip_strength", person.grip_strength);
   add("age", person.age);
-  if (person.bones.empty()) return out;
-  out += "bones:\n";
-  for (const auto& [name, length] : person.bones) out += fmt::format("  {}: {}\n", name, length);
+  const auto add_all = [&](const char* key, const std::map<std::string, double>& values) {
+    for (const auto& [name, value] : values) {
+      if (name == values.begin()->first) out += fmt::format("{}:\n", key);
+      out += fmt::format("  {}: {}\n", name, value);
+    }
+  };
+  add_all("bones", person.bones);
+  add_all("radii", person.radii);
+  add_all("fingers", person.fingers);
   return out;
 }
 
