@@ -73,8 +73,8 @@ struct StabilityCase {
   std::vector<Way> ways;
   std::vector<KnownShort> known;
   std::optional<Draws> draws;
-  std::optional<double> picture;    ///< time of the picture of the first variant [s]
-  bool alone = false;               ///< no other case runs at the same time: it measures the process
+  std::optional<double> picture;  ///< time of the picture of the first variant [s]
+  bool alone = false;             ///< no other case runs at the same time: it measures the process
   /// False: not part of the quick suite.
   bool in_quick = true;
   std::vector<std::string> quick_set;  ///< overrides in the quick suite

@@ -1,5 +1,5 @@
-// What takes more than one run to see: orders of convergence, the same bits again, torques found from their motion,
-// bad numbers in a simulation beside others.
+// What takes more than one run to see: orders of convergence, the same bits again, torques found from their
+// motion, bad numbers in a simulation beside others.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -88,7 +88,8 @@ TEST(Comparisons, AControlledHandConvergesWithTheStep) {
     EXPECT_GE(position_order("stability/poses_of_a_hand", way, steps), 1) << way.back();
 }
 
-// Oracle: conservation of energy, in the limit of small steps: the error is of the method's order, or of rounding.
+// Oracle: conservation of energy, in the limit of small steps: the error is of the method's order, or of
+// rounding.
 TEST(Comparisons, APendulumsEnergyConvergesAtTheOrderOfTheMethod) {
   constexpr double kConserved = 1e-7;
   const std::vector<std::pair<Overrides, double>> ways = {
@@ -150,8 +151,8 @@ TEST(Comparisons, ADroppedHandRepeatsToTheBit) {
   }
 }
 
-// Oracle: the first hand's bits do not depend on the second. ODE's quick_step orders the rows of all bodies with one
-// random generator: a known shortfall.
+// Oracle: the first hand's bits do not depend on the second. ODE's quick_step orders the rows of all bodies
+// with one random generator: a known shortfall.
 TEST(Comparisons, AHandDoesNotFeelADistantOne) {
   const Overrides other = {"hands.1.wrist={mount: free, position: [-5, 0, 3]}",
                            "hands.1.person={stature: 1.5, mass: 45, sex: female}"};
@@ -164,7 +165,8 @@ TEST(Comparisons, AHandDoesNotFeelADistantOne) {
       one.step(), two.step();
       for (std::size_t i = 1; i < a.model.bodies.size(); ++i)
         for (std::size_t k = 1; k < b.model.bodies.size(); ++k)
-          if (a.model.bodies[i].name.starts_with("right.") && a.model.bodies[i].name == b.model.bodies[k].name) {
+          if (a.model.bodies[i].name.starts_with("right.") &&
+              a.model.bodies[i].name == b.model.bodies[k].name) {
             ++compared;
             ASSERT_EQ(one.state().bodies[i].p, two.state().bodies[k].p) << way.back();
           }
