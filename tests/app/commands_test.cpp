@@ -285,6 +285,15 @@ TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
   }
 }
 
+TEST(Commands, HandTakesAnAgeAndNamesTheSurveyOfChildren) {
+  const Outcome outcome = run_program(
+      {"hand", "--stature", "1.1", "--mass", "18", "--sex", "female", "--age", "5", "--side", "left"});
+  EXPECT_EQ(outcome.status, 0);
+  EXPECT_EQ(outcome.err, "");
+  for (const char* part : {"female, 5 years", "thumb length", "Snyder et al. 1977"})
+    EXPECT_TRUE(contains(outcome.out, part)) << outcome.out;
+}
+
 TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   EXPECT_EQ(run_program({"--help"}).status, 0);
   for (const char* command : {"hand", "check", "run", "render", "effects"}) {

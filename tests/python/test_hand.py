@@ -46,6 +46,11 @@ def test_measured_values_replace_predicted_ones():
     hand = hs.Hand(stature=1.6, mass=55, sex="female", hand_length=0.17, hand_mass=0.3)
     assert hand.dimensions["length[m]"] == pytest.approx(0.17) and hand.dimensions["mass[kg]"] == pytest.approx(0.3)
     assert hs.Hand(person="child").dimensions["length[m]"] < 0.16
+    girl = hs.Hand(1.1, 18, "female", age=5)
+    assert girl.dimensions == hs.Hand(person="child").dimensions
+    # Oracle: the survey's girls of five years: 122 and 56 mm within 2 mm, a thumb of 42 mm within 2 mm.
+    assert girl.dimensions["breadth[m]"] == pytest.approx(0.056, abs=0.002)
+    assert girl.dimensions["thumb_length[m]"] == pytest.approx(0.042, abs=0.002)
 
 
 # Oracle: names of the arguments, no places of files that the caller has not written.
