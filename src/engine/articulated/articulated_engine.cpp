@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/multibody/projection.h"
@@ -47,13 +48,11 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
       settings_(settings),
       mechanism_(model, settings, kernel),
       momentum_(mechanism_) {
-  if (settings.effects.has(model::Effect::wrist_motion))
-    for (std::size_t i = 0; i < model.drives.size(); ++i) drives_.push_back(static_cast<int>(i));
   for (const Cut& cut : mechanism_.topology().cuts)
-    for (const model::JointAxis& axis : model.joints[static_cast<std::size_t>(cut.joint)].axes)
+    for (const model::JointAxis& axis : model.joints[at(cut.joint)].axes)
       if (has_forces(axis, settings.effects))
-        throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
-                          "a stop or tissue on every joint of a loop", "one joint of each loop without");
+        throw input_error(model.joints[at(cut.joint)].name, "a stop or tissue on every joint of a loop",
+                          "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
   muscles_ = std::make_unique<MuscleCoupling>(model, settings, mechanism_);
   if (muscles_->empty()) muscles_.reset();
@@ -73,9 +72,9 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   else
     fast_spin_ = std::make_unique<FastSpin>(model, mechanism_);
   saved_.resize(mechanism_.q().size() + mechanism_.u().size() + mechanism_.torques().size());
-  saved_bases_.reserve(drives_.size());
-  targets_.resize(drives_.size());
-  ways_.reserve(drives_.size());
+  saved_bases_.reserve(drives().size());
+  targets_.resize(drives().size());
+  ways_.reserve(drives().size());
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
@@ -89,8 +88,7 @@ void ArticulatedEngine::start(const model::State& state) {
   model::State next = state;
   // What no drive moves among kinematic bodies stands still.
   std::vector<bool> driven(model_.bodies.size(), false);
-  for (const int drive : drives_)
-    driven[static_cast<std::size_t>(model_.drives[static_cast<std::size_t>(drive)].body)] = true;
+  for (const model::Drive& drive : drives()) driven[at(drive.body)] = true;
   for (std::size_t i = 0; i < next.bodies.size(); ++i)
     if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   mechanism_.take(next);
@@ -180,9 +178,9 @@ void ArticulatedEngine::accept(const StepInput& input) {
     if (!input.torques.empty())
       if (auto fault = torque_fault(model_, time_, input.torques)) fail(std::move(*fault));
     for (const Cut& cut : mechanism_.topology().cuts) {
-      const model::Joint& joint = model_.joints[static_cast<std::size_t>(cut.joint)];
+      const model::Joint& joint = model_.joints[at(cut.joint)];
       for (int k = 0; k < dof_count(joint.kind) && !input.torques.empty(); ++k)
-        if (input.torques[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(k)] != 0)
+        if (input.torques[at(joint.first_dof + k)] != 0)
           throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
                             "a torque on another joint of the loop");
     }
@@ -191,9 +189,8 @@ void ArticulatedEngine::accept(const StepInput& input) {
   }
   require_excitations(model_, settings_, input.excitations);
   if (muscles_) mechanism_.set_torques(muscles_->begin(input));
-  const bool fits =
-      input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
-                               input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
+  const bool fits = input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
+                                             input.servos.size() == at(model_.dof_count()));
   if (!fits || !mechanism_.set_servos(input.servos, smooth(settings_)))
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
@@ -222,9 +219,8 @@ void ArticulatedEngine::collide(StepReport& report) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
   try {
-    const bool falls = settings_.effects.has(model::Effect::gravity);
-    const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
-    report.collide_calls = contact_->collide(state(), {settings_.step, fall, ways_});
+    report.collide_calls =
+        contact_->collide(state(), {settings_.step, settings_.step * mechanism_.gravity(), ways_});
   } catch (const OdeFault& fault) {
     fail({time_, "the model", "ODE", fault.message});
   }
@@ -347,8 +343,7 @@ void ArticulatedEngine::keep_start() {
   for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()})
     to = std::copy(kept.begin(), kept.end(), to);
   saved_bases_.clear();
-  for (const int drive : drives_)
-    saved_bases_.push_back(mechanism_.base(model_.drives[static_cast<std::size_t>(drive)].body));
+  for (const model::Drive& drive : drives()) saved_bases_.push_back(mechanism_.base(drive.body));
 }
 
 /// Back to before the step: state() stays the last good one.
@@ -358,8 +353,7 @@ void ArticulatedEngine::back_to_start() {
     std::copy_n(from, kept.size(), kept.begin());
     from += static_cast<std::ptrdiff_t>(kept.size());
   }
-  for (std::size_t i = 0; i < drives_.size(); ++i)
-    mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body) = saved_bases_[i];
+  for (std::size_t i = 0; i < drives().size(); ++i) mechanism_.base(drives()[i].body) = saved_bases_[i];
   mechanism_.update_bases();
   mechanism_.kernel().kinematics(mechanism_.tree());
 }

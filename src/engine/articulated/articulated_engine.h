@@ -80,6 +80,11 @@ class ArticulatedEngine final : public Engine {
   void collide(StepReport& report);
   void place() const;
   void give_rest() const;
+  /// In force.
+  std::span<const model::Drive> drives() const {
+    return std::span(model_.drives)
+        .first(settings_.effects.has(model::Effect::wrist_motion) ? model_.drives.size() : 0);
+  }
   void find_targets(std::span<const Pose> given, double end);
   bool set_base_velocities();
   void place_bases();
@@ -97,7 +102,6 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
   std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
   MomentumBalance momentum_;
-  std::vector<int> drives_;              ///< of the model, in force
   std::vector<double> saved_;            ///< positions, rates and torques before the step
   std::vector<BaseMotion> saved_bases_;  ///< of the drives
   std::vector<Prospect::Driven> ways_;   ///< of the drives, during the step

@@ -6,10 +6,10 @@ namespace handsim::engine::articulated {
 /// Where the drives take their bodies in a step that ends at a time. @param given by the caller, or empty
 void ArticulatedEngine::find_targets(std::span<const Pose> given, double end) {
   ways_.clear();
-  for (std::size_t i = 0; i < drives_.size(); ++i) {
-    const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
+  for (std::size_t i = 0; i < drives().size(); ++i) {
+    const model::Drive& drive = drives()[i];
     const Pose& now = mechanism_.base(drive.body).pose;
-    const Pose frame = given.empty() ? drive.motion.at(end) : given[static_cast<std::size_t>(drives_[i])];
+    const Pose frame = given.empty() ? drive.motion.at(end) : given[i];
     targets_[i] = frame * drive.frame.inverse();
     ways_.push_back(
         {drive.body, {targets_[i].p - now.p, rotation_vector(targets_[i].q * now.q.conjugate())}});
@@ -21,9 +21,8 @@ void ArticulatedEngine::find_targets(std::span<const Pose> given, double end) {
 bool ArticulatedEngine::set_base_velocities() {
   const double h = settings_.step;
   bool moving = false;
-  for (std::size_t i = 0; i < drives_.size(); ++i) {
-    const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
-    BaseMotion& base = mechanism_.base(drive.body);
+  for (std::size_t i = 0; i < drives().size(); ++i) {
+    BaseMotion& base = mechanism_.base(drives()[i].body);
     const Vec3 v = ways_[i].way.shift / h, w = ways_[i].way.turn / h;
     moving = moving || !v.isZero(0) || !w.isZero(0) || !base.v.isZero(0) || !base.w.isZero(0) ||
              !base.dv.isZero(0) || !base.dw.isZero(0);
@@ -39,8 +38,7 @@ bool ArticulatedEngine::set_base_velocities() {
 }
 
 void ArticulatedEngine::place_bases() {
-  for (std::size_t i = 0; i < drives_.size(); ++i)
-    mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body).pose = targets_[i];
+  for (std::size_t i = 0; i < drives().size(); ++i) mechanism_.base(drives()[i].body).pose = targets_[i];
   mechanism_.update_bases();
 }
 

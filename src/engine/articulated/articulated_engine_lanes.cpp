@@ -1,6 +1,7 @@
 // What a LaneGroup needs of an engine whose steps it takes.
 #include <algorithm>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/ode_library.h"
@@ -16,12 +17,10 @@ bool ArticulatedEngine::suits_lanes() const {
 
 bool ArticulatedEngine::stands() {
   if (failure_) return false;
-  for (const int drive : drives_) {
-    const model::Drive& of = model_.drives[static_cast<std::size_t>(drive)];
-    if (of.motion.keys.size() > 1 || !of.motion.shakes.empty()) return false;
-  }
+  for (const model::Drive& drive : drives())
+    if (drive.motion.keys.size() > 1 || !drive.motion.shakes.empty()) return false;
   find_targets({}, next_time(time_, settings_.step));
-  for (std::size_t i = 0; i < drives_.size(); ++i) {
+  for (std::size_t i = 0; i < drives().size(); ++i) {
     const BaseMotion& base = mechanism_.base(ways_[i].body);
     for (const Vec3& v : {ways_[i].way.shift, ways_[i].way.turn, base.v, base.w, base.dv, base.dw})
       if (!v.isZero(0)) return false;
@@ -35,10 +34,9 @@ model::State& ArticulatedEngine::state_in_lanes() {
 }
 
 bool ArticulatedEngine::find_contacts() {
-  const bool falls = settings_.effects.has(model::Effect::gravity);
-  const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
   try {
-    collide_calls_ = contact_->collide(state_, {settings_.step, fall, ways_});
+    collide_calls_ =
+        contact_->collide(state_, {settings_.step, settings_.step * mechanism_.gravity(), ways_});
   } catch (const OdeFault&) {
     // The step alone reports it.
     return false;
@@ -58,10 +56,9 @@ void ArticulatedEngine::arrive_from_lanes(double time, bool with_bodies) {
 
 /// All of the state but the bodies of nodes.
 void ArticulatedEngine::give_rest() const {
-  for (const int drive : drives_) {
-    const int body = model_.drives[static_cast<std::size_t>(drive)].body;
-    const BaseMotion& base = mechanism_.base(body);
-    state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
+  for (const model::Drive& drive : drives()) {
+    const BaseMotion& base = mechanism_.base(drive.body);
+    state_.bodies[at(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
   mechanism_.give_coordinates(state_);
   if (muscles_ && stepped_) muscles_->give(state_);

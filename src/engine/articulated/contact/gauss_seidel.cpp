@@ -78,7 +78,7 @@ class Sweeps {
         }
       }
     }
-    const std::size_t width = (Y_.size() - block.first_entry) / block.rows;
+    const std::size_t width = width_of(block);
     for (std::size_t col = 0; col < block.rows; ++col)
       for (std::size_t row = 0; row < block.rows; ++row) {
         double sum = 0;
@@ -96,6 +96,11 @@ class Sweeps {
   std::span<const Run> trees_of(const Block& block) const {
     return {trees_.data() + block.first_tree, block.tree_count};
   }
+  std::size_t width_of(const Block& block) const {
+    std::size_t width = 0;
+    for (const Run& tree : trees_of(block)) width += at(tree.size());
+    return width;
+  }
 
   /// Velocity of a contact's row, without R times its impulse.
   double velocity(const ContactRows& contact, std::size_t row) const {
@@ -108,9 +113,7 @@ class Sweeps {
   /// x += A^-1 J^T impulse of a row.
   void apply(const Block& block, std::size_t row, double impulse) {
     if (impulse == 0) return;
-    std::size_t width = 0;
-    for (const Run& tree : trees_of(block)) width += at(tree.size());
-    const double* Y = Y_.data() + block.first_entry + row * width;
+    const double* Y = Y_.data() + block.first_entry + row * width_of(block);
     for (const Run& tree : trees_of(block))
       for (int i = tree.first; i < tree.end; ++i) p_.x[at(i)] += *Y++ * impulse;
   }

@@ -59,7 +59,7 @@ ContactRows& Problem::add(std::span<const int> of, std::size_t rows) {
   const std::size_t last = contacts.size() < 2 ? 0 : contacts.size() - 2;
   const std::span<const int> shared = dofs_of(contacts[last]);
   if (std::equal(of.begin(), of.end(), shared.begin(), shared.end()))
-    static_cast<Dofs&>(out) = contacts[last];
+    static_cast<Dofs&>(out) = static_cast<const Dofs&>(contacts[last]);
   else
     list(out, of);
   out.rows = rows;
@@ -83,7 +83,7 @@ ContactRows& Problem::add_contact(std::size_t rows) {
   const Pair& pair = pairs.back();
   contacts.push_back(kEmpty);
   ContactRows& out = contacts.back();
-  static_cast<Dofs&>(out) = pair;
+  static_cast<Dofs&>(out) = static_cast<const Dofs&>(pair);
   out.rows = rows;
   out.pair = static_cast<int>(pairs.size()) - 1;
   out.first_entry = entries;
