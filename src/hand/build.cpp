@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/hand/cut_capsule.h"
-#include "handsim/hand/forearm.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/model/shape_union.h"

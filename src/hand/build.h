@@ -101,4 +101,7 @@ struct WholeHand {
 };
 WholeHand whole_hand(const BuiltHand& hand);
 
+/// The elbow lies on the hand frame's y axis behind the wrist.
+BuiltHand::Forearm forearm_of(const ForearmSpec& spec, const HandSize& size, const Person& person);
+
 }  // namespace handsim::hand

@@ -1,4 +1,4 @@
-#include "handsim/hand/forearm.h"
+#include "handsim/hand/build.h"
 
 #include <algorithm>
 #include <cmath>

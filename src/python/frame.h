@@ -1,6 +1,10 @@
-// What a picture is drawn from, as Python holds it.
+// What a picture is drawn from, and a video, as Python holds them.
 #pragma once
 
+#include <filesystem>
+#include <tuple>
+
+#include "handsim/simulation/run/film.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/snapshot.h"
 
@@ -14,5 +18,12 @@ struct Frame {
 struct Motion {
   simulation::MotionSnapshot motion;
 };
+
+/// File, frames in a second, and simulated seconds in a second of video.
+using VideoChoice = std::tuple<std::filesystem::path, double, double>;
+
+inline simulation::VideoSpec video_of(const VideoChoice& choice) {
+  return {std::get<0>(choice), std::get<1>(choice), std::get<2>(choice)};
+}
 
 }  // namespace handsim::python

@@ -3,7 +3,6 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
-#include "handsim/python/video_choice.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::python {

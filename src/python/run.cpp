@@ -10,9 +10,7 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
-#include "handsim/python/video_choice.h"
 #include "handsim/simulation/run/output_size.h"
-#include "handsim/simulation/run/summary.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/rollouts/rollout_figures.h"
 

@@ -1,9 +1,10 @@
 // Which shapes of a model penetrate each other at a state: a scene that starts so explodes or is refused.
-// Independent of effects and contact rules.
+// Independent of effects and contact rules. And whether a point that goes straight passes through a shape.
 #pragma once
 
 #include <vector>
 
+#include "handsim/model/model.h"
 #include "handsim/model/state.h"
 
 namespace handsim::engine {
@@ -18,5 +19,9 @@ struct Overlap {
 /// between them, or on two kinematic bodies (the world is one). In order of the indices.
 /// @param model without model::defects. @throws Error (input) where a shape cannot be tested.
 std::vector<Overlap> initial_overlaps(const model::Model& model, const model::State& state);
+
+/// True where both ends lie outside the shape and the line between them passes through it; never of a plane,
+/// which has no far side. @param from, to in the shape's frame [m]
+bool crosses(const model::Shape& shape, const Vec3& from, const Vec3& to);
 
 }  // namespace handsim::engine

@@ -6,8 +6,11 @@
 #include <string_view>
 
 #include "handsim/core/yaml_reader.h"
+#include "handsim/engine/settings.h"
 
 namespace handsim::scene {
+
+struct SceneSpec;
 
 /// The kind of a handsim file, recognised so that a file in the wrong place gives one clear message.
 enum class FileKind {
@@ -57,5 +60,11 @@ YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, boo
 /// @returns false, with problems, if the file cannot be used.
 bool inline_file(MapReader& block, FileKind kind,
                  bool (*overridden)(const YamlNode& entry, const std::string& key));
+
+/// The `effects` list; `auto` is replaced by the effects that the scene's content needs.
+model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
+
+/// Problems: effects that the solver's engine or method does not have.
+void check_engine(MapReader& reader, const engine::Settings& solver);
 
 }  // namespace handsim::scene

@@ -1,5 +1,3 @@
-#include "handsim/scene/read/effects.h"
-
 #include <algorithm>
 
 #include <fmt/format.h>

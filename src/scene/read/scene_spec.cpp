@@ -7,7 +7,6 @@
 
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
-#include "handsim/scene/read/effects.h"
 #include "handsim/scene/read/task_checks.h"
 
 namespace handsim::scene {

@@ -1,4 +1,4 @@
-#include "handsim/simulation/run/plots.h"
+#include "handsim/simulation/run/run.h"
 
 #include <algorithm>
 

@@ -15,10 +15,8 @@
 #include "handsim/output/video/workers.h"
 #include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/output_size.h"
-#include "handsim/simulation/run/plots.h"
 #include "handsim/simulation/run/recorder.h"
 #include "handsim/simulation/run/snapshot_file.h"
-#include "handsim/simulation/run/summary.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::simulation {

@@ -100,4 +100,14 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
 /// that.
 Moment moment_at(const scene::Scene& scene, double time);
 
+/// Text of summary.json, also of a run that a fault stopped (`result.fault`).
+std::string summary_json(const Simulation& simulation, const RunResult& result);
+
+/// @throws Error (input) if gnuplot cannot be started; to be called before a run.
+void need_gnuplot();
+
+/// Writes plots/HAND_angles.png, HAND_errors.png, HAND_torques.png and their gnuplot scripts from the run's
+/// control.sto, which must exist. @throws Error (output) if gnuplot fails.
+void write_plots(const scene::Scene& scene, const std::filesystem::path& out);
+
 }  // namespace handsim::simulation

@@ -1,4 +1,4 @@
-#include "handsim/simulation/run/summary.h"
+#include "handsim/simulation/run/run.h"
 
 #include "handsim/core/version.h"
 #include "handsim/simulation/snapshot.h"

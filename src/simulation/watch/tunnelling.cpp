@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/collision/crossing.h"
+#include "handsim/engine/collision/overlap.h"
 #include "handsim/model/shape_extent.h"
 
 namespace handsim::simulation {

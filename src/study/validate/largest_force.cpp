@@ -1,4 +1,4 @@
-#include "handsim/study/validate/largest_force.h"
+#include "handsim/study/validate/subject.h"
 
 #include <algorithm>
 #include <array>

@@ -7,7 +7,6 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/model/pulleys.h"
-#include "handsim/study/validate/largest_force.h"
 #include "handsim/study/validate/simulated.h"
 #include "handsim/study/validate/subject.h"
 
