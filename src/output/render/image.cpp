@@ -11,7 +11,7 @@
 namespace handsim::output {
 
 #ifdef HANDSIM_BORROWS_GL
-// A wheel has fonts and finds OpenGL when it draws: packaging/system_libraries.c.
+// A wheel has fonts and finds OpenGL when it draws: src/packaging/system_libraries.c.
 extern "C" bool handsim_finds_gl();
 extern "C" void handsim_font_file(bool bold, char* path, std::size_t room) {
   const char* const name = bold ? "fonts/DejaVuSans-Bold.ttf" : "fonts/DejaVuSans.ttf";

@@ -4,7 +4,7 @@
 # program, linked with the libraries of the wheels, which are built in WHEELS. MAINTAINER="Name <mail>" names who answers for
 # the packages; without it, who made the last commit.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 mkdir -p "$1" "$2"
 top=$(cd "$1" && pwd)
 wheels=$(cd "$2" && pwd)
@@ -12,7 +12,7 @@ wheels=$(cd "$2" && pwd)
   { cat "$top/cpack.log"; exit 1; }
 lintian --tag-display-limit 0 --fail-on error "$top"/*.deb
 
-packaging/libraries.sh "$wheels"
+src/packaging/libraries.sh "$wheels"
 (
   source "$wheels/environment.sh"
   if [[ ! -f $wheels/tree/build.ninja ]]; then

@@ -3,12 +3,12 @@
 # to 3.13 that the path has with its headers (PYTHONS="python3.11 /opt/other/bin/python3.12": for these).
 # handsim and its libraries are compiled once; of each Python only the module is. The Pythons need venv and PyPI.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 mkdir -p "$1"
 top=$(cd "$1" && pwd)
 plat=manylinux_2_28_x86_64
 
-packaging/libraries.sh "$top"
+src/packaging/libraries.sh "$top"
 source "$top/environment.sh"
 options=(-DHANDSIM_BUNDLE="$top/bundle" -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON)
 if command -v ccache >/dev/null; then
@@ -42,7 +42,7 @@ print("%d.%d" % sys.version_info[:2])' 2>/dev/null); then
   rm -rf "$top/unpacked"
   "$top/tools/bin/python" -m zipfile -e "$top"/raw/*.whl "$top/unpacked"
   if nm -D --undefined-only "$top"/unpacked/handsim/*.so | grep ' U ' | grep -vE '@| _?Py'; then
-    echo "wheel: these names are missing in packaging/old_glibc.c"
+    echo "wheel: these names are missing in src/packaging/old_glibc.c"
     exit 1
   fi
   PATH=$top/tools/bin:$PATH auditwheel repair --plat $plat --only-plat -w "$top/dist" "$top"/raw/*.whl >"$top/logs/audit$version" 2>&1 ||
