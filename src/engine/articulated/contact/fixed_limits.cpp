@@ -174,7 +174,8 @@ void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double t
     ++report.limit_updates;
     evaluate(p, w, Law::coulomb);
     solved(p, w, tolerance, report);
-    if (report.residual < least) {
+    // The first one, whatever it is: a solution of this problem, also where no residual is a number.
+    if (i == 0 || report.residual < least) {
       least = report.residual;
       w.best = w.latest;
     }

@@ -121,11 +121,14 @@ bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double toleran
 }  // namespace
 
 void find_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
-  for (int i = 0; i < p.size(); ++i) {
-    const bool kept = w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within;
-    w.d[at(i)] = kept ? 0 : -w.F[at(i)];
-  }
+  const auto kept = [&](int i) {
+    return w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within;
+  };
+  for (int i = 0; i < p.size(); ++i) w.d[at(i)] = kept(i) ? 0 : -w.F[at(i)];
   factor.solve(w, w.d.data());
+  // An earlier problem's factor does not know which unknowns are at a bound.
+  for (int i = 0; i < p.size(); ++i)
+    if (kept(i)) w.d[at(i)] = 0;
   w.s.resize(w.r.size());
   multiply_rows(p, w, w.d.data(), w.s.data());
   ++report.iterations;

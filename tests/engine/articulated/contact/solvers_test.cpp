@@ -1,6 +1,7 @@
 // The solver of contact impulses by itself, against the law's own conditions.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <numeric>
 #include <random>
 
@@ -151,6 +152,28 @@ struct RandomProblem {
     return 0.5 * (start + x).squaredNorm();
   }
 };
+
+// Oracle: the contract: a problem that has no solution is not solved, and its unknowns are as many as before.
+TEST(ContactSolver, KeepsItsUnknownsWhereNothingIsANumber) {
+  Solver solver;
+  solver.resize(std::vector<int>{0, 1, 2});
+  solver.begin();
+  const std::vector<int> dofs = {0, 1, 2};
+  for (int i = 0; i < 3; ++i) solver.problem.inertia(i, i) = 1;
+  ContactRows& rows = solver.problem.add(dofs, 3);
+  rows.open = false;
+  rows.regularization = 1e-5;
+  rows.disc_count = 1;
+  rows.discs[0].coefficient = 0.4;
+  rows.discs[0].regularization = 1e-5;
+  for (std::size_t k = 0; k < 3; ++k) {
+    rows.start[k] = std::numeric_limits<double>::quiet_NaN();
+    solver.problem.jacobian(rows)[k * 3 + k] = 1;
+  }
+  EXPECT_FALSE(solver.solve(1e-9).solved);
+  EXPECT_EQ(solver.problem.x.size(), 3U);
+  EXPECT_EQ(solver.problem.bounds.size(), 3U);
+}
 
 // Oracle: each island solved alone.
 TEST(ContactSolver, IslandsAreSolvedAsIfAlone) {
