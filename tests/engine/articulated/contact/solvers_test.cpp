@@ -166,10 +166,8 @@ TEST(ContactSolver, KeepsItsUnknownsWhereNothingIsANumber) {
   rows.disc_count = 1;
   rows.discs[0].coefficient = 0.4;
   rows.discs[0].regularization = 1e-5;
-  for (std::size_t k = 0; k < 3; ++k) {
-    rows.start[k] = std::numeric_limits<double>::quiet_NaN();
-    solver.problem.jacobian(rows)[k * 3 + k] = 1;
-  }
+  rows.start[0] = -std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < 3; ++k) solver.problem.jacobian(rows)[k * 3 + k] = 1;
   EXPECT_FALSE(solver.solve(1e-9).solved);
   EXPECT_EQ(solver.problem.x.size(), 3U);
   EXPECT_EQ(solver.problem.bounds.size(), 3U);
