@@ -1,6 +1,7 @@
 #include "handsim/simulation/run/run.h"
 
 #include "handsim/core/version.h"
+#include "handsim/simulation/simulation.h"
 #include "handsim/simulation/snapshot.h"
 #include "handsim/simulation/watch/state_hash.h"
 #include "handsim/simulation/watch/summary_json.h"
