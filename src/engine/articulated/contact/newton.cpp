@@ -121,9 +121,7 @@ bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double toleran
 }  // namespace
 
 void find_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
-  const auto kept = [&](int i) {
-    return w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within;
-  };
+  const auto kept = [&](int i) { return w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within; };
   for (int i = 0; i < p.size(); ++i) w.d[at(i)] = kept(i) ? 0 : -w.F[at(i)];
   factor.solve(w, w.d.data());
   // An earlier problem's factor does not know which unknowns are at a bound.
