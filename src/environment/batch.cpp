@@ -149,6 +149,7 @@ struct Batch::Impl {
   /// A scene that took the place of the first, and an environment of it.
   struct Other {
     std::shared_ptr<const scene::Scene> scene;
+    std::shared_ptr<scene::Scene> shared;  ///< without what draws change in the first
     Environment first;
   };
   std::vector<Other> others;
@@ -205,16 +206,17 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
   auto other =
       std::find_if(others.begin(), others.end(), [&](const auto& each) { return each.scene == scene; });
   if (other == others.end()) {
-    Environment first(Environment::lean(*scene), impl_->setup.environment, true, nullptr);
+    const std::shared_ptr<scene::Scene> shared = Environment::lean(*scene);
+    Environment first(shared, impl_->setup.environment, true, nullptr);
     first.renumber();
     if (names(first) != names((*this)[0]))
       throw input_error("scene", scene->spec.title,
                         "bodies, joints, axes, muscles, wrists, engine and step of the batch's");
-    other = others.insert(others.end(), {scene, std::move(first)});
+    other = others.insert(others.end(), {scene, shared, std::move(first)});
   }
   const Environment& like = other->first;
-  Environment made(like.scene_, impl_->setup.environment, true, &like);
-  made.numbers_ = like.numbers_;
+  Environment made(other->shared, impl_->setup.environment, true, &like);
+  if (made.shared_) made.numbers_ = like.numbers_;
   impl_->environments.at(i) = std::move(made);
   impl_->begin(i);
 }

@@ -45,6 +45,21 @@ def test_an_environment_becomes_one_of_another_person():
             batch.replace(1, hs.load(name, changes, engine="articulated"))
 
 
+# Oracle: a batch of that scene with the same seeds, to the bit: nothing that another environment drew stays in the scene.
+def test_a_replaced_environment_draws_as_one_of_its_scene():
+    draws = {"gains": ("uniform", 0.5, 2)}
+    of = lambda person: hs.load("pose_tracking", {"hands.0.person": person, "hands.1.person": person}, engine="articulated")
+    first, other = map(of, hs.draw_persons(2))
+    batch, alone = hs.Batch(first, 3, randomise=draws), hs.Batch(other, 3, randomise=draws)
+    for i in (0, 2):
+        batch.replace(i, other)
+    for each in (batch, alone):
+        each.reset(seeds=[5, 6, 7])
+        each.step(substeps=20)
+    assert np.array_equal(batch.get("gains")[[0, 2]], alone.get("gains")[[0, 2]])
+    assert np.array_equal(batch.q[[0, 2]], alone.q[[0, 2]]) and not np.array_equal(batch.q[1], alone.q[1])
+
+
 # Oracle: the survey's means; person k is the same whatever the number.
 def test_persons_are_drawn_from_the_survey():
     persons = hs.draw_persons(400, seed=2)
