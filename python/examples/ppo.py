@@ -20,6 +20,7 @@ import onnx
 from onnx import helper, numpy_helper
 
 from handsim.gym import TASKS, Episodes
+from handsim.gym.__main__ import options_of
 
 
 class Net:
@@ -219,6 +220,6 @@ def parsed(words=None):
 
 if __name__ == "__main__":
     options = parsed()
-    of_task = {"drive": options.drive, **{key: json.loads(value) for key, value in (each.split("=", 1) for each in options.option)}}
+    of_task = {"drive": options.drive, **options_of(options.option)}
     options.out.mkdir(parents=True, exist_ok=True)
     learn(options, options.out, Episodes(TASKS[options.task](**of_task), options.environments, seed=options.seed), of_task)

@@ -281,6 +281,15 @@ def test_ppo_writes_a_policy(tmp_path):
     assert said["task"] == "reach" and json.loads(said["options"]) == {"drive": "muscles", "persons": 2}
 
 
+# Oracle: the README's exit status for bad usage, with a message in place of a traceback.
+@pytest.mark.parametrize("words, said", ((["nowhere.onnx"], "policy: got nowhere.onnx"), ([__file__, "--option", "persons"], "got persons, need KEY=VALUE"),
+                                         ([__file__, "--task", "jump"], "invalid choice: 'jump'")))
+def test_playing_refuses_bad_words(tmp_path, words, said):
+    done = subprocess.run([sys.executable, "-m", "handsim.gym", "--out", str(tmp_path / "out"), *words], capture_output=True, text=True)
+    assert said in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 2 and not (tmp_path / "out").exists()
+
+
 # Oracle: the run that a played episode becomes ends where the episode's environment ended.
 @pytest.mark.parametrize("drive", ("targets", "muscles"))
 def test_a_played_episode_is_a_run(tmp_path, drive):

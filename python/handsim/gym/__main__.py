@@ -93,6 +93,20 @@ def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -
         film(episodes, frames, out)
 
 
+def options_of(words: list[str]) -> dict[str, Any]:
+    """``key=value`` as arguments of a task. :raises ValueError: with what is wrong"""
+    out: dict[str, Any] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        try:
+            out[key] = json.loads(value)
+        except json.JSONDecodeError:
+            out[key] = value
+        if not (key.isidentifier() and equals):
+            raise ValueError(f"--option: got {word}, need KEY=VALUE, e.g. persons=32")
+    return out
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python3 -m handsim.gym", description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -103,15 +117,20 @@ def main() -> int:
     parser.add_argument("--episodes", type=int, default=256)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
-    policy, said = policy_of(asked.policy)
+    if not asked.policy.is_file():
+        parser.error(f"policy: got {asked.policy}, need an ONNX file")
+    try:
+        given = options_of(asked.option)
+        policy, said = policy_of(asked.policy)
+    except Exception as error:  # onnxruntime has types of its own for a file that is no model
+        parser.error(f"{asked.policy}: {error}")
     name = asked.task or said.get("task")
     if name not in TASKS:
         parser.error(f"{asked.policy}: task: got {name}, need --task, one of {', '.join(TASKS)}")
-    options = json.loads(said.get("options", "{}"))
-    options.update((key, json.loads(value)) for key, value in (each.split("=", 1) for each in asked.option))
+    options = {**json.loads(said.get("options", "{}")), **given}
     try:
         play(policy, Episodes(TASKS[name](**options), asked.episodes, seed=asked.seed), f"{name} {options}", asked.out, asked.seed)
-    except hs.Error as error:
+    except (hs.Error, TypeError) as error:  # of an option that the task does not have
         print(error, file=sys.stderr)
         return 2
     return 0
