@@ -36,6 +36,7 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
               solves),
       kernel_(kernel ? kernel : tendon_kernels().back()),
       torques_(at(model.dof_count())) {
+  before_.resize(at(layout_.arrays().blocks) * kTendonLanes);
   find_parts();
 }
 
@@ -76,6 +77,9 @@ void Muscles::start(const model::State& state) {
 
 void Muscles::begin(std::span<const double> q, std::span<const double> u,
                     std::span<const double> excitations) {
+  auto to = before_.begin();
+  for (int i = 0; i < layout_.arrays().blocks; ++i)
+    to = std::copy_n(layout_.arrays().block[i].activation, kTendonLanes, to);
   kernel_->pull(layout_.arrays(),
                 {q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(), step_, goes_on_});
   goes_on_ = true;
@@ -83,6 +87,14 @@ void Muscles::begin(std::span<const double> q, std::span<const double> u,
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
   for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;
+}
+
+void Muscles::go_back() {
+  auto from = before_.begin();
+  for (int i = 0; i < layout_.arrays().blocks; ++i, from += kTendonLanes)
+    std::copy_n(from, kTendonLanes, layout_.arrays().block[i].activation);
+  // Fibres are where the step before has ended.
+  goes_on_ = false;
 }
 
 void Muscles::by_coordinate(std::span<const double> u, std::span<const double> given,

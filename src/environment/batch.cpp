@@ -44,8 +44,8 @@ class Lanes {
 
   std::unique_ptr<engine::articulated::LaneGroup> group_;
   engine::articulated::LaneControlPlan plan_;
-  std::vector<double> torques_;
-  double step_ = 0;  ///< [s]
+  std::vector<std::vector<double>> torques_;  ///< by lane
+  double step_ = 0;                           ///< [s]
 };
 
 namespace {
@@ -194,7 +194,10 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
     for (const model::Body& body : model.bodies) out.push_back(body.name);
     for (const model::Joint& joint : model.joints)
       out.push_back(fmt::format("{} {}", joint.name, static_cast<int>(joint.kind)));
-    for (const model::Muscle& muscle : model.muscles) out.push_back(muscle.name);
+    for (const model::Muscle& muscle : model.muscles) {
+      out.push_back(muscle.name);
+      for (const model::MomentArm& arm : muscle.path.arms) out.back() += fmt::format(" {}", arm.dof);
+    }
     for (const ObservedPart& part : of.observation().parts())
       out.insert(out.end(), part.columns.begin(), part.columns.end());
     out.push_back(fmt::format("{} drives, {} axes, {} at {} s", model.drives.size(),
@@ -299,6 +302,11 @@ bool finite(std::span<const double> numbers) {
   return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
 }
 
+bool excitable(const model::Model& model, const engine::Settings& settings, std::span<const double> by) {
+  return by.empty() || (settings.effects.has(model::Effect::muscles) && by.size() == model.muscles.size() &&
+                        std::all_of(by.begin(), by.end(), [](double x) { return x >= 0 && x <= 1; }));
+}
+
 /// Constants of a controller with implicit gains.
 void describe(const control::Controller& controller, articulated::LaneControlPlan& plan,
               const model::Model& model) {
@@ -324,6 +332,7 @@ void describe(const control::Controller& controller, articulated::LaneControlPla
 
 Lanes::Lanes(const Environment& like, int widest)
     : group_(articulated::LaneGroup::make(like.simulation().engine(), widest)),
+      torques_(at(width())),
       step_(like.scene().spec.solver.step) {
   const control::Controller* controller = like.simulation().controller();
   if (controller &&
@@ -341,6 +350,7 @@ bool Lanes::takes(Environment& environment, const Action& action) const {
   // What is wrong with an action is told by the environment alone; so is what touches something.
   return parts && (action.torques.empty() || action.torques.size() == dofs) && finite(action.torques) &&
          (action.angles.empty() || action.angles.size() == axes) && finite(action.angles) &&
+         excitable(environment.scene().model, parts->engine.settings(), action.excitations) &&
          parts->engine.contacts().empty() &&
          group_->fits(parts->engine, parts->controller || !action.torques.empty());
 }
@@ -348,17 +358,18 @@ bool Lanes::takes(Environment& environment, const Action& action) const {
 void Lanes::load(int lane, const Member& member) {
   Environment& environment = *member.environment;
   const simulation::Simulation::Parts parts = *environment.simulation_->parts();
-  torques_.assign(parts.constant_torques.begin(), parts.constant_torques.end());
+  std::vector<double>& torques = torques_[at(lane)];
+  torques.assign(parts.constant_torques.begin(), parts.constant_torques.end());
   if (!member.action.torques.empty()) {
-    torques_.resize(member.action.torques.size());
-    for (std::size_t i = 0; i < torques_.size(); ++i) torques_[i] += member.action.torques[i];
+    torques.resize(member.action.torques.size());
+    for (std::size_t i = 0; i < torques.size(); ++i) torques[i] += member.action.torques[i];
   }
   control::Controller* controller = parts.controller;
   if (group_->key(lane) != environment.numbers_) {
     if (controller) describe(*controller, plan_, environment.scene().model);
     group_->set_constants(lane, parts.engine, controller ? &plan_ : nullptr, environment.numbers_);
   }
-  group_->load(lane, parts.engine, torques_);
+  group_->load(lane, parts.engine, torques, member.action.excitations);
   if (!controller) return;
   if (member.action.angles.empty())
     controller->release_targets();
@@ -408,7 +419,7 @@ void Lanes::store(int lane, Member& member, int made, bool leaves) {
       parts.controller->filtered_rate(i) = state.filtered_rate;
     }
   group_->store(lane, leaves);
-  environment.simulation_->add_steps(made);
+  environment.simulation_->add_steps(made, member.action.excitations);
   environment.steps_ += made;
 }
 

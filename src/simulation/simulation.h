@@ -62,8 +62,11 @@ class Simulation {
   };
   /// Nothing where a step needs more than these: watchers, climbs; and after a failure.
   std::optional<Parts> parts();
-  /// Counts steps that have been made with the parts.
-  void add_steps(long steps) { steps_ += steps; }
+  /// Counts steps that have been made with the parts. @param excitations of the last of them
+  void add_steps(long steps, std::span<const double> excitations) {
+    steps_ += steps;
+    if (steps > 0) excitations_.assign(excitations.begin(), excitations.end());
+  }
 
   const scene::Scene& scene() const { return *scene_; }
   const model::Model& model() const { return scene_->model; }

@@ -70,7 +70,7 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   if (smooth(settings))
     smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   else
-    fast_spin_ = std::make_unique<FastSpin>(model, mechanism_);
+    fast_spin_ = std::make_unique<FastSpin>(model, mechanism_, settings.effects.has(model::Effect::muscles));
   saved_.resize(mechanism_.q().size() + mechanism_.u().size() + mechanism_.torques().size());
   saved_bases_.reserve(drives().size());
   targets_.resize(drives().size());

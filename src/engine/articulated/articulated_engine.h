@@ -49,6 +49,8 @@ class ArticulatedEngine final : public Engine {
   // For LaneGroup, which takes steps in the engine's place.
   Mechanism& mechanism() { return mechanism_; }
   const model::Model& model() const { return model_; }
+  MuscleCoupling* muscles() { return muscles_.get(); }  ///< null: without tendons
+  const MuscleCoupling* muscles() const { return muscles_.get(); }
   double time() const { return time_; }
   /// True where lanes have what the model and the method need.
   bool suits_lanes() const;

@@ -10,9 +10,10 @@ namespace handsim::engine::articulated {
 
 bool ArticulatedEngine::suits_lanes() const {
   const std::vector<Node>& nodes = mechanism_.topology().nodes;
-  return fast_spin_ && !momentum_.jointed() && !loops_ && !muscles_ && !failure_ && !nodes.empty() &&
-         std::none_of(nodes.begin(), nodes.end(),
-                      [](const Node& node) { return node.kind == NodeKind::ball; });
+  return fast_spin_ && !momentum_.jointed() && !loops_ && (!muscles_ || muscles_->single()) && !failure_ &&
+         !nodes.empty() && std::none_of(nodes.begin(), nodes.end(), [](const Node& node) {
+           return node.kind == NodeKind::ball;
+         });
 }
 
 bool ArticulatedEngine::stands() {
@@ -48,7 +49,7 @@ void ArticulatedEngine::arrive_from_lanes(double time, bool with_bodies) {
   fast_spin_->forget();
   if (contact_) contact_->forget();
   time_ = time;
-  had_torques_ = true;
+  had_torques_ = stepped_ = true;
   placed_ = false;
   if (with_bodies) give_rest();
   made_.store(with_bodies ? Made::yes : Made::no, std::memory_order_relaxed);

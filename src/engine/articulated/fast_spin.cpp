@@ -25,7 +25,7 @@ double share_left(double energy, double bound) {
 
 }  // namespace
 
-FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
+FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles)
     : mechanism_(mechanism), space_(mechanism, JointSpace::Inertia::none) {
   const Topology& topology = mechanism.topology();
   std::vector<int> tree_of(topology.nodes.size());
@@ -57,6 +57,12 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
   for (const Cut& cut : topology.cuts)
     for (const CutSide* side : {&cut.parent, &cut.child})
       if (side->node) trees_[at(tree_of[at(*side->node)])].looped = true;
+  if (muscles)
+    for (const model::Muscle& muscle : model.muscles)
+      for (const model::MomentArm& arm : muscle.path.arms)
+        for (Tree& tree : trees_)
+          tree.pulled =
+              tree.pulled || std::count(tree.driven_by.begin(), tree.driven_by.end(), at(arm.dof)) > 0;
   // A lone free body has spin.h; one axis that is fixed in its base has no velocity products to balance.
   std::erase_if(trees_, [&](const Tree& tree) {
     return tree.nodes.size() == 1 && topology.nodes[at(tree.nodes[0])].kind != NodeKind::ball;
@@ -94,13 +100,13 @@ void FastSpin::restore(ArchiveReader& in) {
   }
 }
 
-bool FastSpin::driven(const Tree& tree, const StepInput& input) const {
-  if (input.servos.empty() && input.torques.empty()) return false;
+double FastSpin::calm_turn(const Tree& tree, const StepInput& input) const {
+  if (tree.pulled) return kPulledTurn;
   for (const std::size_t dof : tree.driven_by)
     if ((!input.servos.empty() && input.servos[dof].limit != 0) ||
         (!input.torques.empty() && input.torques[dof] != 0))
-      return true;
-  return false;
+      return kDrivenTurn;
+  return kPassiveTurn;
 }
 
 /// Largest angular velocity of a node, squared [1/s^2].
@@ -111,9 +117,9 @@ double FastSpin::turn(const Tree& tree) const {
 }
 
 double FastSpin::calm_turn(const StepInput& input) const {
-  const bool all =
-      std::all_of(trees_.begin(), trees_.end(), [&](const Tree& tree) { return driven(tree, input); });
-  return all ? kDrivenTurn : kPassiveTurn;
+  double out = kPulledTurn;
+  for (const Tree& tree : trees_) out = std::min(out, calm_turn(tree, input));
+  return out;
 }
 
 bool FastSpin::begin(const StepInput& input, double step) {
@@ -125,7 +131,7 @@ bool FastSpin::begin(const StepInput& input, double step) {
     const double spin = beyond(most, kPassiveTurn) ? turn(tree) : 0;
     const BaseMotion& base = mechanism_.base(tree.base);
     tree.fast = beyond(spin, kPassiveTurn) && input.forces.empty() && base.v.isZero(0) && base.w.isZero(0) &&
-                (!driven(tree, input) || beyond(spin, kDrivenTurn));
+                beyond(spin, calm_turn(tree, input));
     if (tree.fast && !tree.watched) {
       if (!found) mechanism_.kernel().momenta(mechanism_.tree());
       found = true;

@@ -19,13 +19,14 @@
 
 namespace handsim::engine::articulated {
 
-/// Turns per step from which on a tree is watched [rad]: one that nothing drives, and one with a servo or a
-/// torque, whose work hides a gain of 1 %. At 1 ms these are 2 and 20 rad/s.
-inline constexpr double kPassiveTurn = 0.002, kDrivenTurn = 0.02;
+/// Turns per step from which on a tree is watched [rad]: one that nothing drives; one with a servo or a
+/// torque, whose work hides a gain of 1 %; and one that muscles pull, whose forces change more in a step than
+/// the motion gains. At 1 ms these are 2, 20 and 100 rad/s.
+inline constexpr double kPassiveTurn = 0.002, kDrivenTurn = 0.02, kPulledTurn = 0.1;
 class FastSpin {
  public:
-  /// Both must outlive this.
-  FastSpin(const model::Model& model, Mechanism& mechanism);
+  /// Both must outlive this. @param muscles are in effect
+  FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles);
 
   /// Takes over the mechanism's masses, and ends every watch.
   void refresh();
@@ -58,6 +59,7 @@ class FastSpin {
     const double* stop = nullptr;        ///< of a root of one rate: AxisView::side
     int island = 0, base = model::kWorld;
     bool free = false;
+    bool pulled = false;  ///< by muscles
     bool looped = false;  ///< by a joint that is held by constraints
     bool fast = false;
     // Since it is fast.
@@ -66,7 +68,7 @@ class FastSpin {
     double energy = 0;  ///< that it may have: kinetic and gravity's [J]
     double credit = 0;  ///< that its inertia lost, less what was lent of it [J]
   };
-  bool driven(const Tree& tree, const StepInput& input) const;
+  double calm_turn(const Tree& tree, const StepInput& input) const;
   double turn(const Tree& tree) const;
   double potential(const Tree& tree) const;
   Spatial as_one_body(const Tree& tree, const Spatial& momentum) const;

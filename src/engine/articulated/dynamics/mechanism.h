@@ -42,7 +42,7 @@ struct AxisView {
   const double *low, *high, *bounce, *weight, *servo_stiffness, *servo_damping, *servo_error, *servo_feed,
       *servo_limit;
   double *side, *saturated;
-  double* reaction;
+  double *force, *reaction;
   ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }
 };
 

@@ -1,9 +1,9 @@
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "handsim/core/index.h"
+#include "handsim/engine/articulated/kernels/kernels.h"
 
 namespace handsim::engine::articulated {
 
@@ -23,8 +23,32 @@ std::vector<int> dofs_of_model(const model::Model& model, const Mechanism& mecha
 
 }  // namespace
 
+void TendonMemory::make(const std::vector<CoupledDof>& rows, const std::vector<CoupledEntry>& entries,
+                        const std::vector<int>& carrier, std::vector<int> from, std::size_t inertia,
+                        std::size_t width) {
+  dofs = rows;
+  from_ = std::move(from);
+  const std::size_t sizes[] = {inertia,     entries.size(), carrier.size(), carrier.size(),
+                               dofs.size(), dofs.size(),    dofs.size()};
+  double** const pointers[] = {&rows_.inertia, &rows_.slope, &rows_.A,      &rows_.L,
+                               &rows_.x,       &rows_.b,     &rows_.inverse};
+  std::size_t lines = 0;
+  for (const std::size_t size : sizes) lines += (size * width + 7) / 8;
+  memory_.assign(lines, {});
+  Line* next = memory_.data();
+  for (std::size_t i = 0; i < std::size(sizes); next += (sizes[i++] * width + 7) / 8) *pointers[i] = next->x;
+  rows_.dofs = static_cast<int>(dofs.size());
+  rows_.entries = static_cast<int>(entries.size());
+  rows_.numbers = static_cast<int>(carrier.size());
+  rows_.dof = dofs.data();
+  rows_.entry = entries.data();
+  rows_.carrier = carrier.data();
+  rows_.from = from_.data();
+}
+
 MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settings, Mechanism& mechanism)
     : mechanism_(mechanism),
+      scalar_(kernels().front()->lanes),
       space_(mechanism),
       space_dof_(dofs_of_model(model, mechanism, space_)),
       muscles_(model, settings, [this](int a, int b) { return on_one_branch(a, b); }) {
@@ -41,7 +65,7 @@ MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settin
   q_.resize(space_dof_.size());
   u_.resize(space_dof_.size());
   given_.resize(space_dof_.size());
-  find_trees(mechanism);
+  find_trees();
   find_entries();
   find_sources();
 }
@@ -56,61 +80,55 @@ bool MuscleCoupling::on_one_branch(int a, int b) const {
 }
 
 /// The dofs of all trees with tendons: B changes the accelerations of the whole tree.
-void MuscleCoupling::find_trees(const Mechanism& mechanism) {
+void MuscleCoupling::find_trees() {
   const auto root = [&](int dof) {
     while (space_.parent_dof(dof) != kNoDof) dof = space_.parent_dof(dof);
     return dof;
   };
   std::vector<char> roots(at(space_.size()), 0);
   with_tendons_.assign(at(space_.size()), 0);
-  for (const Muscles::Slope& each : slopes())
+  for (const Muscles::Slope& each : muscles_.slopes())
     if (const int dof = space_dof_[at(each.row)]; dof != kNoDof) roots[at(root(dof))] = 1;
   std::vector<int> place(at(space_.size()), kNoDof);
-  const auto& nodes = mechanism.topology().nodes;
-  for (std::size_t i = 0; i < nodes.size(); ++i)
-    for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i));
-         ++dof) {
+  const auto& nodes = mechanism_.topology().nodes;
+  for (int node = 0; node < static_cast<int>(nodes.size()); ++node)
+    for (int dof = space_.first_dof(node); dof <= space_.last_dof(node); ++dof) {
       if (!roots[at(root(dof))]) continue;
       with_tendons_[at(dof)] = 1;
-      place[at(dof)] = static_cast<int>(dofs_.size());
-      Dof& added = dofs_.emplace_back();
-      added.dof = dof;
-      added.parent = space_.parent_dof(dof) == kNoDof ? kNoDof : place[at(space_.parent_dof(dof))];
-      added.depth = added.parent == kNoDof ? 0 : dofs_[at(added.parent)].depth + 1;
-      added.row = carrier_.size();
-      const std::size_t over = added.depth == 0 ? 0 : dofs_[at(added.parent)].row;
-      for (std::size_t k = 0; k < added.depth; ++k) carrier_.push_back(carrier_[over + k]);
-      carrier_.push_back(dofs_.size() - 1);
-      added.rate = space_.rate_index(dof);
-      added.single = rate_count(nodes[i].kind) == 1;
-      if (added.single) added.axis = mechanism.axis_view(i);
+      place[at(dof)] = static_cast<int>(rows_.size());
+      dofs_.push_back(dof);
+      nodes_.push_back(node);
+      const int parent = space_.parent_dof(dof) == kNoDof ? kNoDof : place[at(space_.parent_dof(dof))];
+      CoupledDof& added = rows_.emplace_back();
+      added.depth = parent == kNoDof ? 0 : rows_[at(parent)].depth + 1;
+      added.row = static_cast<int>(carrier_.size());
+      for (int k = 0; k < added.depth; ++k) carrier_.push_back(carrier_[at(rows_[at(parent)].row + k)]);
+      carrier_.push_back(place[at(dof)]);
+      single_ = single_ && rate_count(nodes[at(node)].kind) == 1;
     }
-  for (std::vector<double>* matrix : {&H_, &A_, &L_}) matrix->resize(carrier_.size());
-  for (std::vector<double>* vector : {&x_, &b_, &inverse_}) vector->resize(dofs_.size());
-  locked_.resize(dofs_.size());
 }
 
 void MuscleCoupling::find_entries() {
   const auto place = [&](int dof) {
-    const auto found =
-        std::find_if(dofs_.begin(), dofs_.end(), [&](const Dof& each) { return each.dof == dof; });
-    return static_cast<int>(found - dofs_.begin());
+    return static_cast<int>(std::find(dofs_.begin(), dofs_.end(), dof) - dofs_.begin());
   };
-  for (std::size_t k = 0; k < slopes().size(); ++k) {
-    const int a = space_dof_[at(slopes()[k].row)], b = space_dof_[at(slopes()[k].column)];
+  for (std::size_t k = 0; k < muscles_.slopes().size(); ++k) {
+    const Muscles::Slope& slope = muscles_.slopes()[k];
+    const int a = space_dof_[at(slope.row)], b = space_dof_[at(slope.column)];
     if (a == kNoDof || b == kNoDof) continue;
-    const int i = std::max(a, b), j = std::min(a, b);
-    const Dof &row = dofs_[at(place(i))], &column = dofs_[at(place(j))];
-    entries_.push_back({place(i), place(j), i, j, k, row.row + column.depth, row.rate, column.rate});
+    const int i = place(std::max(a, b)), j = place(std::min(a, b));
+    entries_.push_back({i, j, rows_[at(i)].row + rows_[at(j)].depth});
+    slopes_.push_back(k);
+    space_dofs_.emplace_back(std::max(a, b), std::min(a, b));
   }
 }
 
+/// Where H comes from: the kernel, or JointSpace where a tree has a node of several rates.
 void MuscleCoupling::find_sources() {
   const auto& nodes = mechanism_.topology().nodes;
   const std::size_t width = mechanism_.stride();
   // Where the kernel starts with each batch.
-  std::vector<std::size_t> first(at(mechanism_.tree().batches), 0);
-  std::vector<std::size_t> depth(first.size(), 0);
+  std::vector<std::size_t> first(at(mechanism_.tree().batches), 0), depth(first.size(), 0);
   for (std::size_t i = 0; i < nodes.size(); ++i)
     if (rate_count(nodes[i].kind) == 1) depth[at(mechanism_.slot(i).batch)] = at(nodes[i].depth) + 1;
   std::size_t end = 0;
@@ -118,122 +136,74 @@ void MuscleCoupling::find_sources() {
     first[b] = end;
     end += width * depth[b];
   }
-  lanes_.resize(end);
-  for (const Dof& each : dofs_) {
-    if (!each.single) return sources_.clear();
-    for (std::size_t i = 0; i < nodes.size(); ++i) {
-      if (space_.first_dof(static_cast<int>(i)) != each.dof) continue;
-      const LaneSlot& slot = mechanism_.slot(i);
-      for (std::size_t k = 0; k <= each.depth; ++k)
-        sources_.push_back({first[at(slot.batch)] + k * width + at(slot.lane), each.row + each.depth - k});
+  std::vector<int> from;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    for (int k = 0; k <= rows_[i].depth; ++k) {
+      const LaneSlot& slot = mechanism_.slot(at(nodes_[i]));
+      const std::size_t row = first[at(slot.batch)] + at(rows_[i].depth - k) * width + at(slot.lane);
+      from.push_back(single_ ? static_cast<int>(row) : rows_[i].row + k);
     }
+  memory_.make(rows_, entries_, carrier_, std::move(from), single_ ? end : carrier_.size(), 1);
+  static const double none = 0;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    CoupledDof& dof = memory_.dofs[i];
+    dof.du = &mechanism_.du()[space_.rate_index(dofs_[i])];
+    dof.tau = &mechanism_.torques()[space_.rate_index(dofs_[i])];
+    dof.reaction = dof.force = &unused_;
+    dof.weight = dof.side = &none;
+    if (rate_count(nodes[at(nodes_[i])].kind) != 1) continue;
+    const AxisView axis = mechanism_.axis_view(at(nodes_[i]));
+    dof.reaction = axis.reaction;
+    dof.force = axis.force;
+    dof.weight = axis.weight;
+    dof.side = axis.side;
   }
 }
 
+void MuscleCoupling::make(TendonMemory& memory, std::size_t inertia, const std::vector<std::size_t>& first,
+                          std::size_t width) const {
+  std::vector<int> from;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    for (int k = rows_[i].depth; k >= 0; --k) from.push_back(static_cast<int>(first[at(nodes_[i])]) + k);
+  memory.make(rows_, entries_, carrier_, std::move(from), inertia, width);
+}
+
 std::span<const double> MuscleCoupling::begin(const StepInput& input) {
-  have_inertia_ = false;
   for (std::size_t i = 0; i < q_at_.size(); ++i) {
     if (!q_at_[i]) continue;
     q_[i] = *q_at_[i];
     u_[i] = *u_at_[i];
   }
-  muscles_.begin(q_, u_, input.excitations);
+  return begin(q_, u_, input);
+}
+
+std::span<const double> MuscleCoupling::begin(std::span<const double> q, std::span<const double> u,
+                                              const StepInput& input) {
+  have_inertia_ = false;
+  muscles_.begin(q, u, input.excitations);
   const std::span<const double> own = muscles_.torques();
   for (std::size_t i = 0; i < given_.size(); ++i)
     given_[i] = own[i] + (input.torques.empty() ? 0 : input.torques[i]);
+  for (std::size_t k = 0; k < slopes_.size(); ++k)
+    memory_.rows().slope[k] = muscles_.slopes()[slopes_[k]].value;
   return given_;
 }
 
+/// H of the step.
 void MuscleCoupling::find_inertia() {
   if (have_inertia_) return;
   have_inertia_ = true;
-  if (!sources_.empty()) {
-    mechanism_.kernel().inertia(mechanism_.tree(), lanes_.data());
-    for (const Source& each : sources_) H_[each.to] = lanes_[each.from];
-    return;
-  }
+  const TendonRows& c = memory_.rows();
+  if (single_) return mechanism_.kernel().inertia(mechanism_.tree(), c.inertia);
   space_.find_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
-  for (const Dof& each : dofs_)
-    for (std::size_t k = 0; k <= each.depth; ++k)
-      H_[each.row + k] = space_.inertia(each.dof, dofs_[carrier_[each.row + k]].dof);
-}
-
-/// A = H + weights + h B, and b = h B du.
-void MuscleCoupling::assemble(double step) {
-  find_inertia();
-  const std::span<const double> du = mechanism_.du();
-  std::copy(H_.begin(), H_.end(), A_.begin());
-  for (std::size_t i = 0; i < dofs_.size(); ++i) {
-    if (dofs_[i].single) A_[dofs_[i].row + dofs_[i].depth] += *dofs_[i].axis.weight;
-    locked_[i] = dofs_[i].single && *dofs_[i].axis.side != 0;
-    b_[i] = 0;
-  }
-  for (const Entry& each : entries_) {
-    const double value = step * slopes()[each.slope].value;
-    A_[each.at] += value;
-    b_[at(each.i)] += value * du[each.rate_j];
-    if (each.i != each.j) b_[at(each.j)] += value * du[each.rate_i];
-  }
-}
-
-/// x = A^-1 b with x = 0 where a stop locks a coordinate: L^T L as in joint_space.h, by rows of H.
-void MuscleCoupling::solve() {
-  std::copy(A_.begin(), A_.end(), L_.begin());
-  std::copy(b_.begin(), b_.end(), x_.begin());
-  if (std::find(locked_.begin(), locked_.end(), 1) != locked_.end())
-    for (std::size_t i = 0; i < dofs_.size(); ++i) {
-      double* row = &L_[dofs_[i].row];
-      const std::size_t* carrier = &carrier_[dofs_[i].row];
-      for (std::size_t k = 0; k <= dofs_[i].depth; ++k)
-        if (locked_[i] || locked_[carrier[k]]) row[k] = k == dofs_[i].depth ? 1 : 0;
-      if (locked_[i]) x_[i] = 0;
-    }
-  for (std::size_t k = dofs_.size(); k-- > 0;) {
-    const Dof& own = dofs_[k];
-    const double* row = &L_[own.row];
-    const std::size_t* carrier = &carrier_[own.row];
-    const double inverse = inverse_[k] = 1 / row[own.depth];
-    for (std::size_t i = own.depth; i-- > 0;) {
-      const double share = row[i] * inverse;
-      x_[carrier[i]] -= share * x_[k];
-      double* to = &L_[dofs_[carrier[i]].row];
-      for (std::size_t j = 0; j <= i; ++j) to[j] -= share * row[j];
-    }
-  }
-  for (std::size_t i = 0; i < dofs_.size(); ++i) {
-    const double* row = &L_[dofs_[i].row];
-    const std::size_t* carrier = &carrier_[dofs_[i].row];
-    double sum = x_[i];
-    for (std::size_t j = 0; j < dofs_[i].depth; ++j) sum -= row[j] * x_[carrier[j]];
-    x_[i] = sum * inverse_[i];
-  }
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    for (int k = rows_[i].row; k <= rows_[i].row + rows_[i].depth; ++k)
+      c.inertia[k] = space_.inertia(dofs_[i], dofs_[at(carrier_[at(k)])]);
 }
 
 void MuscleCoupling::correct(double step) {
-  assemble(step);
-  solve();
-  const std::span<double> du = mechanism_.du();
-  for (std::size_t i = 0; i < dofs_.size(); ++i) du[dofs_[i].rate] -= x_[i];
-  if (std::find(locked_.begin(), locked_.end(), 1) == locked_.end()) return;
-  // What the equation of a locked coordinate lacks is its stop's: b - A x.
-  for (std::size_t i = 0; i < dofs_.size(); ++i) {
-    if (locked_[i]) *dofs_[i].axis.reaction += b_[i];
-    for (std::size_t k = 0; k < dofs_[i].depth; ++k) {
-      const double entry = A_[dofs_[i].row + k];
-      const std::size_t j = carrier_[dofs_[i].row + k];
-      if (locked_[i]) *dofs_[i].axis.reaction -= entry * x_[j];
-      if (locked_[j]) *dofs_[j].axis.reaction -= entry * x_[i];
-    }
-  }
-}
-
-void MuscleCoupling::find_torques(double step) {
-  const std::span<double> du = mechanism_.du(), tau = mechanism_.torques();
-  for (const Entry& each : entries_) {
-    const double value = step * slopes()[each.slope].value;
-    tau[each.rate_i] -= value * du[each.rate_j];
-    if (each.i != each.j) tau[each.rate_j] -= value * du[each.rate_i];
-  }
+  find_inertia();
+  scalar_.couple(memory_.rows(), step);
 }
 
 }  // namespace handsim::engine::articulated

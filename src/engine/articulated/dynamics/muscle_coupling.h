@@ -1,7 +1,7 @@
 // Muscles and ligaments in the step of a mechanism. Their torques at the step's end couple the coordinates
 // that a tendon crosses (engine/muscles.h): H becomes H + h B. All coordinates of a tendon lie on one branch,
 // so that the factor of H + h B has the same zeros as that of H. The kernels' own solution knows of no B: it
-// is corrected here by one factorisation of the trees that have tendons.
+// is corrected by one factorisation of the trees that have tendons (kernels/kernel_coupling.h).
 #pragma once
 
 #include <span>
@@ -11,6 +11,25 @@
 #include "handsim/engine/muscles.h"
 
 namespace handsim::engine::articulated {
+
+/// Memory of TendonRows.
+class TendonMemory {
+ public:
+  /// @param rows, entries, carrier that the coupling is of; must outlive this. `rows` have no pointers yet.
+  /// @param from place of each number of H among `inertia` numbers. @param width of numbers side by side
+  void make(const std::vector<CoupledDof>& rows, const std::vector<CoupledEntry>& entries,
+            const std::vector<int>& carrier, std::vector<int> from, std::size_t inertia, std::size_t width);
+  const TendonRows& rows() const { return rows_; }
+  std::vector<CoupledDof> dofs;  ///< pointers to be set
+
+ private:
+  struct alignas(64) Line {
+    double x[8];
+  };
+  TendonRows rows_;
+  std::vector<int> from_;
+  std::vector<Line> memory_;
+};
 
 class MuscleCoupling {
  public:
@@ -22,64 +41,61 @@ class MuscleCoupling {
   /// Tensions of the step from where `kinematics` last found the mechanism.
   /// @return the step's plain torques and those of the tendons at its start, by Model::dof_count()
   std::span<const double> begin(const StepInput& input);
+  /// The same from coordinates and rates by Model::dof_count().
+  std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
+  std::span<const double> given() const { return given_; }  ///< what `begin` returned
+  /// Back to before `begin`, where the step is not made.
+  void go_back() { muscles_.go_back(); }
   /// Changes the accelerations that the kernel found, and the reactions of its locks, to those with h B.
   void correct(double step);
   /// Adds h B to an inertia of the same mechanism.
   template <class Of>
   void add_to(JointSpace& space, double step, const Of& of) const {
-    for (const Entry& each : entries_)
-      if (of(each.dof_i)) space.add(each.dof_i, each.dof_j, step * slopes()[each.slope].value);
+    for (std::size_t k = 0; k < entries_.size(); ++k) {
+      const auto [i, j] = space_dofs_[k];
+      if (of(i)) space.add(i, j, step * slopes()[k]);
+    }
   }
   /// Removes h B du from the torques that `find_torques` wrote.
-  void find_torques(double step);
+  void find_torques(double step) { scalar_.find_torques(memory_.rows(), step); }
   /// Writes activations, fibre lengths and tensions.
   void give(model::State& state) const { muscles_.end(state.q, state.u, state); }
 
+  /// True where trees with tendons have nodes of one rate only.
+  bool single() const { return single_; }
+  /// Makes the same coupling for mechanisms in lanes. @param inertia numbers of the lanes' Kernel::inertia,
+  /// @param first of them, of each node
+  void make(TendonMemory& memory, std::size_t inertia, const std::vector<std::size_t>& first,
+            std::size_t width) const;
+  int node(std::size_t dof) const { return nodes_[dof]; }
+  /// Entries of B, as `begin` found them.
+  std::span<const double> slopes() const { return {memory_.rows().slope, entries_.size()}; }
+
  private:
-  /// An entry of B: places among `dofs_` and in the rows of H, and coordinates of the joint space, i carried
-  /// by j.
-  struct Entry {
-    int i = 0, j = 0, dof_i = 0, dof_j = 0;
-    std::size_t slope = 0, at = 0;
-    std::size_t rate_i = 0, rate_j = 0;
-  };
-  std::span<const Muscles::Slope> slopes() const { return muscles_.slopes(); }
-  void find_trees(const Mechanism& mechanism);
+  void find_trees();
   void find_entries();
   void find_sources();
-  void find_inertia();
   bool on_one_branch(int a, int b) const;
-  void assemble(double step);
-  void solve();
+  void find_inertia();
 
   Mechanism& mechanism_;
+  const LaneKernel& scalar_;
   JointSpace space_;
   std::vector<int> space_dof_;  ///< of the joint space, of each coordinate of the model, or kNoDof
   Muscles muscles_;
   std::vector<char> with_tendons_;  ///< by dof of the joint space: its tree has some
-  /// A coordinate of a tree with tendons. Its row of H has the coordinates that carry it, from the tree's
-  /// first one on, and itself: `depth` + 1 entries from `row`.
-  struct Dof {
-    int dof = 0, parent = kNoDof;  ///< of the joint space; place of the one that carries it
-    std::size_t depth = 0, row = 0;
-    std::size_t rate = 0;
-    AxisView axis{};
-    bool single = false;
-  };
-  std::vector<Dof> dofs_;
-  std::vector<std::size_t> carrier_;  ///< by entry of H: the place of its column
-  std::vector<Entry> entries_;
-  /// Where the kernel's inertia goes to; empty where a tree has a node of several rates, and JointSpace finds
-  /// it.
-  struct Source {
-    std::size_t from = 0, to = 0;
-  };
-  std::vector<Source> sources_;
-  std::vector<double> lanes_;  ///< the kernel's inertia
+  // By coordinate of a tree with tendons.
+  std::vector<CoupledDof> rows_;
+  std::vector<int> dofs_, nodes_;
+  std::vector<int> carrier_;
+  // By entry of B: slope of muscles_, and dofs of the joint space.
+  std::vector<CoupledEntry> entries_;
+  std::vector<std::size_t> slopes_;
+  std::vector<std::pair<int, int>> space_dofs_;
+  TendonMemory memory_;
+  double unused_ = 0;  ///< force and reaction of coordinates of nodes of several rates
+  bool single_ = true;
   bool have_inertia_ = false;
-  std::vector<double> H_, A_, L_;  ///< rows of dofs_; A_ with weights and h B, L_ its factor
-  std::vector<double> x_, b_, inverse_;
-  std::vector<char> locked_;
   std::vector<const double*> q_at_, u_at_;  ///< by Model::dof_count(); null: not a single coordinate
   std::vector<double> q_, u_, given_;
 };

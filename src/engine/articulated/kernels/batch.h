@@ -204,7 +204,30 @@ struct LaneControl {
   double* load = nullptr;     ///< torque that balances the weight, [dof][lane]
 };
 
-/// Of Lanes whose lanes are environments; Kernel::width numbers at a time.
+/// A coordinate of a tree with tendons. Its row of H has the coordinates that carry it, from the tree's first
+/// one on, and itself. Every number is Kernel::width numbers side by side.
+struct CoupledDof {
+  int depth = 0, row = 0;
+  double *du = nullptr, *tau = nullptr, *force = nullptr, *reaction = nullptr;
+  const double *weight = nullptr, *side = nullptr;  ///< as in Axis
+};
+/// An entry of B (engine/muscles.h) at coordinate i, carried by j, and in the rows of H.
+struct CoupledEntry {
+  int i = 0, j = 0, at = 0;
+};
+/// What a TendonCoupling works on, and with.
+struct TendonRows {
+  int dofs = 0, entries = 0, numbers = 0;  ///< numbers: of the rows of H
+  const CoupledDof* dof = nullptr;
+  const CoupledEntry* entry = nullptr;
+  const int* carrier = nullptr;  ///< coordinate of each number of H
+  const int* from = nullptr;     ///< its place in `inertia`
+  double* inertia = nullptr;     ///< as Kernel::inertia writes it
+  double* slope = nullptr;       ///< B, by entry
+  double *A = nullptr, *L = nullptr, *x = nullptr, *b = nullptr, *inverse = nullptr;
+};
+
+/// For lanes that are environments; Kernel::width numbers at a time.
 struct LaneKernel {
   /// Bodies of nodes to where kinematics found them.
   void (*place_bodies)(const Tree&, const LaneControl&);
@@ -212,6 +235,10 @@ struct LaneKernel {
   void (*command)(const Tree&, const LaneControl&, double step);
   /// Controller::observe.
   void (*observe)(const Tree&, const LaneControl&);
+  /// Changes the accelerations that `solve` found, and the reactions of locks, to those with h B.
+  void (*couple)(const TendonRows&, double step);
+  /// Takes h B du from tau, and from the force whose work `Kernel::work` finds.
+  void (*find_torques)(const TendonRows&, double step);
 };
 
 /// The algorithms for one width and instruction set. Same bits from every one of them.

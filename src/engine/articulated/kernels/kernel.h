@@ -2,6 +2,7 @@
 #pragma once
 
 #include "handsim/engine/articulated/kernels/kernel_control.h"
+#include "handsim/engine/articulated/kernels/kernel_coupling.h"
 #include "handsim/engine/articulated/kernels/kernel_motion.h"
 #include "handsim/engine/articulated/kernels/kernel_solve.h"
 
@@ -13,6 +14,7 @@ constexpr Kernel make_kernel(const char* name) {
   using F = Forces<V>;
   using S = ArticulatedBodies<V>;
   using C = LaneControls<V>;
+  using T = TendonCoupling<V>;
   return {.name = name,
           .width = static_cast<int>(Lanes<V>::W),
           .kinematics = M::kinematics,
@@ -30,7 +32,7 @@ constexpr Kernel make_kernel(const char* name) {
           .normalise = M::normalise,
           .accelerate = S::accelerate,
           .advance = M::advance,
-          .lanes = {C::place_bodies, C::command, C::observe}};
+          .lanes = {C::place_bodies, C::command, C::observe, T::accelerate, T::find_torques}};
 }
 
 }  // namespace handsim::engine::articulated

@@ -26,6 +26,8 @@ class GroupOf final : public LaneGroup {
         lanes_(like.mechanism().topology(), like.model().bodies.size(), at(like.model().dof_count())) {
     const Topology& topology = like.mechanism().topology();
     lanes_.tree.erp = like.settings().erp();
+    q_.resize(at(like.model().dof_count()));
+    u_.resize(q_.size());
     slot_of_dof_.assign(at(like.model().dof_count()), 0);
     for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
       const Node& node = topology.nodes[i];
@@ -33,13 +35,14 @@ class GroupOf final : public LaneGroup {
       if (node.kind != NodeKind::free) continue;
       free_.push_back({i, at(node.island), like.mechanism().is_lone(i)});
     }
+    if (like.muscles()) find_coupling(*like.muscles(), topology);
   }
 
   int width() const override { return W; }
 
   bool fits(Engine& other, bool driven) const override {
     auto& engine = static_cast<ArticulatedEngine&>(other);
-    return engine.stands() && !engine.spins_beyond(driven ? kDrivenTurn : kPassiveTurn);
+    return engine.stands() && !engine.spins_beyond(coupled_ ? kPulledTurn : driven ? kDrivenTurn : kPassiveTurn);
   }
 
   void set_constants(int lane, Engine& other, const LaneControlPlan* plan, std::uint64_t key) override {
@@ -68,8 +71,10 @@ class GroupOf final : public LaneGroup {
   }
   std::optional<std::uint64_t> key(int lane) const override { return key_[at(lane)]; }
 
-  void load(int lane, Engine& other, std::span<const double> torques) override {
+  void load(int lane, Engine& other, std::span<const double> torques,
+            std::span<const double> excitations) override {
     auto& engine = static_cast<ArticulatedEngine&>(other);
+    input_[at(lane)] = {.torques = torques, .excitations = excitations};
     engine_[at(lane)] = &engine;
     filled_[at(lane)] = true;
     moved_[at(lane)] = collided_[at(lane)] = false;
@@ -123,9 +128,16 @@ class GroupOf final : public LaneGroup {
         leave |= 1U << lane;
     }
     save();
+    if (coupled_) pull_tendons(leave);
     kernel_.lanes.command(lanes_.tree, lanes_.control, step_);
     add_gyroscopic_torques();
-    if (!accelerate() || !kernel_.advance(lanes_.tree, step_)) return restore();
+    if (!accelerate() || !kernel_.advance(lanes_.tree, step_)) {
+      for (int lane = 0; lane < W; ++lane)
+        if (coupled_ && engine_[at(lane)] && ((leave >> lane) & 1U) == 0)
+          engine_[at(lane)]->muscles()->go_back();
+      return restore();
+    }
+    if (coupled_) kernel_.lanes.find_torques(memory_.rows(), step_);
     kernel_.lanes.observe(lanes_.tree, lanes_.control);
     place_bodies();
     if (leave != 0) keep_back(leave);
@@ -296,9 +308,69 @@ class GroupOf final : public LaneGroup {
   }
 
   bool accelerate() {
-    for (int i = 0; i < kCorrections; ++i)
-      if (kernel_.accelerate(lanes_.tree, step_)) return true;
+    for (int i = 0; i < kCorrections; ++i) {
+      if (!coupled_) {
+        if (kernel_.accelerate(lanes_.tree, step_)) return true;
+        continue;
+      }
+      kernel_.prepare(lanes_.tree, step_);
+      kernel_.solve(lanes_.tree);
+      if (i == 0) kernel_.inertia(lanes_.tree, memory_.rows().inertia);
+      kernel_.lanes.couple(memory_.rows(), step_);
+      if (kernel_.update_active_set(lanes_.tree, step_, false)) return true;
+    }
     return false;
+  }
+
+  void find_coupling(const MuscleCoupling& muscles, const Topology& topology) {
+    coupled_ = true;
+    std::vector<std::size_t> first;
+    std::size_t inertia = 0;
+    for (const Node& node : topology.nodes) {
+      first.push_back(inertia);
+      if (single(node.kind)) inertia += at(node.depth) + 1;
+    }
+    muscles.make(memory_, inertia, first, W);
+    for (std::size_t i = 0; i < memory_.dofs.size(); ++i) {
+      const auto node = at(muscles.node(i));
+      const Batch<W>& b = lanes_.batches[node];
+      Axis<W>& a = axis(node);
+      memory_.dofs[i].du = lanes_.tree.du + b.u;
+      memory_.dofs[i].tau = lanes_.tree.tau + b.u;
+      memory_.dofs[i].force = a.force;
+      memory_.dofs[i].reaction = a.reaction;
+      memory_.dofs[i].weight = a.weight;
+      memory_.dofs[i].side = a.side;
+    }
+  }
+
+  /// Torques of tendons, and B, of the lanes that stay; the others keep theirs, and those without an engine
+  /// do what another one does.
+  void pull_tendons(unsigned leave) {
+    int like = W;
+    for (int lane = 0; lane < W; ++lane) {
+      if (!engine_[at(lane)] || ((leave >> lane) & 1U) != 0) continue;
+      if (like == W) like = lane;
+      MuscleCoupling& muscles = *engine_[at(lane)]->muscles();
+      for (std::size_t dof = 0; dof < q_.size(); ++dof) {
+        const Batch<W>& b = lanes_.batches[slot_of_dof_[dof]];
+        if (!single(b.kind)) continue;
+        q_[dof] = lanes_.tree.q[b.q + lane];
+        u_[dof] = lanes_.tree.u[b.u + lane];
+      }
+      set_tendons(lane, muscles.begin(q_, u_, input_[at(lane)]), muscles.slopes());
+    }
+    for (int lane = 0; lane < W && like < W; ++lane)
+      if (!engine_[at(lane)]) {
+        const MuscleCoupling& muscles = *engine_[at(like)]->muscles();
+        set_tendons(lane, muscles.given(), muscles.slopes());
+      }
+  }
+  void set_tendons(int lane, std::span<const double> torques, std::span<const double> slopes) {
+    for (std::size_t dof = 0; dof < torques.size(); ++dof)
+      if (single(lanes_.batches[slot_of_dof_[dof]].kind)) axis(slot_of_dof_[dof]).tau[lane] = torques[dof];
+    double* out = memory_.rows().slope + lane;
+    for (std::size_t k = 0; k < slopes.size(); ++k) out[k * W] = slopes[k];
   }
 
   /// What a step changes, as f(first, second) of equal ranges of numbers: as it is, and as it was saved.
@@ -345,6 +417,10 @@ class GroupOf final : public LaneGroup {
   std::array<bool, W> moved_{};     ///< since it was loaded
   std::array<bool, W> collided_{};  ///< the contacts of the step to come are known
   std::array<double, W> time_{}, calm_{};
+  std::array<StepInput, W> input_{};
+  TendonMemory memory_;
+  bool coupled_ = false;  ///< by tendons
+  std::vector<double> q_, u_;
   std::vector<typename LaneTree<W>::Numbers> saved_;
   std::array<std::vector<model::Servo>, W> servos_;  ///< their limits
   std::vector<std::size_t> limp_;                    ///< nodes that no servo drives

@@ -58,9 +58,10 @@ class LaneGroup {
   virtual void set_constants(int lane, Engine& engine, const LaneControlPlan* plan, std::uint64_t key) = 0;
   /// Of the constants that the lane has.
   virtual std::optional<std::uint64_t> key(int lane) const = 0;
-  /// @param engine that fits, with the lane's constants. @param torques size dof_count() or empty, in force
-  ///        until the lane is stored
-  virtual void load(int lane, Engine& engine, std::span<const double> torques) = 0;
+  /// @param engine that fits, with the lane's constants. @param torques size dof_count() or empty, and
+  ///        @param excitations are in force until the lane is stored, and must last as long
+  virtual void load(int lane, Engine& engine, std::span<const double> torques,
+                    std::span<const double> excitations) = 0;
   virtual void set_drive_state(int lane, std::size_t drive, const LaneDriveState& state) = 0;
   virtual LaneDriveState drive_state(int lane, std::size_t drive) const = 0;
   virtual void set_target(int lane, std::size_t drive, double target) = 0;
