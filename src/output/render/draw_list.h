@@ -98,6 +98,10 @@ struct DrawOptions {
 /// Shapes of the model at the state, coloured by part; planes become the ground.
 DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options);
 
+/// Adds the paths of muscles along the hands, thicker and redder the more a muscle is active. The model has
+/// moment arms, not places: a path passes each joint on the side, and on the surface, where its arms would be.
+void add_tendons(const model::Model& model, const model::State& state, DrawList& list);
+
 /// Radius of an arrow's head over that of its shaft, and length of the head over its radius.
 inline constexpr double kHeadWidth = 2.4;
 inline constexpr double kHeadLength = 2.6;

@@ -202,6 +202,7 @@ PictureSpec read_pictures(MapReader reader) {
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);
   out.contact_forces = reader.flag("contact_forces", false);
+  if (reader.has("muscles")) out.muscles = reader.flag("muscles", true);
   if (reader.has("follow")) out.follow = reader.flag("follow", true);
   if (out.follow && out.camera) reader.problem("follow", "follow beside a camera", "one of the two");
   reader.finish();

@@ -29,6 +29,7 @@ struct PictureSpec {
   bool joint_axes = false;
   bool contact_points = false;
   bool contact_forces = false;  ///< arrows, in front of everything
+  std::optional<bool> muscles = {};  ///< paths coloured by activation; absent: with the muscles effect
   /// The camera follows the hands and what they touch; absent: where the scene has a grasp.
   std::optional<bool> follow = {};
 };

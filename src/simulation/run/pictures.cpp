@@ -131,6 +131,8 @@ output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::opt
   const std::vector<bool> lost = lost_bodies(model, moment.state);
   std::erase_if(list.shapes,
                 [&](const output::DrawShape& drawn) { return lost[at(model.shapes[at(drawn.shape)].body)]; });
+  if (pictures.muscles.value_or(scene.spec.solver.effects.has(model::Effect::muscles)))
+    output::add_tendons(model, moment.state, list);
   if (force_scale)
     for (const engine::Contact& contact : moment.contacts)
       list.arrows.push_back({contact.position,

@@ -83,6 +83,38 @@ std::vector<Vec3> extremes(const Solid& shape, const Projection& project) {
 
 // Oracle: projection of extreme points. All are inside; and the frame is tight: on at least one axis, the
 // outermost point is within 15% of the half picture from the border (7% is the margin).
+// Oracle: the moment of a pull towards the palm, along the path, about the joint's axis has the sign of the
+// arm.
+TEST(DrawList, TendonsRunOnTheSideOfTheirMomentArms) {
+  model::Model model = hand_model(Side::right, {});
+  model::Joint& joint = model.joints.emplace_back();
+  joint.parent = 1;
+  joint.child = 3;
+  joint.parent_frame.p = {-0.031, 0.053, 0};
+  joint.axes.resize(1);
+  joint.axes[0].axis = Vec3::UnitX();
+  model.muscles.resize(2);
+  for (std::size_t m = 0; m < 2; ++m) {
+    model::MomentArm& arm = model.muscles[m].path.arms.emplace_back();
+    arm.dof = 0;
+    arm.c[0] = m == 0 ? 0.01 : -0.01;
+  }
+  model::State state = at_zero(model);
+  state.q = {0};
+  state.activation = {1, 0};
+  DrawList list;
+  add_tendons(model, state, list);
+  ASSERT_EQ(list.shapes.size(), 2U);
+  const Vec3 o = (state.bodies[1].pose() * joint.parent_frame).p;
+  for (std::size_t m = 0; m < 2; ++m) {
+    const Vec3 moment = (list.shapes[m].solid.pose.p - o).cross(o - state.bodies[3].p);
+    EXPECT_GT((m == 0 ? 1 : -1) * moment.normalized().x(), 0.9) << m;
+  }
+  EXPECT_GT(list.shapes[0].solid.round, list.shapes[1].solid.round);
+  EXPECT_GT(list.shapes[0].colour.r - list.shapes[0].colour.g,
+            list.shapes[1].colour.r - list.shapes[1].colour.g);
+}
+
 TEST(FramedCamera, SeesAllOfTheHandsTightlyForEveryViewSideAndAspect) {
   for (const View view : kViews)
     for (const Side side : {Side::right, Side::left})
