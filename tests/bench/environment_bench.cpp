@@ -131,6 +131,26 @@ BENCHMARK_CAPTURE(batch_in_lanes, smooth, 8, std::vector<std::string>{}, kAllPos
 BENCHMARK_CAPTURE(batch_in_lanes, smooth_4, 4, std::vector<std::string>{}, kAllPoses)->UseManualTime();
 BENCHMARK_CAPTURE(batch_in_lanes, self_contact, 8, kSelfContact, kOpen)->UseManualTime();
 
+/// The same for a hand that excitations drive.
+void muscles_in_lanes(benchmark::State& state, int lanes, double strain) {
+  scene::Scene scene = scene_of("muscle_poses", {"duration=1000"});
+  scene.control.reset();
+  scene.muscles.reset();
+  for (model::Muscle& each : scene.model.muscles)
+    if (strain > 0) each.tendon_strain = strain;
+  std::vector<double> excitations;
+  for (std::size_t i = 0; i < kBatch * scene.model.muscles.size(); ++i)
+    excitations.push_back(0.2 * static_cast<double>(i % 7) / 7);
+  Batch alone(scene, kBatch, {.threads = 1, .lanes = 0}),
+      together(scene, kBatch, {.threads = 1, .lanes = lanes});
+  const auto step = [&](Batch& batch) { batch.step({.excitations = excitations}, kSubsteps); };
+  compare(
+      state, kBatch * kSubsteps, [] {}, [&] { step(alone); }, [&] { step(together); });
+}
+BENCHMARK_CAPTURE(muscles_in_lanes, rigid, 8, 0)->UseManualTime();
+BENCHMARK_CAPTURE(muscles_in_lanes, rigid_4, 4, 0)->UseManualTime();
+BENCHMARK_CAPTURE(muscles_in_lanes, elastic, 8, 0.049)->UseManualTime();
+
 /// Two threads against one, by the wall clock.
 void two_threads(benchmark::State& state) {
   const scene::Scene scene = test::shipped_scene("every_pose", kArticulated);
