@@ -287,8 +287,11 @@ def main():
     shutil.copyfile(CONFIG.with_name("site.css"), PAGES / "site.css")
     config = PAGES.parent / "mkdocs.yml"
     config.write_text(nav(notebooks, python, headers))
-    if subprocess.run([sys.executable, "-m", "mkdocs", "--quiet", "build", "--strict", "-f", config], check=False,
-                      env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}).returncode != 0:
+    # With --quiet, MkDocs would not count its warnings.
+    built = subprocess.run([sys.executable, "-m", "mkdocs", "build", "--strict", "-f", config], check=False, text=True,
+                           capture_output=True, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
+    if built.returncode != 0:
+        print(re.sub(r"^INFO .*\n", "", built.stderr + built.stdout, flags=re.M))
         return 1
     problems, pages, links = check()
     print("\n".join(problems) or f"site: {pages} pages, {links} links and pictures, all of them there: {HTML.relative_to(ROOT)}/index.html")
