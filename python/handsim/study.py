@@ -116,12 +116,11 @@ def read_h5(path: PathText, name: str = "rollouts") -> Table:
         return list(data.asstr()[:]) if h5py.check_string_dtype(data.dtype) else data[:]
 
     with h5py.File(fspath(path)) as file:
-        if name not in file:
-            raise input_error("name", name, "rollouts or trajectories/K of a recorded rollout K")
-        found = file[name]
-        if isinstance(found, h5py.Group):
-            return Table({key: column(data) for key, data in found.items()})
-        return Table(dict(zip(column(file[f"{name}.columns"]), found[:].T)))
+        if name == "rollouts" and name in file:
+            return Table({key: column(data) for key, data in file[name].items()})
+        if f"{name}.columns" not in file:
+            raise input_error("name", repr(name), "rollouts, or trajectories/K of a recorded rollout K")
+        return Table(dict(zip(column(file[f"{name}.columns"]), file[name][:].T)))
 
 
 def _path(path: Optional[PathText]) -> Optional[Path]:

@@ -60,8 +60,11 @@ def test_texts_of_rollouts_h5_are_str(tmp_path):
     texts = [name for name, column in h5.items() if isinstance(column, list)]
     assert texts and all(isinstance(value, str) for name in texts for value in h5[name])
     assert h5["state_hash"] == table["state_hash"]
-    with pytest.raises(hs.Error, match="trajectories/7"):
-        hs.study.read_h5(tmp_path / "rollouts.h5", "trajectories/7")
+    states = hs.study.read_h5(tmp_path / "rollouts.h5", "trajectories/0")
+    assert states.units["time"] == "s" and np.all(np.diff(states["time"]) > 0) and "right.index_mcp.flexion" in states
+    for wrong in ("trajectories/7", "rollouts/held", "trajectories", ""):
+        with pytest.raises(hs.Error, match="name: got"):
+            hs.study.read_h5(tmp_path / "rollouts.h5", wrong)
 
 
 # Oracle: the table with the same numbers; without pandas the table itself.
