@@ -66,8 +66,10 @@ class Result:
         self.warnings: list[str] = values["warnings"]
         self.missing: list[str] = values["missing"]
         """Pictures or plots that could not be made, with the reason."""
-        self.figures = Quantities(values.get("figures", {}))
-        """Every figure of a run in memory by name: ``joint_gap``, ``grasp_slip``, ...; ``figures.units`` has their units."""
+        of_verdicts = {f"{each.name}[{each.unit}]": each.measured for each in self.verdicts}
+        self.figures = Quantities(values.get("figures", of_verdicts))
+        """Every figure by name: ``joint_gap``, ``grasp_slip``, ...; ``figures.units`` has their units. Of a run with files
+        those of `verdicts`."""
         self.frames: list[_core.Frame] = values.get("frames", [])
         """States of a run in memory for `draw`."""
         self._summary: str = values["summary"]

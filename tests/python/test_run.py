@@ -25,6 +25,7 @@ def test_a_run_in_memory_is_the_run_with_files(two_hands, tmp_path):
         assert np.allclose(column, table[name], rtol=1e-11 if name == "time" else 0, atol=0), name
     assert [frame.time for frame in memory.frames] == pytest.approx([0, 1, 2])
     assert memory.summary["criteria"] == files.summary["criteria"]
+    assert (files["joint_gap"], files.units["joint_gap"]) == (memory["joint_gap"], "m")
 
 
 # Oracle: the verdict of the same figure.
