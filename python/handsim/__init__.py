@@ -25,7 +25,7 @@ from ._reports import report, save_video
 from ._result import Result, Verdict
 from ._scene import Muscle, Scene, data_path, load, scenes
 from ._simulation import Bodies, Contacts, Muscles, Simulation
-from ._table import Table
+from ._table import Quantities, Table
 
 if TYPE_CHECKING:
     from . import gym
@@ -53,5 +53,5 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Muscle", "Muscles", "Problem",
-           "Result", "Scene", "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym",
-           "has_pictures", "has_reports", "load", "png", "report", "save_png", "save_video", "scenes", "study"]
+           "Quantities", "Result", "Scene", "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons",
+           "gym", "has_pictures", "has_reports", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 import html
 from functools import cached_property
 from os import PathLike, fspath
-from typing import Any, NamedTuple, Optional, Union
+from typing import Any, Mapping, NamedTuple, Optional, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from . import _core
 from ._errors import Error, Problem, flags, seed_of, whole
 from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
-from ._table import Table, rows_table
+from ._table import Quantities, Table, rows_table
 
 PERSON = "hands.0.person."
 
@@ -48,14 +48,16 @@ class Hand:
 
     def __init__(self, stature: Optional[float] = None, mass: Optional[float] = None, sex: str = "unknown",
                  side: str = "right", *, model: Union[str, "PathLike[str]"] = "anatomical",
-                 person: Union[str, "PathLike[str]", None] = None, muscles: bool = False, **measures: float) -> None:
+                 person: Union[str, "PathLike[str]", Mapping[str, Any], None] = None, muscles: bool = False,
+                 **measures: float) -> None:
         """
         :param stature: [m], 0.5 to 2.5
         :param mass: of the body [kg], 2 to 400
         :param sex: ``male``, ``female`` or ``unknown``
         :param side: ``right`` or ``left``
         :param model: ``anatomical``, ``prototype``, or the path of a hand model file
-        :param person: name of a shipped person (``median_man``) or path of a person file, in place of all measures
+        :param person: name of a shipped person (``median_man``), path of a person file, or a mapping with the keys of one,
+            in place of all measures
         :param muscles: with the hand model's muscles and tendons, which exports then have, too
         :param measures: measured values in place of predicted ones: ``hand_length``, ``hand_breadth``,
             ``hand_circumference`` [m], ``hand_mass`` [kg], ``grip_strength`` [N], ``age`` [years],
@@ -70,7 +72,7 @@ class Hand:
             if given:
                 raise Error("person: got measures beside a person, need one of the two", "input",
                             [Problem(None, None, None, "person", "measures beside a person", "one of the two")])
-            who = _shipped(person, "config/persons")
+            who = person if isinstance(person, Mapping) else _shipped(person, "config/persons")
         self.side = side
         hand = {"model": _shipped(model, "handmodels"), "person": who, "side": side,
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
@@ -102,13 +104,13 @@ class Hand:
 
     @cached_property
     def tips(self) -> Table:
-        """The fingertips: name (``index_tip``), body, position[m] in the body's frame."""
+        """The fingertips: name (``index_tip``), body, position [m] in the body's frame."""
         return Table(_core.hand_tips(self.scene._core), "fingertips")
 
     @cached_property
     def shapes(self) -> Table:
-        """The geometry: name, body, kind (box, capsule, cylinder, sphere, convex_mesh), radius[m], length[m] (capsule:
-        between the cap centres; both along the shape's z axis), edges[m] of a box, position[m] and quaternion (w x y z)
+        """The geometry: name, body, kind (box, capsule, cylinder, sphere, convex_mesh), radius [m], length [m] (capsule:
+        between the cap centres; both along the shape's z axis), edges [m] of a box, position [m] and quaternion (w x y z)
         in the body's frame."""
         return Table(_core.hand_shapes(self.scene._core), "shapes")
 
@@ -187,7 +189,7 @@ class Hand:
         name, offset = (point, (0.0, 0.0, 0.0)) if isinstance(point, str) else point
         if isinstance(point, str) and name in self.tips["name"]:
             tip = self.tips.row(self.tips["name"].index(name))
-            name, offset = tip["body"], tip["position[m]"]
+            name, offset = tip["body"], tip["position"]
         if name not in self.bodies:
             known = ", ".join([*self.tips["name"], *self.bodies])
             raise Error(f"point: got {name}, need one of {known}", "input",
@@ -195,22 +197,22 @@ class Hand:
         return self.bodies.index(name), offset
 
     @cached_property
-    def dimensions(self) -> dict[str, float]:
+    def dimensions(self) -> Quantities:
         """Size of the hand: length (wrist to middle fingertip), breadth, palm_length, circumference, thickness,
         thumb_length, index_length, middle_length (from the crease at the base) and centre_of_mass (from the wrist) in m,
-        mass in kg, grip_strength in N."""
-        return _core.hand_dimensions(self.scene._core)
+        mass in kg, grip_strength in N: ``dimensions["length"]``, ``dimensions.units["length"]``."""
+        return Quantities(_core.hand_dimensions(self.scene._core))
 
     @cached_property
     def segments(self) -> Table:
-        """The palm and the segments: name, proximal joint, parent (row of the body that carries it; -1: none), length[m], radius[m], mass[kg], centre_of_mass[m] in H,
-        inertia[kg m^2] about the centre of mass along the segment's x, y (distal) and z axes."""
+        """The palm and the segments: name, proximal joint, parent (row of the body that carries it; -1: none), length [m],
+        radius [m], mass [kg], centre_of_mass [m] in H, inertia [kg m^2] about the centre of mass along the segment's x, y (distal) and z axes."""
         return Table(_core.hand_segments(self.scene._core), "segments")
 
     @cached_property
     def joints(self) -> Table:
-        """Every axis: name, type of its joint, low[rad] and high[rad] of its stop, stiffness[N m/rad],
-        damping[N m s/rad] and rest[rad] of passive tissue, centre[m] of the joint in H. Flexion is positive toward
+        """Every axis: name, type of its joint, low [rad] and high [rad] of its stop, stiffness [N m/rad],
+        damping [N m s/rad] and rest [rad] of passive tissue, centre [m] of the joint in H. Flexion is positive toward
         the palm."""
         return Table(_core.hand_joints(self.scene._core), "joints")
 
@@ -233,11 +235,12 @@ class Hand:
 
     def __repr__(self) -> str:
         size = self.dimensions
-        return (f"<handsim.Hand: {self.side}, {1e3 * size['length[m]']:.1f} mm long, "
-                f"{1e3 * size['breadth[m]']:.1f} mm broad, {1e3 * size['mass[kg]']:.0f} g>")
+        return (f"<handsim.Hand: {self.side}, {1e3 * size['length']:.1f} mm long, "
+                f"{1e3 * size['breadth']:.1f} mm broad, {1e3 * size['mass']:.0f} g>")
 
     def _repr_html_(self) -> str:
-        table = rows_table(["dimension", "value"], list(self.dimensions.items()))
+        sizes = self.dimensions
+        table = rows_table(["dimension", "value", "unit"], [(name, sizes[name], sizes.units[name]) for name in sizes])
         picture = html_picture(self.draw(size=(480, 480)), 320) if _core.has_pictures else ""
         notes = "".join(f"<p>{html.escape(text)}</p>" for text in self.scene.warnings)
         return table._repr_html_() + notes + picture + self.segments._repr_html_() + self.joints._repr_html_()

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import html
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Sequence, Union
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Fault, input_error
 from ._pictures import Picture, contact_sheet, html_picture
-from ._table import Table, rows_table
+from ._table import Quantities, Table, rows_table
 
 if TYPE_CHECKING:
     import pandas
@@ -65,8 +66,10 @@ class Result:
         self.warnings: list[str] = values["warnings"]
         self.missing: list[str] = values["missing"]
         """Pictures or plots that could not be made, with the reason."""
-        self.figures: dict[str, Any] = values.get("figures", {})
-        """Every figure of a run in memory by name and unit: ``joint_gap[m]``, ``right.can.slip[m/s]``, ..."""
+        of_verdicts = {f"{each.name}[{each.unit}]": each.measured for each in self.verdicts}
+        self.figures = Quantities(values.get("figures", of_verdicts))
+        """Every figure by name: ``joint_gap``, ``grasp_slip``, ...; ``figures.units`` has their units. Of a run with files
+        those of `verdicts`."""
         self.frames: list[_core.Frame] = values.get("frames", [])
         """States of a run in memory for `draw`."""
         self._summary: str = values["summary"]
@@ -83,15 +86,29 @@ class Result:
 
     @property
     def trajectory(self) -> Table:
-        """Columns of trajectory.csv by name, each of shape (rows,): ``time[s]``, coordinates (``NAME[rad]``) and rates
-        (``NAME.rate[rad/s]``), and of each body ``NAME.x[m]``, y, z and the quaternion ``NAME.qw``, qx, qy, qz. A row
-        for each ``record.every`` of the scene."""
+        """Columns of trajectory.csv by name, each of shape (rows,): ``time``, coordinates (by their names) and rates
+        (``NAME.rate``), and of each body ``NAME.x``, y, z and the quaternion ``NAME.qw``, qx, qy, qz. A row for each
+        ``record.every`` of the scene."""
         if self._rows is None:
             from .study import read_csv
 
             assert self.folder is not None
             return read_csv(self.folder / "trajectory.csv")
         return Table({name: self._rows[:, k] for k, name in enumerate(self._columns)})
+
+    @cached_property
+    def table(self) -> Any:
+        """The trajectory: a frame of pandas (units in ``attrs["units"]``) where pandas is installed, else `trajectory`."""
+        return self.trajectory.shown()
+
+    def __getitem__(self, name: str) -> Any:
+        """A figure by name: ``result["grasp_slip"]``."""
+        return self.figures[name]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the figures by name."""
+        return self.figures.units
 
     def to_pandas(self) -> "pandas.DataFrame":
         """The trajectory as a frame. Needs pandas."""
@@ -144,7 +161,7 @@ class Result:
         return rows_table(["criterion", "unit", "measured", "limit", "verdict", "where"], rows)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "frames": []}
+        return {key: value for key, value in self.__dict__.items() if key != "table"} | {"frames": []}
 
     def __repr__(self) -> str:
         end = f"diverged: {self.fault}" if self.fault else "passed" if self.passed else "FAILED"

@@ -4,7 +4,7 @@ from __future__ import annotations
 import html
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import flags, input_error, real, whole
 from ._pictures import Picture, html_picture
+from ._progress import Progress, bar
 from ._table import rows_table
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 Source = Union[str, "PathLike[str]", Mapping[str, Any]]
 Overrides = Optional[Mapping[str, Any]]
 Camera = tuple[Sequence[float], Sequence[float], float]
-Progress = Optional[Callable[[float], object]]
 
 
 def data_path() -> Path:
@@ -234,7 +234,8 @@ class Scene:
         :param fps: frames in a second of video
         :param speed: simulated seconds in a second of video
         :param stop_lost: ends once a grasped object has moved too far or is lost
-        :param progress: called with the share done, 0..1
+        :param progress: None: a bar in a notebook; True: a bar on stderr elsewhere, too; False: none; or a function of
+            the share done, 0..1
         :raises Error: of kind input for a scene that cannot run. A motion that diverges does not raise: see
             `Result.fault`.
         """
@@ -246,11 +247,13 @@ class Scene:
             if report or video is not None:
                 raise input_error("out", "none", "a folder for the files of report and video; in memory: "
                                   "Result.report, Scene.video")
-            return Result(self, _core.run(self._core, frames, stop_lost, progress))
+            with bar(progress, "run") as told:
+                return Result(self, _core.run(self._core, frames, stop_lost, told))
         folder = Path(out)
-        values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures and not poses else 0, poses,
-                                     plots, report, None if video is None else (Path(fspath(video)), real("fps", fps), real("speed", speed)),
-                                     stop_lost, progress)
+        film = None if video is None else (Path(fspath(video)), real("fps", fps), real("speed", speed))
+        with bar(progress, "run") as told:
+            values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures and not poses else 0, poses,
+                                         plots, report, film, stop_lost, told)
         return Result(self, values, folder)
 
     def video(self, path: Union[str, "PathLike[str]"], time: Optional[float] = None, *, fps: float = 30,
@@ -263,11 +266,12 @@ class Scene:
         :param fps: frames in a second of video; at most 240, in a GIF 50
         :param speed: simulated seconds in a second of video
         :param size: and view, camera: as in `draw`
-        :param progress: called with the share done, 0..1
+        :param progress: as in `run`
         :raises Error: of kind input without pictures or without ffmpeg; of kind physics where the motion diverges
         """
-        _core.film(self._core, (Path(fspath(path)), real("fps", fps), real("speed", speed)),
-                   self.duration if time is None else real("time", time), size, view, camera, progress)
+        end = self.duration if time is None else real("time", time)
+        with bar(progress, "video") as told:
+            _core.film(self._core, (Path(fspath(path)), real("fps", fps), real("speed", speed)), end, size, view, camera, told)
 
     def draw(self, time: float = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional[Camera] = None) -> Picture:

@@ -1,8 +1,10 @@
-"""Tables: a dict of columns that shows itself."""
+"""Quantities by name, with their units; tables: dicts of columns that show themselves."""
 from __future__ import annotations
 
 import html
-from typing import TYPE_CHECKING, Any, Iterator, Sequence, Union
+import re
+from collections import Counter
+from typing import TYPE_CHECKING, Any, Iterator, Mapping, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 Column = Union[NDArray[Any], Sequence[Any]]
 MOST_ROWS = 40
+AXES = {2: "xy", 3: "xyz", 4: "wxyz"}
+UNIT = re.compile(r"(.+)\[([^\[\]]*)\]")
 
 
 def text_of(value: object) -> str:
@@ -22,18 +26,50 @@ def text_of(value: object) -> str:
     return "" if value is None else str(value)
 
 
-class Table(dict[str, Any]):
-    """Columns by name, all of one length; names carry units, e.g. ``length[m]``.
+class Quantities(dict[str, Any]):
+    """Values by name: ``sizes["length"]``; their units are ``sizes.units["length"]``.
 
-    Numbers are numpy arrays: of shape (rows,), or (rows, 3) for vectors. Texts are lists.
+    A name with its unit, as in handsim's files, finds the value as well: ``sizes["length[m]"]``. Where two names differ by
+    their units alone, both keep them.
     """
 
-    def __init__(self, columns: dict[str, Column], title: str = "") -> None:
+    units: dict[str, str]
+    """By name; empty for numbers without a unit and for texts."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        parts = {key: match.groups() if (match := UNIT.fullmatch(key)) else (key, "") for key in values}
+        uses = Counter(stem for stem, _ in parts.values())
+        names = {key: stem if uses[stem] == 1 else key for key, (stem, _) in parts.items()}
+        super().__init__({names[key]: value for key, value in values.items()})
+        self.units = {names[key]: unit for key, (_, unit) in parts.items()}
+
+    def with_unit(self, name: str) -> str:
+        """The name as in handsim's files: ``length[m]``."""
+        unit = self.units.get(name, "")
+        return f"{name}[{unit}]" if unit and not UNIT.fullmatch(name) else name
+
+    def __missing__(self, key: str) -> Any:
+        match = UNIT.fullmatch(key) if isinstance(key, str) else None
+        if match is None or match[1] not in self or self.units.get(match[1]) != match[2]:
+            raise KeyError(key)
+        return self[match[1]]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), ({self.with_unit(name): value for name, value in self.items()},)
+
+
+class Table(Quantities):
+    """Columns by name, all of one length, with their `units`.
+
+    Numbers are numpy arrays: of shape (rows,), or (rows, 3) for vectors. Texts are lists of str.
+    """
+
+    def __init__(self, columns: Mapping[str, Column], title: str = "") -> None:
         super().__init__(columns)
         self.title = title
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Table, (dict(self), self.title)
+        return Table, (*super().__reduce__()[1], self.title)
 
     @property
     def rows(self) -> int:
@@ -49,24 +85,39 @@ class Table(dict[str, Any]):
         return (self.row(index) for index in range(self.rows))
 
     def to_pandas(self) -> "pandas.DataFrame":
-        """As a frame of pandas; vectors become columns ``.x``, ``.y``, ``.z``. Needs pandas."""
+        """As a frame of pandas, with the units in ``frame.attrs["units"]``; vectors become columns ``.x``, ``.y``,
+        ``.z``, quaternions also ``.w``. Needs pandas."""
         import pandas
 
         flat: dict[str, Any] = {}
+        units: dict[str, str] = {}
         for name, column in self.items():
-            if isinstance(column, np.ndarray) and column.ndim == 2:
-                stem, bracket, unit = name.partition("[")
-                for k, axis in enumerate("xyz"[: column.shape[1]]):
-                    flat[f"{stem}.{axis}{bracket}{unit}"] = column[:, k]
-            else:
+            axes = AXES[column.shape[1]] if isinstance(column, np.ndarray) and column.ndim == 2 else ""
+            for k, axis in enumerate(axes):
+                flat[f"{name}.{axis}"] = column[:, k]
+                units[f"{name}.{axis}"] = self.units.get(name, "")
+            if not axes:
                 flat[name] = column
-        return pandas.DataFrame(flat)
+                units[name] = self.units.get(name, "")
+        frame = pandas.DataFrame(flat)
+        frame.attrs["units"] = units
+        return frame
+
+    def shown(self) -> Any:
+        """`to_pandas` where pandas is installed; else this table."""
+        try:
+            return self.to_pandas()
+        except ImportError:
+            return self
 
     def _cells(self) -> list[list[str]]:
         return [[text_of(value) for value in self.row(index).values()] for index in range(min(self.rows, MOST_ROWS))]
 
+    def _head(self) -> list[str]:
+        return [self.with_unit(name) for name in self]
+
     def __repr__(self) -> str:
-        lines = [list(self), *self._cells()]
+        lines = [self._head(), *self._cells()]
         widths = [max(len(line[k]) for line in lines) for k in range(len(self))]
         out = [self.title] if self.title else []
         out += ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines]
@@ -81,7 +132,7 @@ class Table(dict[str, Any]):
         rows = "".join(line(cells, "td") for cells in self._cells())
         more = f"<caption>{html.escape(self.title)}</caption>" if self.title else ""
         end = f"<p>... {self.rows} rows</p>" if self.rows > MOST_ROWS else ""
-        return f"<table>{more}{line(list(self), 'th')}{rows}</table>{end}"
+        return f"<table>{more}{line(self._head(), 'th')}{rows}</table>{end}"
 
 
 def rows_table(names: Sequence[str], rows: Sequence[Sequence[Any]], title: str = "") -> Table:

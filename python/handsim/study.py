@@ -1,19 +1,22 @@
 """The studies of the command line: each returns its table, its JSON and its printed text.
 
 A study takes the path of its file or scene, or the name of a shipped one (`handsim.scenes`). With ``out`` its files are
-kept in that folder, as the command writes them. ``progress`` is called with the share done, 0..1. Ctrl-C ends a study
-after the run that is under way.
+kept in that folder, as the command writes them. ``progress``: None shows a bar in a notebook, True a bar on stderr
+elsewhere, too, False none; a function is called with the share done, 0..1. Ctrl-C ends a study after the run that is under
+way.
 """
 from __future__ import annotations
 
 from contextlib import contextmanager
+from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Iterator, Optional, Sequence, Union
 
 from . import _core
 from ._errors import flags, input_error, real, whole
-from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
+from ._progress import Progress, bar
+from ._scene import Overrides, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
 PathText = Union[str, "PathLike[str]"]
@@ -30,17 +33,25 @@ class Study:
         """As the command prints it; may be empty."""
         self.tables: dict[str, Table] = {path.stem: read_csv(path) for path in sorted(folder.glob("*.csv"))}
         self.tables.update({path.stem: read_sto(path) for path in sorted([*folder.glob("*.sto"), *folder.glob("*.mot")])})
-        """Every table of the study by name."""
+        """Every table of the study by name: dicts of columns, with their units."""
         self.summaries: dict[str, Any] = {path.stem: read_json(path) for path in sorted(folder.glob("*.json"))}
         """Every JSON file by name."""
         self.plots: dict[str, bytes] = {path.stem: path.read_bytes() for path in sorted(folder.glob("*.png"))}
         """Plots and pictures by name, as bytes of PNG files; plots need gnuplot."""
 
+    @cached_property
+    def table(self) -> Any:
+        """The table of the study's own name, or the only one: a frame of pandas (units in ``attrs["units"]``) where pandas
+        is installed, else the `Table` of `tables`."""
+        return self._own.shown()
+
     @property
-    def table(self) -> Table:
-        """The table of the study's own name, or the only one."""
+    def _own(self) -> Table:
         found = self.tables.get(self.name)
         return found if found is not None else next(iter(self.tables.values()), Table({}))
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "table"}
 
     @property
     def summary(self) -> Any:
@@ -48,14 +59,14 @@ class Study:
         return self.summaries.get(self.name) or next(iter(self.summaries.values()), {})
 
     def __repr__(self) -> str:
-        return self.text or repr(self.table)
+        return self.text or repr(self._own)
 
     def _repr_html_(self) -> str:
         import base64
 
         shown = "".join(f'<img width="720" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
                         for data in self.plots.values())
-        return self.table._repr_html_() + shown
+        return self._own._repr_html_() + shown
 
 
 def read_json(path: Path) -> Any:
@@ -93,6 +104,25 @@ def read_sto(path: PathText) -> Table:
     return rows_table(names, rows)
 
 
+def read_h5(path: PathText, name: str = "rollouts") -> Table:
+    """A table of a ``rollouts.h5``; texts are str. Needs h5py.
+
+    :param name: ``rollouts``, the table of all, or ``trajectories/K``, the recorded states of rollout K
+    :raises Error: of kind input where the file has no such table
+    """
+    import h5py
+
+    def column(data: Any) -> Any:
+        return list(data.asstr()[:]) if h5py.check_string_dtype(data.dtype) else data[:]
+
+    with h5py.File(fspath(path)) as file:
+        if name == "rollouts" and name in file:
+            return Table({key: column(data) for key, data in file[name].items()})
+        if f"{name}.columns" not in file:
+            raise input_error("name", repr(name), "rollouts, or trajectories/K of a recorded rollout K")
+        return Table(dict(zip(column(file[f"{name}.columns"]), file[name][:].T)))
+
+
 def _path(path: Optional[PathText]) -> Optional[Path]:
     return None if path is None else Path(path)
 
@@ -114,8 +144,8 @@ def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, peers: Optio
 
     :param peers: folder with the programs of other engines; None: their rows are left out
     """
-    with _folder(out) as folder:
-        text = _core.accuracy(find_file(study), folder, None if peers is None else Path(peers), progress)
+    with _folder(out) as folder, bar(progress, "accuracy") as told:
+        text = _core.accuracy(find_file(study), folder, None if peers is None else Path(peers), told)
         return Study("accuracy", folder, text)
 
 
@@ -125,8 +155,8 @@ def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats
     whole("repeats", repeats, 1)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     file = find_file(scene) if isinstance(scene, (str, PathLike)) else None
-    with _folder(out) as folder:
-        return Study("effects", folder, _core.effects(of._core, file, override_list(overrides), folder, repeats, progress))
+    with _folder(out) as folder, bar(progress, "effects") as told:
+        return Study("effects", folder, _core.effects(of._core, file, override_list(overrides), folder, repeats, told))
 
 
 def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick: bool = False, threads: int = 0,
@@ -138,9 +168,9 @@ def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick
     :param threads: 0: one for each core
     """
     whole("threads", threads, 0, MOST_THREADS)
-    with _folder(out) as folder:
+    with _folder(out) as folder, bar(progress, "stability") as told:
         flags(quick=quick, pictures=pictures)
-        text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, progress)
+        text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, told)
         return Study("stability", folder, text)
 
 
@@ -160,9 +190,9 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     if friction is not None:
         real("friction", friction)
     listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
-    with _folder(out) as folder:
+    with _folder(out) as folder, bar(progress, "grasps") as told:
         _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
-                     friction_search, margin, confirm, pictures, progress)
+                     friction_search, margin, confirm, pictures, told)
         return Study("grasps", folder, "")
 
 
@@ -180,9 +210,9 @@ def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[in
     for name, value, least in (("count", count, 1), ("seed", seed, 0)):
         if value is not None:
             whole(name, value, least)
-    with _folder(out) as folder:
+    with _folder(out) as folder, bar(progress, "rollouts") as told:
         text = _core.rollouts(find_file(study), folder, count, seed, override_list(overrides), threads, resume,
-                              progress)
+                              told)
         return Study("rollouts", folder, text)
 
 
@@ -219,9 +249,9 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     if cutoff is not None:
         real("cutoff", cutoff)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
-    with _folder(out) as folder:
+    with _folder(out) as folder, bar(progress, "inverse") as told:
         text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check,
-                             float(co_contraction) if muscles else None, progress)
+                             float(co_contraction) if muscles else None, told)
         return Study("inverse", folder, text)
 
 
@@ -241,9 +271,9 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     """
     flags(fit_bones=fit_bones, smooth=smooth)
     real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
-    with _folder(out) as folder:
+    with _folder(out) as folder, bar(progress, "track") as told:
         _core.track(Path(recording), folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
-                    noise, seed, progress)
+                    noise, seed, told)
         return Study("track", folder, "")
 
 
@@ -256,5 +286,5 @@ def validate(measurements: Optional[PathText] = None, *, out: Out = None) -> Stu
         return Study("validate", folder, _core.validate(_path(measurements), folder))
 
 
-__all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "merge", "read_csv", "read_sto",
-           "rollouts", "stability", "track", "validate"]
+__all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "merge", "read_csv", "read_h5",
+           "read_sto", "rollouts", "stability", "track", "validate"]

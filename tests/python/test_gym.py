@@ -88,7 +88,7 @@ def test_each_episode_has_another_person():
     for i in range(64):
         assert episodes.batch.scene_of(i) is task.people[task.person[i]]
         assert np.any(np.all(task._goals[task.person[i]] == task._goal[i], axis=1))
-    lengths = [hs.Hand(**person).dimensions["length[m]"] for person in hs.draw_persons(4)]
+    lengths = [hs.Hand(**person).dimensions["length"] for person in hs.draw_persons(4)]
     tips = [np.linalg.norm(episodes.batch["fingertips"][list(task.person).index(k), 14:17] - [0, 0, 0.2]) for k in range(4)]
     assert np.argsort(tips).tolist() == np.argsort(lengths).tolist()
 
@@ -299,6 +299,6 @@ def test_a_played_episode_is_a_run(tmp_path, drive):
     task = episodes.task
     play(lambda x: 0.3 * np.sin(x[:, :task.actions]), episodes, "pose", tmp_path, 3)
     end = hs.study.read_csv(tmp_path / "trajectory.csv")
-    last = [end[f"{name}[rad]"][-1] for name in task.scene.coordinates]
+    last = [end[name][-1] for name in task.scene.coordinates]
     assert np.allclose(last, episodes.batch.q[0], atol=1e-5)
     assert (tmp_path / "report.html").exists() == hs.has_reports

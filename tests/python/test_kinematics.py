@@ -16,7 +16,7 @@ def hand(request):
 def motion(hand):
     """Coordinates within their stops, rates and accelerations."""
     random = np.random.default_rng(1)
-    low, high = hand.joints["low[rad]"], hand.joints["high[rad]"]
+    low, high = hand.joints["low"], hand.joints["high"]
     n = len(hand.coordinates)
     return low + (high - low) * random.random(n), random.normal(size=n), 10 * random.normal(size=n)
 
@@ -37,15 +37,15 @@ def derivative(function, q, step=1e-6):
 def test_poses_at_zero_are_those_of_the_tables(hand):
     poses = hand.poses(np.zeros(len(hand.coordinates)))
     assert poses.position.shape == (16, 3) and poses.quaternion.shape == (16, 4)
-    assert np.allclose(poses.position, hand.segments["centre_of_mass[m]"], atol=1e-15)
+    assert np.allclose(poses.position, hand.segments["centre_of_mass"], atol=1e-15)
     parents = dict(zip(hand.bodies, hand.segments["parent"]))
     assert parents["palm"] == -1 and parents["index_middle"] == hand.bodies.index("index_proximal")
 
 
 # Oracle: the tables: the middle finger lies along y, its segments one after the other.
 def test_a_fingertip_is_at_the_end_of_its_segments(hand):
-    base = hand.joints["centre[m]"][list(hand.joints["name"]).index("middle_mcp.flexion")]
-    length = sum(row["length[m]"] for row in hand.segments.each() if row["name"].startswith("middle_"))
+    base = hand.joints["centre"][list(hand.joints["name"]).index("middle_mcp.flexion")]
+    length = sum(row["length"] for row in hand.segments.each() if row["name"].startswith("middle_"))
     tip = hand.position(np.zeros(len(hand.coordinates)), "middle_tip")
     assert np.allclose(tip, base + [0, length, 0], atol=1e-15)
     assert list(hand.tips["name"]) == [f"{f}_tip" for f in ("thumb", "index", "middle", "ring", "little")]
@@ -56,9 +56,9 @@ def test_a_position_is_that_of_the_point_on_its_body(hand, motion):
     q, _, _ = motion
     poses, tip = hand.poses(q), hand.tips.row(1)
     body = hand.bodies.index(tip["body"])
-    there = poses.position[body] + rotation(poses.quaternion[body]) @ tip["position[m]"]
+    there = poses.position[body] + rotation(poses.quaternion[body]) @ tip["position"]
     assert np.allclose(hand.position(q, "index_tip"), there, atol=1e-15)
-    assert np.allclose(hand.position(q, (tip["body"], tip["position[m]"])), there, atol=1e-15)
+    assert np.allclose(hand.position(q, (tip["body"], tip["position"])), there, atol=1e-15)
     assert np.allclose(hand.position(q, "index_distal"), poses.position[body], atol=1e-15)
 
 
@@ -86,8 +86,8 @@ def test_the_mass_matrix_is_that_of_the_bodies(hand, motion):
     for i, body in enumerate(hand.bodies):
         jacobian, axes = hand.jacobian(q, body), rotation(poses.quaternion[i])
         # The table has the diagonal of the inertia; only a palm's, which does not move, has more.
-        inertia = axes @ np.diag(hand.segments["inertia[kg m^2]"][i]) @ axes.T
-        expected += hand.segments["mass[kg]"][i] * jacobian[:3].T @ jacobian[:3] + jacobian[3:].T @ inertia @ jacobian[3:]
+        inertia = axes @ np.diag(hand.segments["inertia"][i]) @ axes.T
+        expected += hand.segments["mass"][i] * jacobian[:3].T @ jacobian[:3] + jacobian[3:].T @ inertia @ jacobian[3:]
     mass = hand.mass_matrix(q)
     assert np.allclose(mass, expected, rtol=0, atol=1e-14 * np.abs(mass).max())
     columns = [hand.inverse_dynamics(q, np.zeros(n), e, gravity=(0, 0, 0)) for e in np.eye(n)]
@@ -101,7 +101,7 @@ def test_inverse_dynamics_does_the_work_that_energy_gains(hand, motion):
 
     def energy(t):
         x, v = q + t * u + t * t / 2 * a, u + t * a
-        return v @ hand.mass_matrix(x) @ v / 2 - hand.segments["mass[kg]"] @ hand.poses(x).position @ np.array(GRAVITY)
+        return v @ hand.mass_matrix(x) @ v / 2 - hand.segments["mass"] @ hand.poses(x).position @ np.array(GRAVITY)
 
     power = hand.inverse_dynamics(q, u, a, gravity=GRAVITY) @ u
     assert power == pytest.approx((energy(1e-5) - energy(-1e-5)) / 2e-5, rel=1e-6)
@@ -123,8 +123,8 @@ def test_shapes_are_where_their_bodies_are(hand):
     shapes = hand.shapes
     assert set(shapes["body"]) == set(hand.bodies)
     row = shapes.row(list(shapes["name"]).index("index_distal"))
-    end = row["position[m]"] + rotation(row["quaternion"]) @ (0, 0, row["length[m]"] / 2 + row["radius[m]"])
-    tip = hand.tips.row(1)["position[m]"]
+    end = row["position"] + rotation(row["quaternion"]) @ (0, 0, row["length"] / 2 + row["radius"])
+    tip = hand.tips.row(1)["position"]
     assert row["kind"] == "capsule" and np.allclose(end, tip, atol=1e-15)
 
 

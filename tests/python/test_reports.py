@@ -122,7 +122,7 @@ def test_shards_become_the_table_of_the_whole(tmp_path):
         command("rollouts", study, "--count", 4, "--shard", f"{k}/2", "--out", tmp_path / "shards")
     merged = hs.study.merge(tmp_path / "shards", out=tmp_path / "merged")
     whole = hs.study.rollouts("rollouts_free_fall", count=4, out=tmp_path / "whole")
-    assert merged.table.rows == 4 and list(merged.table) == list(whole.table)
+    assert merged.tables["rollouts"].rows == 4 and list(merged.tables["rollouts"]) == list(whole.tables["rollouts"])
     commands = json.loads((tmp_path / "merged/study.json").read_text())
     assert commands["templates"]["rollouts.csv"].endswith("--rollout {rollout}")
     data = data_of(hs.report(tmp_path / "merged").read_text())

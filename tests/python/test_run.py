@@ -22,17 +22,18 @@ def test_a_run_in_memory_is_the_run_with_files(two_hands, tmp_path):
     assert list(memory.trajectory) == list(table) == list(files.trajectory)
     for name, column in memory.trajectory.items():
         # The table has twelve digits of the time and all of the others.
-        assert np.allclose(column, table[name], rtol=1e-11 if name == "time[s]" else 0, atol=0), name
+        assert np.allclose(column, table[name], rtol=1e-11 if name == "time" else 0, atol=0), name
     assert [frame.time for frame in memory.frames] == pytest.approx([0, 1, 2])
     assert memory.summary["criteria"] == files.summary["criteria"]
+    assert (files["joint_gap"], files.units["joint_gap"]) == (memory["joint_gap"], "m")
 
 
 # Oracle: the verdict of the same figure.
 def test_figures_are_those_of_the_verdicts(two_hands):
     result = two_hands.run(frames=0)
     for verdict in result.verdicts:
-        name = f"{verdict.name}[{verdict.unit}]" if verdict.unit else verdict.name
-        assert result.figures[name] == verdict.measured
+        assert result[verdict.name] == result.figures[verdict.name] == verdict.measured
+        assert result.units[verdict.name] == verdict.unit
 
 
 # Oracle: a criterion that no run can hold.
@@ -111,8 +112,8 @@ def test_a_result_pickles_and_becomes_a_frame(two_hands):
     result = two_hands.run(frames=2)
     again = pickle.loads(pickle.dumps(result))
     assert again.state_hash == result.state_hash and again.verdicts == result.verdicts
-    assert np.array_equal(again.trajectory["time[s]"], result.trajectory["time[s]"])
+    assert np.array_equal(again.trajectory["time"], result.trajectory["time"])
     pytest.importorskip("pandas", reason="pandas is not installed: there are no frames")
     frame = result.to_pandas()
     assert list(frame.columns) == list(result.trajectory)
-    assert np.array_equal(frame["time[s]"], result.trajectory["time[s]"])
+    assert np.array_equal(frame["time"], result.trajectory["time"])

@@ -14,7 +14,7 @@ def test_steps_are_those_of_the_run(two_hands):
     simulation = hs.Simulation(two_hands)
     for row in range(1, 21):
         simulation.step(substeps=10)
-        q = np.array([trajectory[f"{name}[rad]"][row] for name in two_hands.coordinates])
+        q = np.array([trajectory[name][row] for name in two_hands.coordinates])
         assert np.array_equal(simulation.q, q)
     assert simulation.steps == 200 and simulation.time == pytest.approx(0.2)
 

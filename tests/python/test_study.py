@@ -10,7 +10,7 @@ def test_effects_lists_every_effect(tmp_path):
     shares = []
     scene = hs.load("two_hands", {"duration": "0.1 s"})
     study = hs.study.effects(scene, repeats=1, out=tmp_path, progress=shares.append)
-    assert study.table["effect_taken_away"] == ["none", *scene.effects]
+    assert study.tables["effects"]["effect_taken_away"] == ["none", *scene.effects]
     assert (tmp_path / "effects.csv").is_file() and "gravity" in study.text
     assert [row["effect"] for row in study.summary["rows"]] == scene.effects
     assert all(0 <= share <= 1 for share in shares)
@@ -19,12 +19,13 @@ def test_effects_lists_every_effect(tmp_path):
 # Oracle: number and seed of the draws; the same seed gives the same table, in one thread and in two.
 def test_rollouts_are_a_function_of_the_seed():
     first, second = (hs.study.rollouts("rollouts_free_fall", count=6, seed=3, threads=n) for n in (1, 2))
-    assert first.table.rows == 6
-    for name, column in first.table.items():
+    table, other = first.tables["rollouts"], second.tables["rollouts"]
+    assert table.rows == 6
+    for name, column in table.items():
         if isinstance(column, np.ndarray):
-            assert np.array_equal(column, second.table[name], equal_nan=True), name
+            assert np.array_equal(column, other[name], equal_nan=True), name
         else:
-            assert column == second.table[name], name
+            assert column == other[name], name
 
 
 # Oracle: the figures of the scene's own run, to the digits of the table.
@@ -33,9 +34,11 @@ def test_grasps_agree_with_the_run():
              "solver.engine": "articulated"}
     study = hs.study.grasps("grasp_power_can", short)
     figures = hs.load("grasp_power_can", short).run(frames=0).figures
-    row = study.table.row(0)
-    assert study.table.rows == 1 and row["scene"] == "grasp_power_can" and row["side"] == "right"
-    assert row["shift[mm]"] == pytest.approx(1e3 * figures["grasp_shift[m]"], rel=1e-2)
+    table = study.tables["grasps"]
+    row = table.row(0)
+    assert table.rows == 1 and row["scene"] == "grasp_power_can" and row["side"] == "right"
+    assert row["shift"] == pytest.approx(1e3 * figures["grasp_shift"], rel=1e-2)
+    assert (table.units["shift"], figures.units["grasp_shift"]) == ("mm", "m")
 
 
 # Oracle: the case asked for and no other.
@@ -58,8 +61,8 @@ steps: ["2 ms", "1 ms"]
 methods: [{{name: rk4, set: {{duration: 0.5, solver.engine: articulated, solver.method: rk4}}}}]
 """)
     table = hs.study.accuracy(tmp_path / "study.yaml").table
-    assert table["step[s]"].tolist() == [0.002, 0.001]
-    error = table["rate_error_rms[m/s]"]
+    assert table["step"].tolist() == [0.002, 0.001]
+    error = table["rate_error_rms"]
     assert 12 < error[0] / error[1] < 20
 
 
