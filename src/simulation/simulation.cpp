@@ -14,8 +14,8 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
-#include "handsim/engine/collision/pair_table.h"
 #include "handsim/engine/collision/overlap.h"
+#include "handsim/engine/collision/pair_table.h"
 #include "handsim/engine/muscles.h"
 #include "handsim/model/kinematics.h"
 
