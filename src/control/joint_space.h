@@ -50,7 +50,7 @@ class GravityLoad {
 
   /// Torque of each coordinate that balances the weight distal to its joint [N m], size model.dof_count():
   ///   tau_j = -a_j . ((S_j - m_j p_j) x g)
-  /// with the joint's axis a_j and anchor p_j, mass m_j and first moment S_j of all beyond. To the next call.
+  /// with the axis a_j, anchor p_j, mass m_j and first moment S_j of all bodies beyond; until the next call.
   std::span<const double> torques(const model::State& state);
 
   /// A joint of a chain, children before parents.

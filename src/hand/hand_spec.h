@@ -72,7 +72,7 @@ struct PalmSpec {
   LengthRule length, breadth, thickness;
   PlaceRule offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
   std::vector<ShapeSpec> shapes;
-  /// Share of the hand's mass, body_mass_share only. Absent: what segments leave of 1. Given: less in all.
+  /// Share of the hand's mass, body_mass_share only. Absent: what segments leave of 1. Present: may be less.
   std::optional<double> mass_share;
   Place place;  ///< for messages
 };

@@ -67,7 +67,7 @@ template <class V>
 }
 
 /// Factor of the speed; its slope is divided by `top`. @param rate of normalised fibres, @param top largest
-/// speed at the activation. The slope is the chord's to rest, above the tangent's: linear steps fall short.
+/// speed at the activation. The slope is the chord's to rest, above the tangent's: no linear step overshoots.
 template <class V>
 [[gnu::always_inline]] inline HillCurve<V> hill_speed(const V& rate, const V& top) {
   constexpr double kShorten = 1 / hill::kSpeedShape, kGrow = hill::kSteep * hill::kLengthening;

@@ -18,7 +18,7 @@ struct Origins {
 };
 
 /// All defects with their places: non-finite numbers, masses and sizes out of bounds, inertias against the
-/// triangle inequality, axes not unit or perpendicular, stops out of order, wrong indices, late parents.
+/// triangle inequality, axes not unit or perpendicular, stops out of order, bad indices, children first.
 std::vector<Problem> defects(const Model& model, const Origins& origins = {});
 
 }  // namespace handsim::model

@@ -11,7 +11,7 @@ namespace {
 
 using model::ConvexMesh;
 
-/// A face is the contact unless another feature is nearer by this share of the smaller solid: no rounding.
+/// A face is the contact unless another feature is nearer by this share of the smaller solid (rounding).
 constexpr double kPrefer = 1e-4;
 /// Of pads two edges stand for the contact where they are nearer than this share of what the faces overlap
 /// within each other's outline. A corner beyond the outline may be deeper; compared with it, an edge that

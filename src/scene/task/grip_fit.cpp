@@ -164,7 +164,7 @@ class Fit {
            kUseWeight * std::min(use(), kMostWrong) + (thumb_turns() ? wrong_of_wrap() : 0);
   }
 
-  /// From the named place, in smaller and smaller steps, to balanced forces; a named thumb turns to it.
+  /// From the named place, in smaller steps, to balanced forces; a thumb with a named force turns towards it.
   void search() {
     const double length = site_.built.size.length;
     best_ = {place_.at.p, 0};

@@ -36,7 +36,7 @@ struct RunOptions {
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
   /// Writes snapshot.bin at this time [s], rounded to a step.
   std::optional<double> snapshot_at;
-  /// Continues from this snapshot file: tables and pictures show the rest of the scene, the summary all.
+  /// Continues from this snapshot file: tables and pictures show the rest of it, the summary all of it.
   std::optional<std::filesystem::path> from_snapshot;
   /// Ends the run once a grasp is decided (GraspFigures::decided).
   bool stop_lost = false;

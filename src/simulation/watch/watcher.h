@@ -65,7 +65,7 @@ class Watcher {
   virtual std::string_view name() const = 0;
   /// Called after each step.
   virtual void update(Step& step) = 0;
-  /// True if it uses Step::times. One step in 16 is timed: on small scenes the clock costs like a phase.
+  /// True if it uses Step::times. One step in 16 is timed: on small scenes the clock costs as a phase.
   virtual bool wants_times() const { return false; }
 
   /// Saves its measurements.
