@@ -1,7 +1,6 @@
 #include "handsim/app/commands.h"
 
 #include <new>
-#include <optional>
 #include <sstream>
 #include <string_view>
 

@@ -1,6 +1,5 @@
-// The command line: subcommands that read files, call the library and print. Exit status 0: done, and every
-// criterion held; 1: ran, but a criterion failed, the simulation diverged, or output was lost; 2: bad input
-// or usage.
+// The command line: subcommands that read files, call the library and print. Exit status 0: done, criteria
+// held; 1: a criterion failed, the simulation diverged, or output was lost; 2: bad input or usage.
 #pragma once
 
 #include <filesystem>
@@ -9,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/rollouts.h"
@@ -25,6 +25,21 @@ struct HandArguments {
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };
 int hand_command(const HandArguments& arguments);
+
+/// Hands straight from a person, without a scene.
+struct PersonHands {
+  hand::HandSpec model;
+  hand::Person person;
+  YamlNode files = yaml_map();  ///< trees of both files
+  std::vector<std::string> warnings;
+};
+
+/// @throws Error (input) that names the files' keys or the options.
+PersonHands read_person_hands(const HandArguments& arguments);
+
+/// A scene with the requested hands: straight, side by side, backs up.
+scene::Scene compile_hands(const std::string& side, hand::Mount mount, const model::Effects& effects,
+                           PersonHands input);
 
 struct CheckArguments {
   std::vector<std::filesystem::path> files;
@@ -104,8 +119,7 @@ struct ViewArguments {
 };
 int view_command(const ViewArguments& arguments);
 
-/// A line for each of the ten deepest pairs of shapes that overlap at the start, deepest first, and the
-/// number of others.
+/// A line for each of the ten deepest overlaps of shapes at the start, deepest first, and how many others.
 std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps);
 
 /// Extension of a file's name in lower case: `.png`; may be empty.

@@ -14,9 +14,8 @@
 
 namespace handsim::app {
 
-/// Opens standard streams that are closed, so that writing to them fails and no later file gets their number.
-/// Signals of a closed pipe or terminal and of the limit on file sizes no longer end the process: writing
-/// then fails.
+/// Opens standard streams that are closed: writing to them fails, no later file gets their number. Signals
+/// of a closed pipe or terminal and of the limit on file sizes end no process: writing then fails.
 void prepare_streams();
 
 /// Prints to standard output.
@@ -41,8 +40,7 @@ void print_warnings(const std::vector<std::string>& warnings);
 /// @returns the command's exit status, or 1 if that is 0 and output was lost.
 int finish_output(int status);
 
-/// The text after `files in DIR` of a study with plots by gnuplot, and the exit status. A missing gnuplot is
-/// not a failure; a gnuplot that fails is.
+/// The text after `files in DIR` and the exit status, 1 if gnuplot fails; that it is missing is no failure.
 struct PlotNote {
   std::string_view text;
   int status = 0;

@@ -6,7 +6,6 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
-#include "handsim/app/person_hands.h"
 #include "handsim/core/text.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/export/export.h"
@@ -29,7 +28,7 @@ std::string format_of(const ExportArguments& arguments) {
   const std::string ending = ending_of(arguments.out);
   if (ending.empty()) return arguments.format.value_or("mjcf");
   for (const Format& format : kFormats) {
-    const bool ends = std::find(format.endings.begin(), format.endings.end(), ending) != format.endings.end();
+    const bool ends = std::ranges::find(format.endings, ending) != format.endings.end();
     if (ends && arguments.format.value_or(format.name) == format.name) return format.name;
   }
   std::string need = "a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim)";
@@ -40,8 +39,7 @@ std::string format_of(const ExportArguments& arguments) {
   throw input_error("--out", arguments.out.string(), need);
 }
 
-/// Refuses options that belong to a person beside a scene, and the other way round, and `--time` of what has
-/// none.
+/// Refuses options of a person beside a scene, those of a scene beside a person, `--time` of what has none.
 void check_source(const ExportArguments& arguments, const std::string& format) {
   if (arguments.time && (!arguments.scene || format != "mjcf"))
     throw input_error("--time", fmt::format("{:g} s", *arguments.time), "a scene, and the format mjcf");

@@ -1,8 +1,17 @@
 // Commands for recorded motion: inverse dynamics, tracking.
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
+#include <fmt/format.h>
+
 #include "handsim/app/command_line.h"
+#include "handsim/app/console.h"
 #include "handsim/app/motion_command.h"
+#include "handsim/app/progress.h"
+#include "handsim/core/data_folder.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 
@@ -77,11 +86,189 @@ void add_track(CommandLine& line) {
   track.add_flag("--json", arguments->json, "print summary.json in place of the table");
 }
 
+control::MotionNames load_names(const std::filesystem::path& path) {
+  Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
+  control::MotionNames out;
+  if (scene::is_of_kind(root, "", scene::FileKind::motion_names, diagnostics))
+    out = control::read_motion_names(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return out;
+}
+
+/// The scene; --muscles puts them in effect.
+scene::Scene with_muscles(const InverseArguments& arguments) {
+  scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  using model::Effect;
+  const auto touches = [&](Effect effect) {
+    return effect == Effect::self_contact || effect == Effect::object_contact || effect == Effect::friction;
+  };
+  if (!arguments.muscles || (!scene.model.muscles.empty() && !arguments.apart)) return scene;
+  std::string effects = "muscles, tendon_coupling";
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (const auto effect = static_cast<Effect>(i);
+        scene.spec.solver.effects.has(effect) && !(arguments.apart && touches(effect)))
+      effects += fmt::format(", {}", model::name(effect));
+  std::vector<std::string> overrides = arguments.overrides;
+  overrides.push_back("effects=[" + effects + "]");
+  return scene::load_scene(arguments.scene, overrides);
+}
+
+/// Reads a file of a known kind. @throws Error (input) with all its problems.
+template <class Read>
+auto load_kind(const std::filesystem::path& path, scene::FileKind kind, const Read& read) {
+  Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
+  decltype(read(root, diagnostics)) out{};
+  if (scene::is_of_kind(root, "", kind, diagnostics)) out = read(root, diagnostics);
+  diagnostics.throw_if_any();
+  print_warnings(diagnostics.warnings);
+  return out;
+}
+
+void print_track(const study::TrackInput& input, const study::TrackResult& result) {
+  print_warnings(result.warnings);
+  for (const study::TrackedHand& hand : result.hands) {
+    using Status = study::FrameStatus;
+    print(
+        "{:<6} {} frames: {} tracked, {} without a hand, {} swapped, {} poor; noise {:.3g} mm a coordinate\n",
+        hand.name, hand.frames.size(), hand.count(Status::tracked), hand.count(Status::missing),
+        hand.count(Status::swapped), hand.count(Status::poor), 1e3 * hand.noise);
+    if (const auto open = std::ranges::count(hand.determined, false);
+        open > 0 && hand.count(Status::tracked) > 0)
+      print("       {} axes that no point or sensor determines: left out\n", open);
+    if (hand.overlaps.frames > 0)
+      print(
+          "       fingers inside each other in {} of {} frames tested, up to {:.2g} mm ({}): handsim run of "
+          "scene.yaml resolves them by contact\n",
+          hand.overlaps.frames, hand.overlaps.tested, 1e3 * hand.overlaps.deepest, hand.overlaps.where);
+    double squares = 0, count = 0;
+    for (const study::TruthFigures& axis : hand.truth)
+      if (axis.axis.ends_with(".flexion") && !axis.axis.starts_with("thumb"))
+        squares += axis.rms * axis.rms, count += 1;
+    if (count > 0)
+      print("       difference from the known angles at the flexion axes of the fingers: {:.3g} deg RMS\n",
+            kDegreesPerRadian * std::sqrt(squares / count));
+  }
+  if (result.person.hand_length && result.person.hand_breadth)
+    print("hand length {:.1f} mm, breadth {:.1f} mm; ", 1e3 * *result.person.hand_length,
+          1e3 * *result.person.hand_breadth);
+  print("{:.3g} s of CPU time\n", result.cpu);
+  if (!input.person_named)
+    print("stature, mass and sex are those of the {}: --person states others\n", input.person.title);
+}
+
 }  // namespace
 
 void add_motion_commands(CommandLine& line) {
   add_inverse(line);
   add_track(line);
+}
+
+study::InverseInput inverse_input(const InverseArguments& arguments) {
+  study::InverseInput input;
+  input.motion = arguments.motion;
+  if (arguments.names) input.options.names = load_names(*arguments.names);
+  input.options.clamp = arguments.clamp;
+  input.options.filter = arguments.cutoff;
+  input.loads = arguments.loads;
+  input.forward = !arguments.no_check;
+  if (arguments.muscles) input.least_activation = arguments.co_contraction;
+  return input;
+}
+
+int inverse_command(const InverseArguments& arguments) {
+  const scene::Scene scene = with_muscles(arguments);
+  print_warnings(scene.warnings);
+  const study::InverseInput input = inverse_input(arguments);
+  const output::OutputFolder folder(arguments.out, study::inverse_files(), [&] {
+    std::vector<std::filesystem::path> read = scene::files_read(scene);
+    for (const auto& file : {arguments.motion, arguments.names, arguments.loads})
+      if (file) read.push_back(*file);
+    return read;
+  });
+  const study::InverseResult result =
+      with_progress([&](const auto& show) { return study::run_inverse(scene, input, show); });
+  print_warnings(result.warnings);
+  folder.clear();
+  study::StudyEnd end{scene.spec.title + "\n" + study::inverse_table(result)};
+  end.plotted = study::write_inverse(scene, input, result, arguments.out);
+  if (result.fault) print_error("the check ended early: {}\n", *result.fault);
+  if (result.rms_error && !result.agrees() && !result.fault)
+    print_error(
+        "the check misses the motion: RMS error {:.3g} deg, limit {:g} deg: contacts between bodies are "
+        "no part of the torques, and without feedback differences grow\n",
+        kDegreesPerRadian * *result.rms_error, kDegreesPerRadian * study::kLargestCheckError);
+  if (result.cutoff)
+    end.text += fmt::format("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n",
+                            *result.cutoff);
+  if (result.reserve_share)
+    end.text +=
+        fmt::format("muscles leave {:.2g} % of the torques undone (RMS over all axes): reserves.sto\n",
+                    100 * *result.reserve_share);
+  if (result.rms_error)
+    end.text += fmt::format(
+        "a simulation with these {}: RMS error {:.3g} deg over all axes\n",
+        arguments.muscles
+            ? fmt::format("excitations and reserves, from the motion anew each {:g} s", study::kCheckWindow)
+            : "torques alone",
+        kDegreesPerRadian * *result.rms_error);
+  end.json = study::inverse_json(scene, input, result);
+  const int status = print_study(end, arguments.out, arguments.json);
+  return result.agrees() ? status : 1;
+}
+
+study::TrackInput track_input(const TrackArguments& arguments) {
+  study::TrackInput out;
+  out.recording = arguments.recording;
+  out.model_file = arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml");
+  out.model = load_kind(
+      out.model_file, scene::FileKind::hand_model,
+      [](YamlNode& root, Diagnostics& diagnostics) { return hand::read_hand_spec(root, "", diagnostics); });
+  out.person = load_kind(
+      arguments.person.value_or(data_folder() / "config/persons/median_man.yaml"), scene::FileKind::person,
+      [](YamlNode& root, Diagnostics& diagnostics) { return hand::read_person(root, "", diagnostics); });
+  if (arguments.markers)
+    out.markers = load_kind(*arguments.markers, scene::FileKind::marker_set,
+                            [](YamlNode& root, Diagnostics& diagnostics) {
+                              return study::read_marker_set(root, "", diagnostics);
+                            });
+  out.person_named = arguments.person.has_value();
+  out.fit_bones = !arguments.keep_person;
+  out.smooth = !arguments.no_smoothing;
+  out.noise = arguments.noise;
+  out.seed = arguments.seed;
+  out.truth = arguments.truth;
+  return out;
+}
+
+int track_command(const TrackArguments& arguments) {
+  const study::TrackInput input = track_input(arguments);
+  const output::OutputFolder folder(arguments.out, study::track_files(), [&] {
+    std::vector<std::filesystem::path> read = {input.recording, input.model_file};
+    for (const auto& file : {arguments.person, arguments.markers, arguments.truth})
+      if (file) read.push_back(*file);
+    return read;
+  });
+  const study::TrackResult result =
+      with_progress([&](const auto& show) { return study::run_track(input, show); });
+  folder.clear();
+  study::StudyEnd end;
+  end.plotted = study::write_track(input, result, arguments.out);
+  const bool tracked = std::ranges::any_of(
+      result.hands, [](const auto& hand) { return hand.count(study::FrameStatus::tracked) > 0; });
+  if (!tracked) print_error("no frame of any hand is tracked: frames.csv says why of each\n");
+  if (arguments.json)
+    end.json = study::track_json(input, result);
+  else
+    print_track(input, result);
+  const int status = print_study(end, arguments.out, arguments.json);
+  if (!tracked || !arguments.activations) return tracked ? status : 1;
+  InverseArguments inverse;
+  inverse.scene = arguments.out / "scene.yaml";
+  inverse.out = arguments.out / "activations";
+  inverse.muscles = inverse.apart = true;
+  return std::max(status, inverse_command(inverse));
 }
 
 }  // namespace handsim::app

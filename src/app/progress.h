@@ -39,8 +39,7 @@ class ProgressBar {
   }
 
  private:
-  /// `40 s`, `12 min`, `3.2 h`: at the speed since the first share that was shown, which a resumed study has
-  /// from before.
+  /// `40 s`, `12 min`, `3.2 h`: at the speed since the first share; a resumed study has that from before.
   std::string left(std::chrono::steady_clock::time_point now, double share) {
     if (!first_) first_ = {now, share};
     const double gone = std::chrono::duration<double>(now - first_->first).count();

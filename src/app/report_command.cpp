@@ -16,7 +16,7 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/report/page.h"
 #include "handsim/simulation/report/run_report.h"
-#include "handsim/study/study_page.h"
+#include "handsim/study/report.h"
 
 namespace handsim::app {
 
@@ -59,6 +59,28 @@ class TemporaryFolder {
  private:
   fs::path path_;
 };
+
+void add_report(CommandLine& line) {
+  const auto arguments = std::make_shared<ReportArguments>();
+  CLI::App& command =
+      line.add("report", "One HTML page of a finished run or study, or of two runs in comparison",
+               "handsim report out/two_hands", report_command, arguments);
+  command
+      .add_option("folders", arguments->folders, "folder of a run or study; two runs: the second as a ghost")
+      ->required();
+  command.add_option("--out", arguments->out, "page to write (default: report.html in the first folder)")
+      ->check(check_path);
+}
+
+void add_view(CommandLine& line) {
+  const auto arguments = std::make_shared<ViewArguments>();
+  CLI::App& command =
+      line.add("view", "Simulate a scene in a temporary folder and show its report in the browser",
+               "handsim view config/two_hands.yaml", view_command, arguments);
+  add_input(command, "scene", arguments->scene, "scene file")->required();
+  add_overrides(command, arguments->overrides);
+  command.add_flag("--no-browser", arguments->no_browser, "only print where the page is");
+}
 
 }  // namespace
 
@@ -121,32 +143,6 @@ int view_command(const ViewArguments& arguments) {
   if (arguments.no_browser || !open_in_browser(page)) print("open it in a browser: {}\n", page.string());
   return status;
 }
-
-namespace {
-
-void add_report(CommandLine& line) {
-  const auto arguments = std::make_shared<ReportArguments>();
-  CLI::App& command =
-      line.add("report", "One HTML page of a finished run or study, or of two runs in comparison",
-               "handsim report out/two_hands", report_command, arguments);
-  command
-      .add_option("folders", arguments->folders, "folder of a run or study; two runs: the second as a ghost")
-      ->required();
-  command.add_option("--out", arguments->out, "page to write (default: report.html in the first folder)")
-      ->check(check_path);
-}
-
-void add_view(CommandLine& line) {
-  const auto arguments = std::make_shared<ViewArguments>();
-  CLI::App& command =
-      line.add("view", "Simulate a scene in a temporary folder and show its report in the browser",
-               "handsim view config/two_hands.yaml", view_command, arguments);
-  add_input(command, "scene", arguments->scene, "scene file")->required();
-  add_overrides(command, arguments->overrides);
-  command.add_flag("--no-browser", arguments->no_browser, "only print where the page is");
-}
-
-}  // namespace
 
 void add_report_commands(CommandLine& line) {
   add_report(line);

@@ -18,8 +18,7 @@ namespace {
 
 std::atomic<bool> stop_asked = false;
 
-/// Ctrl-C and the end of a job's time: what is done is written down, and the program ends by itself. A second
-/// Ctrl-C ends it at once.
+/// Ctrl-C and the end of a job's time: what is done is saved, then the program ends; a second one at once.
 void stop_at_signals() {
   struct sigaction action {};
   action.sa_handler = [](int) { stop_asked = true; };

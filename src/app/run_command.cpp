@@ -14,7 +14,6 @@
 #include "handsim/output/child.h"
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
-#include "handsim/output/video/workers.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/snapshot.h"
@@ -97,8 +96,7 @@ void print_climbs(const simulation::RunResult& result) {
     if (!climb.begun()) continue;
     print(
         "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength for this sex, age and stature ({:.0f} N, "
-        "standard "
-        "deviation {:.0f} N)\n",
+        "standard deviation {:.0f} N)\n",
         climb.name, climb.failed ? "fails beyond" : "holds", climb.carried, 100 * climb.share(),
         climb.strength.norm, climb.strength.deviation);
     if (climb.strength.measured) print("    the person's own grip strength: {:.0f} N\n", climb.strength.own);
@@ -168,12 +166,36 @@ void add_report(const std::filesystem::path& out, simulation::RunResult& result)
   }
 }
 
+/// One picture, drawn in a child process.
+void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
+  const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
+  const auto draw = [&](const output::Progress&) {
+    output::write_png(simulation::draw(scene, moment, arguments.gl), *arguments.out);
+  };
+  if (const auto failure = output::run_in_child(draw, {}))
+    throw output_error(arguments.out->string(), "no picture: " + *failure,
+                       "memory, room on the disk, or a smaller pictures.size");
+}
+
+void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
+  const simulation::VideoSpec& spec = *arguments.video;
+  ProgressBar bar;
+  const simulation::Film film = simulation::film_until(
+      scene, spec, arguments.time.value_or(scene.spec.duration), [&bar](double share) { bar.show(share); });
+  const auto draw = [&](const output::Progress& progress) {
+    film.write({arguments.gl, output::core_count(), 0}, progress);
+  };
+  if (const auto failure = output::run_in_child(draw, [&bar](double share) { bar.show(share); }))
+    throw output_error(spec.file.string(), "no video: " + *failure,
+                       "memory, room on the disk, or a smaller pictures.size");
+}
+
 }  // namespace
 
 std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps) {
   constexpr std::size_t kNamed = 10;
-  std::stable_sort(overlaps.begin(), overlaps.end(),
-                   [](const engine::Overlap& a, const engine::Overlap& b) { return a.depth > b.depth; });
+  std::ranges::stable_sort(
+      overlaps, [](const engine::Overlap& a, const engine::Overlap& b) { return a.depth > b.depth; });
   std::vector<std::string> out;
   for (std::size_t i = 0; i < std::min(overlaps.size(), kNamed); ++i)
     out.push_back(fmt::format("{} and {} overlap by {:.2g} mm at the start",
@@ -221,34 +243,6 @@ int run_scene_command(const RunArguments& arguments) {
         simulation::mathematics());
   return result.passed() && result.missing.empty() ? 0 : 1;
 }
-
-namespace {
-
-/// One picture, drawn in a child process.
-void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
-  const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
-  const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, moment, arguments.gl), *arguments.out);
-  };
-  if (const auto failure = output::run_in_child(draw, {}))
-    throw output_error(arguments.out->string(), "no picture: " + *failure,
-                       "memory, room on the disk, or a smaller pictures.size");
-}
-
-void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
-  const simulation::VideoSpec& spec = *arguments.video;
-  ProgressBar bar;
-  const simulation::Film film = simulation::film_until(
-      scene, spec, arguments.time.value_or(scene.spec.duration), [&bar](double share) { bar.show(share); });
-  const auto draw = [&](const output::Progress& progress) {
-    film.write({arguments.gl, output::core_count(), 0}, progress);
-  };
-  if (const auto failure = output::run_in_child(draw, [&bar](double share) { bar.show(share); }))
-    throw output_error(spec.file.string(), "no video: " + *failure,
-                       "memory, room on the disk, or a smaller pictures.size");
-}
-
-}  // namespace
 
 int render_command(const RenderArguments& arguments) {
   output::require_pictures();

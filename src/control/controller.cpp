@@ -70,8 +70,7 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
 }
 
 void Controller::set_targets(std::span<const double> targets) {
-  const bool finite =
-      std::all_of(targets.begin(), targets.end(), [](double target) { return std::isfinite(target); });
+  const bool finite = std::ranges::all_of(targets, [](double target) { return std::isfinite(target); });
   if (targets.size() != axes_.size() || !finite)
     throw input_error("targets", finite ? fmt::format("{} angles", targets.size()) : "one that is not finite",
                       fmt::format("a finite angle for each of {} driven axes", axes_.size()));
@@ -82,8 +81,8 @@ void Controller::update_targets(double time) {
   for (std::size_t i = 0; i < given_.size(); ++i) targets_[constants_[i].target] = given_[i];
   if (!given_.empty()) {
     // The caller's targets have no rates.
-    if (feed_) std::fill(feed_->rates.begin(), feed_->rates.end(), 0.0);
-    if (feed_) std::fill(feed_->accelerations.begin(), feed_->accelerations.end(), 0.0);
+    if (feed_) std::ranges::fill(feed_->rates, 0.0);
+    if (feed_) std::ranges::fill(feed_->accelerations, 0.0);
     return;
   }
   for (std::size_t h = 0; h < plan_.hands.size(); ++h) {

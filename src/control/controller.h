@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "handsim/control/gravity.h"
+#include "handsim/control/joint_space.h"
 #include "handsim/control/plan.h"
 #include "handsim/core/archive.h"
 #include "handsim/model/actuation.h"
@@ -40,8 +40,7 @@ class Controller {
   /// Reads angles and rates after the step, and the torques of the drives in it.
   void observe(const model::State& state);
 
-  /// Results of the last command(): torques for explicit gains, servos for implicit ones, size
-  /// model.dof_count(); the other is empty.
+  /// Results of the last command(): torques of explicit gains or servos of implicit ones; the other is empty.
   std::span<const double> torques() const { return torques_; }
   std::span<const model::Servo> servos() const { return servos_; }
   /// One per driven axis, in the order of Plan::axes.

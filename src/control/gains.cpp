@@ -45,11 +45,9 @@ GainRow read_row(MapReader reader) {
   row.place = reader.node().place();
   row.joints = reader.texts("joints", 1, kMostItems,
                             "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), a "
-                            "pattern (*_mcp), or a list of "
-                            "them");
+                            "pattern (*_mcp), or a list of them");
   for (const std::string& name : row.joints)
-    if (std::count(name.begin(), name.end(), '*') > 1)
-      reader.problem("joints", name, "at most one * in a name");
+    if (std::ranges::count(name, '*') > 1) reader.problem("joints", name, "at most one * in a name");
   row.gains = read_gains(reader);
   reader.maybe_text("source");
   reader.finish();
@@ -103,13 +101,13 @@ void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands,
     for (const std::string& name : row.joints) {
       const bool matched =
           name.find('*') != std::string::npos ||
-          std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); });
+          std::ranges::any_of(hands, [&](const HandAxes& hand) { return hand.accepts(name); });
       if (matched) continue;
       if (is_misspelt(name, known, named))
         diagnostics.problems.push_back({row.place, "gains.joints",
                                         fmt::format("\"{}\", a joint that no hand of the scene has", name),
                                         "a joint or joint.axis of a hand" + nearest_hint(name, known)});
-      else if (std::find(absent.begin(), absent.end(), name) == absent.end())
+      else if (std::ranges::find(absent, name) == absent.end())
         absent.push_back(name);
     }
   if (!absent.empty())
@@ -121,8 +119,8 @@ void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands,
 std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis) {
   std::optional<AxisGains> out;
   for (const GainRow& row : spec.rows) {
-    if (std::none_of(row.joints.begin(), row.joints.end(),
-                     [&](const std::string& n) { return matches(axis, n) || fits(n, axis); }))
+    if (std::ranges::none_of(row.joints,
+                             [&](const std::string& n) { return matches(axis, n) || fits(n, axis); }))
       continue;
     if (!out) out.emplace();
     out->overlay(row.gains);

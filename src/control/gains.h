@@ -1,6 +1,5 @@
-// The content of a controller file: the form of control, feed-forward terms, and rows of gains by joint.
-// Independent of the person: rows may state a frequency and a damping ratio, from which plan.h computes gains
-// for the built hand.
+// The content of a controller file: the form of control, feed-forward terms, and rows of gains by joint. For
+// any person: rows may state a frequency and a damping ratio, which plan.h turns into gains for the hand.
 #pragma once
 
 #include <optional>
@@ -18,8 +17,7 @@ enum class Form {
   implicit_gain,    ///< spring-dampers that the engine solves within the step: stable at any step
 };
 
-/// Gains of one joint axis as rows state them: given (proportional, derivative, integral) or designed
-/// (frequency, damping_ratio, integral_time).
+/// Gains of a joint axis as rows state them: given, or designed (frequency, damping_ratio, integral_time).
 struct AxisGains {
   std::optional<double> proportional;   ///< [N m/rad], 0..1e4
   std::optional<double> derivative;     ///< [N m s/rad], 0..1e3; acts on the measured rate
@@ -57,8 +55,7 @@ struct ControllerSpec {
 /// Reads a controller file; every defect goes into the diagnostics.
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// Problems: rows of a misspelt joint. A warning: other joints that no hand has, as a file for several hands
-/// may name.
+/// Problems: rows of a misspelt joint. A warning: joints that no hand has, as a file for several may name.
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);
 
 /// The gains of an axis from all rows that name it; nothing if none does: the axis is not driven.

@@ -23,17 +23,15 @@ void add_words(std::string_view name, std::vector<std::string>& out) {
 bool is_misspelt(std::string_view name, const std::vector<std::string>& known,
                  const std::vector<std::string>& named) {
   std::vector<std::string> open = known, words, own;
-  std::erase_if(open, [&](const std::string& each) {
-    return std::find(named.begin(), named.end(), each) != named.end();
-  });
+  std::erase_if(open, [&](const std::string& each) { return std::ranges::find(named, each) != named.end(); });
   if (nearest_word(name, open)) return true;
   for (const std::string& each : known) add_words(each, words);
   add_words(name, own);
   // Of short words only the order of letters: dip and pip are two joints.
-  return std::any_of(own.begin(), own.end(), [&](const std::string& word) {
-    if (std::find(words.begin(), words.end(), word) != words.end()) return false;
+  return std::ranges::any_of(own, [&](const std::string& word) {
+    if (std::ranges::find(words, word) != words.end()) return false;
     return (word.size() >= 4 && nearest_word(word, words)) ||
-           std::any_of(words.begin(), words.end(), [&](const std::string& each) {
+           std::ranges::any_of(words, [&](const std::string& each) {
              return std::is_permutation(each.begin(), each.end(), word.begin(), word.end());
            });
   });
@@ -47,8 +45,8 @@ bool HandAxes::accepts(std::string_view name) const {
   const auto is_absent = [&](const std::string& joint) {
     return name == joint || name.starts_with(joint + ".");
   };
-  return std::any_of(axes.begin(), axes.end(), [&](const HandAxis& axis) { return matches(axis, name); }) ||
-         std::any_of(absent.begin(), absent.end(), is_absent);
+  return std::ranges::any_of(axes, [&](const HandAxis& axis) { return matches(axis, name); }) ||
+         std::ranges::any_of(absent, is_absent);
 }
 
 std::vector<std::string> HandAxes::joints() const {

@@ -35,9 +35,8 @@ struct HandAxes {
 /// True if `name` is `all`, the axis' joint or the axis itself.
 bool matches(const HandAxis& axis, std::string_view name);
 
-/// True for a name that is probably another one's misspelling, not of a joint that other hands have: it is
-/// near to a known name that is not also `named`, or one of its words (`indx` of `indx_mcp`) is near to a
-/// known word.
+/// True for a name that is probably misspelt, not of a joint that other hands have: it is near a known name
+/// that is not also `named`, or one of its words (`indx` of `indx_mcp`) is near to a known word.
 bool is_misspelt(std::string_view name, const std::vector<std::string>& known,
                  const std::vector<std::string>& named);
 

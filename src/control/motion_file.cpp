@@ -17,35 +17,12 @@ namespace {
 constexpr std::string_view kTarget = ".target";
 constexpr std::size_t kMaxProblems = 20;
 
-struct Field {
-  std::string_view text;
-  int column = 1;
-};
-
-std::string_view trimmed(std::string_view text) {
-  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
-  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
-std::vector<Field> split_commas(std::string_view line) {
-  std::vector<Field> out;
-  std::size_t begin = 0;
-  while (begin <= line.size()) {
-    const std::size_t end = std::min(line.find(',', begin), line.size());
-    out.push_back({trimmed(line.substr(begin, end - begin)), static_cast<int>(begin) + 1});
-    begin = end + 1;
-  }
-  return out;
-}
-
-std::vector<Field> split_blanks(std::string_view line) {
-  std::vector<Field> out;
+std::vector<std::string_view> split_blanks(std::string_view line) {
+  std::vector<std::string_view> out;
   std::size_t begin = 0;
   while ((begin = line.find_first_not_of(" \t\r", begin)) != std::string_view::npos) {
     const std::size_t end = std::min(line.find_first_of(" \t\r", begin), line.size());
-    out.push_back({line.substr(begin, end - begin), static_cast<int>(begin) + 1});
+    out.push_back(line.substr(begin, end - begin));
     begin = end;
   }
   return out;
@@ -84,7 +61,7 @@ class Reader {
     opensim ? read_opensim_header() : read_csv_header();
     stop_if_bad();
     while (next_line()) {
-      if (!trimmed(line_).empty()) read_row(opensim ? split_blanks(line_) : split_commas(line_));
+      if (!trimmed(line_).empty()) read_row(opensim ? split_blanks(line_) : split(line_, ','));
       if (problems_.size() >= kMaxProblems) break;
     }
     if (problems_.empty() && table_.times.empty()) problem(1, "", "no rows", "at least one row of angles");
@@ -103,6 +80,7 @@ class Reader {
     return true;
   }
 
+  int column_of(std::string_view field) const { return static_cast<int>(field.data() - line_.data()) + 1; }
   void problem(int column, std::string key, std::string got, std::string need) {
     if (problems_.size() >= kMaxProblems) return;
     problems_.push_back({Place{name_, number_, column}, std::move(key), std::move(got), std::move(need)});
@@ -121,35 +99,35 @@ class Reader {
 
   /// A label `NAME`, `NAME[unit]` or, in control.sto, `NAME.target[unit]`. Ignores columns without angles.
   /// @param default_factor to rad, for a label without a unit.
-  void read_label(const Field& field, std::size_t index, double default_factor) {
-    const std::size_t bracket = field.text.find('[');
-    const std::string_view unit = bracket == std::string_view::npos ? "" : field.text.substr(bracket);
-    std::string name = coordinate_of(field.text.substr(0, bracket));
+  void read_label(std::string_view field, std::size_t index, double default_factor) {
+    const std::size_t bracket = field.find('[');
+    const std::string_view unit = bracket == std::string_view::npos ? "" : field.substr(bracket);
+    std::string name = coordinate_of(field.substr(0, bracket));
     if (content_ == TableContent::poses) return read_pose_label(field, index, default_factor, name, unit);
     const bool quaternion = name.size() > 3 && name[name.size() - 3] == '.' && name[name.size() - 2] == 'q';
     if (content_ == TableContent::excitations) {
       if (!unit.empty() && unit != "[]" && unit != "[rad]")
-        return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
+        return problem(column_of(field), std::string(field), fmt::format("the unit {}", unit),
                        "no unit, or []: excitations are numbers of 0 to 1");
-      add_column(name, 1, field.column);
+      add_column(name, 1, column_of(field));
       kept_.push_back(index);
       return;
     }
     for (const std::string_view other : {"[m]", "[mm]", "[rad/s]", "[m/s]", "[N_m]", "[N]", "[]"})
       if (quaternion || unit == other) return;
     if (!unit.empty() && unit != "[rad]" && unit != "[deg]")
-      return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
+      return problem(column_of(field), std::string(field), fmt::format("the unit {}", unit),
                      "[rad] or [deg]");
     if (is_pose_column(name) && name.find(".wrist.") != std::string::npos) return;
     if (name.ends_with(kTarget)) name.resize(name.size() - kTarget.size());
     const double factor = unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : default_factor;
     table_.radians = table_.radians && factor == 1;
-    add_column(name, factor, field.column);
+    add_column(name, factor, column_of(field));
     kept_.push_back(index);
   }
 
-  void read_pose_label(const Field& field, std::size_t index, double default_factor, const std::string& name,
-                       std::string_view unit) {
+  void read_pose_label(std::string_view field, std::size_t index, double default_factor,
+                       const std::string& name, std::string_view unit) {
     if (!is_pose_column(name)) return;
     const bool turn = name.ends_with("angle") || (name.size() >= 2 && name[name.size() - 2] == 'r');
     const std::vector<std::pair<std::string_view, double>> units =
@@ -157,17 +135,16 @@ class Reader {
                                                                 {"[rad]", 1},
                                                                 {"[deg]", kDegree}}
              : std::vector<std::pair<std::string_view, double>>{{"", 1}, {"[m]", 1}, {"[mm]", 1e-3}};
-    const auto found =
-        std::find_if(units.begin(), units.end(), [&](const auto& each) { return each.first == unit; });
+    const auto found = std::ranges::find_if(units, [&](const auto& each) { return each.first == unit; });
     if (found == units.end())
-      return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
+      return problem(column_of(field), std::string(field), fmt::format("the unit {}", unit),
                      turn ? "[rad] or [deg]" : "[m] or [mm]");
-    add_column(name, found->second, field.column);
+    add_column(name, found->second, column_of(field));
     kept_.push_back(index);
   }
 
   /// The labels after the time. @param factor to rad, of labels without a unit
-  void read_labels(const std::vector<Field>& labels, double factor) {
+  void read_labels(const std::vector<std::string_view>& labels, double factor) {
     struct Text {
       const char *none, *need;
     };
@@ -184,10 +161,10 @@ class Reader {
 
   void read_csv_header() {
     if (!next_line()) return problem(1, "", "an empty file", "a line of column names, then rows");
-    const std::vector<Field> fields = split_commas(line_);
+    const std::vector<std::string_view> fields = split(line_, ',');
     width_ = fields.size();
-    if (fields[0].text != "time" && fields[0].text != "time[s]")
-      problem(1, "", fmt::format("\"{}\"", fields[0].text), "time[s] as the first column");
+    if (fields[0] != "time" && fields[0] != "time[s]")
+      problem(1, "", fmt::format("\"{}\"", fields[0]), "time[s] as the first column");
     read_labels(fields, 1);
   }
 
@@ -222,10 +199,10 @@ class Reader {
     }
     if (!ended) return problem(1, "", "no line `endheader`", "an OpenSim header that ends with it");
     if (!next_line()) return problem(1, "", "nothing after endheader", "a line of column labels, then rows");
-    const std::vector<Field> labels = split_blanks(line_);
+    const std::vector<std::string_view> labels = split_blanks(line_);
     width_ = labels.size();
-    if (labels.empty() || labels[0].text != "time")
-      return problem(1, "", labels.empty() ? "no labels" : fmt::format("\"{}\"", labels[0].text),
+    if (labels.empty() || labels[0] != "time")
+      return problem(1, "", labels.empty() ? "no labels" : fmt::format("\"{}\"", labels[0]),
                      "time as the first label");
     if (columns && *columns != width_)
       problem(1, "nColumns", fmt::format("{} labels", width_),
@@ -233,12 +210,12 @@ class Reader {
     read_labels(labels, degrees ? kDegree : 1);
   }
 
-  void read_row(const std::vector<Field>& fields) {
+  void read_row(const std::vector<std::string_view>& fields) {
     if (fields.size() != width_)
       return problem(1, "", fmt::format("{} values", fields.size()),
                      fmt::format("{}, one for each column", width_));
-    const auto time = parse_number(fields[0].text);
-    if (!time) return problem(1, "time", fmt::format("\"{}\"", fields[0].text), "a time in s");
+    const auto time = parse_number(fields[0]);
+    if (!time) return problem(1, "time", fmt::format("\"{}\"", fields[0]), "a time in s");
     if (!table_.times.empty() && !(*time > table_.times.back()))
       return problem(1, "time", fmt::format("{:g} s after {:g} s", *time, table_.times.back()),
                      "increasing times");
@@ -249,10 +226,10 @@ class Reader {
     }
     const std::size_t before = table_.values.size();
     for (std::size_t k = 0; k < kept_.size(); ++k) {
-      const Field& field = fields[kept_[k]];
-      const auto value = parse_number(field.text);
+      std::string_view field = fields[kept_[k]];
+      const auto value = parse_number(field);
       if (!value) {
-        problem(field.column, table_.names[k], fmt::format("\"{}\"", field.text), "a finite number");
+        problem(column_of(field), table_.names[k], fmt::format("\"{}\"", field), "a finite number");
         table_.values.resize(before);
         return;
       }

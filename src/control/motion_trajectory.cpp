@@ -37,8 +37,7 @@ class HandTable {
   }
 
   bool has_columns() const {
-    return std::any_of(sources_.begin(), sources_.end(),
-                       [](const Source& s) { return s.column.has_value(); });
+    return std::ranges::any_of(sources_, [](const Source& s) { return s.column.has_value(); });
   }
   bool has(std::size_t axis) const { return sources_[axis].column || sources_[axis].leader; }
   /// Axes that get no angle.
@@ -75,7 +74,7 @@ class HandTable {
   std::optional<std::size_t> axis_of(const std::string& name) const {
     const bool own = name.starts_with(hand_.hand + ".");
     const std::string axis = own ? name.substr(hand_.hand.size() + 1) : name;
-    const auto found = std::find(axes_.begin(), axes_.end(), axis);
+    const auto found = std::ranges::find(axes_, axis);
     if (found == axes_.end()) return std::nullopt;
     return static_cast<std::size_t>(found - axes_.begin());
   }
@@ -84,10 +83,10 @@ class HandTable {
   bool is_of_others(const std::string& name) const {
     const std::size_t dot = name.find('.');
     if (dot != std::string::npos && (name.starts_with("right") || name.starts_with("left")) &&
-        std::find(axes_.begin(), axes_.end(), name.substr(dot + 1)) != axes_.end())
+        std::ranges::find(axes_, name.substr(dot + 1)) != axes_.end())
       return true;
-    return name.ends_with(".angle") && std::find(table_.names.begin(), table_.names.end(),
-                                                 name.substr(0, name.size() - 6)) != table_.names.end();
+    return name.ends_with(".angle") &&
+           std::ranges::find(table_.names, name.substr(0, name.size() - 6)) != table_.names.end();
   }
 
   void add_column(std::size_t c) {
@@ -212,38 +211,6 @@ void report_names(const MotionTable& table, const HandAxes& hand, const HandTabl
                                                place, fmt::join(held, ", "), hand.hand));
 }
 
-}  // namespace
-
-Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
-                             std::span<const double> start, const MotionOptions& options,
-                             Diagnostics& diagnostics) {
-  const std::size_t width = hand.axes.size();
-  Trajectory out(width, model::Interpolation::linear);
-  if (has_wrong_unit(table, diagnostics)) return out;
-  const HandTable of(table, hand, options);
-  report_names(table, hand, of, driven, diagnostics);
-  RangeCheck range(table, hand, options.clamp);
-  std::vector<double> times = table.times, angles;
-  angles.reserve(times.size() * width);
-  std::vector<double> row(start.begin(), start.end());
-  for (std::size_t r = 0; r < times.size(); ++r) {
-    of.read_row(r, row);
-    for (std::size_t i = 0; i < width; ++i)
-      angles.push_back(of.has(i) ? range.inside(r, hand.axes[i], row[i]) : row[i]);
-  }
-  range.report(diagnostics);
-  if (options.filter && !low_pass_rows(times, angles, width, *options.filter))
-    diagnostics.problems.push_back({Place{table.file, table.header_line, 1}, "control.motion.filter",
-                                    fmt::format("a filter at {:g} Hz", *options.filter),
-                                    "a cut-off below half the rate of the table"});
-  for (std::size_t r = 0; r < times.size(); ++r)
-    out.add(times[r], std::span(angles).subspan(r * width, width));
-  if (options.spline || options.filter) out.use_spline();
-  return out;
-}
-
-namespace {
-
 const Quantity kOffset = {Dimension::angle, -2 * M_PI, 2 * M_PI};
 constexpr std::size_t kMostNames = 1000;
 
@@ -276,26 +243,6 @@ Coupling read_coupling(MapReader coupling) {
   return out;
 }
 
-}  // namespace
-
-MotionNames read_motion_names(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
-  MotionNames out;
-  MapReader reader(node, path, diagnostics);
-  reader.text("title", "untitled");
-  reader.named_texts("sources");
-  MapReader columns = reader.map("columns");
-  for (const std::string& name : columns.keys(kMostNames)) out.columns[name] = read_column(columns, name);
-  columns.finish();
-  MapReader couplings = reader.map("couplings");
-  for (const std::string& name : couplings.keys(kMostNames))
-    out.couplings[name] = read_coupling(couplings.required_map(name, "{axis, ratio, offset}"));
-  couplings.finish();
-  reader.finish();
-  return out;
-}
-
-namespace {
-
 /// Coefficients of y = b (x + 2 x1 + x2) - a1 y1 - a2 y2, by the bilinear transform.
 struct Section {
   double b = 1, a1 = 0, a2 = 0;
@@ -325,6 +272,50 @@ struct Section {
 
 }  // namespace
 
+Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
+                             std::span<const double> start, const MotionOptions& options,
+                             Diagnostics& diagnostics) {
+  const std::size_t width = hand.axes.size();
+  Trajectory out(width, model::Interpolation::linear);
+  if (has_wrong_unit(table, diagnostics)) return out;
+  const HandTable of(table, hand, options);
+  report_names(table, hand, of, driven, diagnostics);
+  RangeCheck range(table, hand, options.clamp);
+  std::vector<double> times = table.times, angles;
+  angles.reserve(times.size() * width);
+  std::vector<double> row(start.begin(), start.end());
+  for (std::size_t r = 0; r < times.size(); ++r) {
+    of.read_row(r, row);
+    for (std::size_t i = 0; i < width; ++i)
+      angles.push_back(of.has(i) ? range.inside(r, hand.axes[i], row[i]) : row[i]);
+  }
+  range.report(diagnostics);
+  if (options.filter && !low_pass_rows(times, angles, width, *options.filter))
+    diagnostics.problems.push_back({Place{table.file, table.header_line, 1}, "control.motion.filter",
+                                    fmt::format("a filter at {:g} Hz", *options.filter),
+                                    "a cut-off below half the rate of the table"});
+  for (std::size_t r = 0; r < times.size(); ++r)
+    out.add(times[r], std::span(angles).subspan(r * width, width));
+  if (options.spline || options.filter) out.use_spline();
+  return out;
+}
+
+MotionNames read_motion_names(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+  MotionNames out;
+  MapReader reader(node, path, diagnostics);
+  reader.text("title", "untitled");
+  reader.named_texts("sources");
+  MapReader columns = reader.map("columns");
+  for (const std::string& name : columns.keys(kMostNames)) out.columns[name] = read_column(columns, name);
+  columns.finish();
+  MapReader couplings = reader.map("couplings");
+  for (const std::string& name : couplings.keys(kMostNames))
+    out.couplings[name] = read_coupling(couplings.required_map(name, "{axis, ratio, offset}"));
+  couplings.finish();
+  reader.finish();
+  return out;
+}
+
 void low_pass(std::vector<double>& values, double step, double cutoff) {
   assert(cutoff > 0 && cutoff * step < 0.5);
   const std::size_t n = values.size();
@@ -339,9 +330,9 @@ void low_pass(std::vector<double>& values, double step, double cutoff) {
   x.insert(x.end(), values.begin(), values.end());
   for (std::size_t i = 1; i <= pad; ++i) x.push_back(2 * values.back() - values[n - 1 - i]);
   section.run(x);
-  std::reverse(x.begin(), x.end());
+  std::ranges::reverse(x);
   section.run(x);
-  std::reverse(x.begin(), x.end());
+  std::ranges::reverse(x);
   std::copy_n(x.begin() + static_cast<std::ptrdiff_t>(pad), n, values.begin());
 }
 

@@ -64,9 +64,8 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
 /// @param cutoff [Hz], below half the sampling rate.
 void low_pass(std::vector<double>& values, double step, double cutoff);
 
-/// Filters a table of `width` quantities, sample after sample; samples that are not at equal intervals are
-/// first replaced by as many of a spline that are. @returns false, and changes nothing, if the cut-off is not
-/// below half the rate.
+/// Filters a table of `width` quantities, sample after sample; a spline first makes unequal intervals equal.
+/// @returns false, and changes nothing, if the cut-off is not below half the rate.
 bool low_pass_rows(std::vector<double>& times, std::vector<double>& values, std::size_t width, double cutoff);
 
 }  // namespace handsim::control

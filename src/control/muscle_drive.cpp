@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/text.h"
 #include "handsim/model/muscle_curves.h"
 
@@ -33,14 +32,14 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
     int column = kNoRow;
     for (const std::string& name : {bare, muscle.name}) {
       known.push_back(name);
-      const auto found = std::find(table.names.begin(), table.names.end(), name);
+      const auto found = std::ranges::find(table.names, name);
       if (found != table.names.end()) column = static_cast<int>(found - table.names.begin());
     }
     plan.columns.push_back(column);
   }
   const Place head{table.file, table.header_line, 1};
   for (const std::string& name : table.names)
-    if (std::find(known.begin(), known.end(), name) == known.end())
+    if (std::ranges::find(known, name) == known.end())
       diagnostics.problems.push_back(
           {head, name, "a column that is no muscle", "HAND.MUSCLE or MUSCLE" + nearest_hint(name, known)});
   for (std::size_t row = 0; row < table.times.size(); ++row)
@@ -171,7 +170,7 @@ MuscleDrive::MuscleDrive(const model::Model& model, const MusclePlan& plan, std:
 void MuscleDrive::from_table(double time) {
   const MotionTable& table = *plan_.table;
   const auto next = std::upper_bound(table.times.begin(), table.times.end(), time);
-  const auto after = static_cast<std::size_t>(next - table.times.begin());
+  const auto after = at(next - table.times.begin());
   const std::size_t to = std::min(after, table.times.size() - 1), from = after == 0 ? 0 : after - 1;
   const double span = table.times[to] - table.times[from];
   const double share = span > 0 ? (time - table.times[from]) / span : 0;
@@ -188,7 +187,7 @@ std::span<const double> MuscleDrive::excitations(const model::State& state, std:
     from_table(state.time + step_);
     return excitations_;
   }
-  std::fill(torques_.begin(), torques_.end(), 0.0);
+  std::ranges::fill(torques_, 0.0);
   for (std::size_t i = 0; i < torques.size(); ++i) torques_[i] += torques[i];
   for (std::size_t i = 0; i < servos.size(); ++i) {
     const model::Servo& servo = servos[i];

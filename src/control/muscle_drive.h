@@ -12,6 +12,7 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/archive.h"
+#include "handsim/core/index.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/state.h"
 
@@ -39,9 +40,7 @@ class StaticOptimisation {
   std::span<const double> solve(const model::State& state, std::span<const double> torques,
                                 bool rested = false);
   /// Torques that the activations of the last `solve` leave undone, by `dofs` [N m].
-  std::span<const double> missing() const {
-    return {missing_.data(), static_cast<std::size_t>(missing_.size())};
-  }
+  std::span<const double> missing() const { return {missing_.data(), at(missing_.size())}; }
   /// The bounds that the next `solve` starts from: it has the same bits only with these.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
@@ -69,8 +68,7 @@ class MuscleDrive {
   MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs, double step);
 
   bool takes_torques() const { return optimisation_.has_value(); }
-  /// Excitations of the step that begins at a state. @param torques, servos of the step, which drive muscles
-  /// in place of motors where takes_torques(); either may be empty
+  /// Excitations of the step from a state. @param torques, servos drive muscles, not motors; may be empty
   std::span<const double> excitations(const model::State& state, std::span<const double> torques,
                                       std::span<const model::Servo> servos);
   void save(ArchiveWriter& out) const {

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/control/stability.h"
+#include "handsim/control/joint_space.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 
@@ -110,8 +110,7 @@ void compute_inertias(const model::Model& model, const Trajectory& trajectory,
   for (std::size_t k = 0; k < trajectory.knots() && postures.size() < kMaxPostures; k += stride) {
     const std::span<const double> q = trajectory.knot(k);
     std::vector<double> posture(q.begin(), q.end());
-    if (std::find(postures.begin(), postures.end(), posture) == postures.end())
-      postures.push_back(std::move(posture));
+    if (std::ranges::find(postures, posture) == postures.end()) postures.push_back(std::move(posture));
   }
   for (const std::vector<double>& posture : postures) {
     std::vector<double> q = start;

@@ -14,8 +14,7 @@ namespace handsim::control {
 /// rotation vector `rx[deg]`, `ry[deg]`, `rz[deg]`, or none; each alone or as `HAND.wrist.x[m]`. Other
 /// columns are ignored. Samples are joined by a spline.
 /// @param hand `right`, `left`, ... @param filter cut-off of a low-pass [Hz] (low_pass); absent: as recorded.
-/// @throws Error (input) as read_motion, and for a missing column, a quaternion far from unit length, an axis
-/// of no length, or a cut-off not below half the rate.
+/// @throws Error (input) as read_motion, for missing columns, bad quaternions and axes, too high a cut-off.
 model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand,
                                   const std::optional<double>& filter);
 

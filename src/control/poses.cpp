@@ -193,7 +193,7 @@ void report_absent(const PoseSpec& pose, const std::string& joint, const Place& 
   std::vector<std::string>& told = diagnostics.warnings;
   std::string text =
       fmt::format("{}: poses: hand {} has no joint {}: left out", place.file, hand.hand, joint);
-  if (std::find(told.begin(), told.end(), text) == told.end()) told.push_back(std::move(text));
+  if (std::ranges::find(told, text) == told.end()) told.push_back(std::move(text));
 }
 
 }  // namespace

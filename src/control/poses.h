@@ -1,6 +1,5 @@
-// The content of a pose file: named poses of a hand by joint, and programs, timed sequences of poses. Angles
-// are those of the joint axes (flexion positive, abduction away from the middle finger), so one pose serves
-// both sides.
+// The content of a pose file: named poses of a hand by joint, and programs, timed sequences. Angles are of
+// the axes (flexion positive, abduction away from the middle finger): one pose serves both sides.
 #pragma once
 
 #include <map>
@@ -48,8 +47,7 @@ struct PoseFile {
   std::map<std::string, ProgramSpec> programs;
 };
 
-/// Reads a pose file; every defect goes into the diagnostics: unknown poses, times that do not increase,
-/// movements that end after the next one's start.
+/// Reads a pose file. Defects: also unknown poses, times that do not increase, movements that overlap.
 PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// Angles of a pose for a hand's axes [rad]. Problems: joints that the hand model does not have, more angles

@@ -17,8 +17,8 @@ void Trajectory::at(double time, std::span<double> out, std::span<double> rates,
                     std::span<double> accelerations) const {
   if (spline_) return spline_->at(time, out, rates, accelerations);
   at(time, out);
-  std::fill(rates.begin(), rates.end(), 0.0);
-  std::fill(accelerations.begin(), accelerations.end(), 0.0);
+  std::ranges::fill(rates, 0.0);
+  std::ranges::fill(accelerations, 0.0);
   const auto next =
       static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
   if (next == 0 || next == times_.size()) return;

@@ -38,8 +38,7 @@ class Trajectory {
   void at(double time, std::span<double> out) const;
   /// The same with the exact derivatives by time, each of size width() [rad/s], [rad/s^2].
   void at(double time, std::span<double> out, std::span<double> rates, std::span<double> accelerations) const;
-  /// Joins the knots by a spline in place of straight lines; there must be no jumps. Nothing can be added
-  /// afterwards.
+  /// Joins the knots by a spline, not straight lines; there must be no jumps. Nothing can be added later.
   void use_spline();
   /// Knot i, size width().
   std::span<const double> knot(std::size_t i) const { return {q_.data() + i * width_, width_}; }

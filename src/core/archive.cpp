@@ -16,8 +16,7 @@ namespace handsim {
 namespace {
 
 constexpr std::size_t kWord = 8;
-/// Whether words stand in memory as in an archive. They are then copied whole, as GCC reads eight bytes one
-/// by one.
+/// Whether words are the same in memory as in an archive: they are then copied whole, which is faster.
 constexpr bool kLittle = std::endian::native == std::endian::little;
 
 }  // namespace

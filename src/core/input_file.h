@@ -16,8 +16,7 @@ namespace handsim {
 class InputFile {
  public:
   /// @param need what is accepted, for messages, e.g. `a readable YAML file`. @param most_bytes largest size.
-  /// @throws Error (input) at the file's first line if it is missing, not a regular file, unreadable or
-  /// larger.
+  /// @throws Error (input) at the first line of a missing, unreadable, irregular or larger file.
   InputFile(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
   ~InputFile();
   InputFile(const InputFile&) = delete;

@@ -6,9 +6,8 @@
 
 namespace handsim {
 
-/// Memory that the process can still allocate [bytes]: the smallest of the rest of its address space
-/// (ulimit -v), of its control group, and of the machine without swapping. Absent if the system reports none
-/// of them. Reads files of /proc and /sys on each call.
+/// Memory that the process can still allocate [bytes], read from /proc and /sys: the least of its address
+/// space (ulimit -v), its control group and the machine without swapping. Absent if nothing is reported.
 std::optional<std::size_t> free_memory();
 
 }  // namespace handsim

@@ -1,7 +1,11 @@
 #include "handsim/core/schema.h"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/schema_recorder.h"
 
@@ -47,8 +51,7 @@ Json without_default(Json type) {
   return type;
 }
 
-/// Adds a type to those of a key. Two lists of words become one; a default that depends on other keys is
-/// left out.
+/// Adds a type to those of a key. Two lists of words become one; a default that depends on keys is left out.
 void merge(std::vector<Json>& types, Json type) {
   for (Json& known : types) {
     if (known == type) return;
@@ -58,8 +61,7 @@ void merge(std::vector<Json>& types, Json type) {
     }
     if (known.contains("enum") && type.contains("enum")) {
       for (const Json& word : type["enum"])
-        if (std::find(known["enum"].begin(), known["enum"].end(), word) == known["enum"].end())
-          known["enum"].push_back(word);
+        if (std::ranges::find(known["enum"], word) == known["enum"].end()) known["enum"].push_back(word);
       if (known.value("default", Json()) != type.value("default", Json())) known.erase("default");
       return;
     }
@@ -76,14 +78,106 @@ Json& type_of(std::vector<Json>& types, const char* name) {
   return types.emplace_back(Json{{"type", name}});
 }
 
+constexpr const char* kSample = "sample";
+
+YamlNode sample_list(std::vector<YamlNode> items) {
+  YamlNode list = yaml_sequence();
+  for (YamlNode& item : items) list.items.push_back(std::move(item));
+  return list;
+}
+
+YamlNode sample_number(const Quantity& quantity, double near) {
+  return yaml_scalar(number_text(std::clamp(near, quantity.min, quantity.max)));
+}
+
+/// Where the reader wants a text it also accepts numbers and truth values.
+Json text_type() { return {{"type", {"string", "number", "boolean"}}}; }
+
+/// A bare number in SI, or a text with a unit of its dimension.
+Json number_type(const Quantity& quantity) {
+  std::string pattern = "^ *-?([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][-+]?[0-9]+)?";
+  std::vector<std::string> units;
+  for (const std::string_view unit : units_of(quantity.dimension)) {
+    std::string& escaped = units.emplace_back();
+    for (const char c : unit) escaped += c == '(' || c == ')' ? fmt::format("\\{}", c) : std::string(1, c);
+  }
+  if (!units.empty()) pattern += fmt::format(" *({})?", fmt::join(units, "|"));
+  Json out = {{"type", {"number", "string"}}, {"description", quantity.need()}};
+  if (std::isfinite(quantity.min)) out[quantity.above_min ? "exclusiveMinimum" : "minimum"] = quantity.min;
+  if (std::isfinite(quantity.max)) out["maximum"] = quantity.max;
+  out["pattern"] = pattern + " *$";
+  return out;
+}
+
+Json array_type(const Json& items, std::size_t least, std::size_t most) {
+  Json out = {{"type", "array"}};
+  if (!items.is_null()) out["items"] = items;
+  if (least > 0) out["minItems"] = least;
+  if (most < kNoLimit) out["maxItems"] = most;
+  return out;
+}
+
+/// Runs a reader until it asks for no new key. Values enable and disable other keys: each setting is
+/// therefore read with only the settings that led to it, and also together with all other keys.
+Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
+  std::vector<Setting> settings;
+  std::vector<YamlNode> waiting = {yaml_map()};
+  YamlNode full = yaml_map();
+  const auto read_waiting = [&] {
+    while (!waiting.empty()) {
+      const YamlNode tree = std::move(waiting.back());
+      waiting.pop_back();
+      Diagnostics diagnostics;
+      diagnostics.recorder = &recorder;
+      YamlNode copy = tree;
+      source.read(copy, diagnostics);
+      for (Setting& setting : recorder.end_run()) {
+        waiting.push_back(with(tree, setting));
+        if (setting.usual) put(full, setting);
+        settings.push_back(std::move(setting));
+      }
+    }
+  };
+  read_waiting();
+  for (std::size_t before = 0; before < settings.size();) {
+    before = settings.size();
+    waiting.push_back(full);
+    for (const Setting& setting : settings)
+      if (!setting.usual) waiting.push_back(with(full, setting));
+    read_waiting();
+  }
+  return recorder.schema();
+}
+
+const SchemaSource& find_source(std::string_view kind, std::span<const SchemaSource> sources) {
+  const auto found =
+      std::ranges::find_if(sources, [&](const SchemaSource& source) { return source.kind == kind; });
+  if (found == sources.end()) throw std::logic_error("no schema source of " + std::string(kind));
+  return *found;
+}
+
+/// Writes what each key means before what its values are.
+void describe(Json& schema, std::string_view kind, const std::string& path, const KeyText& text_of) {
+  if (schema.contains("properties"))
+    for (auto& [key, property] : schema["properties"].items()) {
+      const std::string own = path.empty() ? key : path + "." + key;
+      describe(property, kind, own, text_of);
+      const std::string text = text_of(kind, own), values = property.value("description", std::string());
+      if (!text.empty()) property["description"] = values.empty() ? text : text + ": " + values;
+    }
+  for (const char* part : {"items", "additionalProperties"})
+    if (schema.contains(part) && schema[part].is_object()) describe(schema[part], kind, path, text_of);
+  if (schema.contains("anyOf"))
+    for (Json& each : schema["anyOf"]) describe(each, kind, path, text_of);
+}
+
 }  // namespace
 
 SchemaRecorder::Node& SchemaRecorder::at(std::string_view path) {
   Node* node = &root_;
   while (!path.empty()) {
     const std::string_view key = take_key(path);
-    auto child = std::find_if(node->children.begin(), node->children.end(),
-                              [&](const Node& each) { return each.key == key; });
+    auto child = std::ranges::find_if(node->children, [&](const Node& each) { return each.key == key; });
     if (child == node->children.end()) child = node->children.insert(child, Node{std::string(key)});
     node = &*child;
   }
@@ -138,64 +232,6 @@ Json SchemaRecorder::build(const Node& node) {
   return types.size() == 1 ? types.front() : Json{{"anyOf", types}};
 }
 
-namespace {
-
-/// Runs a reader until it asks for no new key. Values enable and disable other keys: each setting is
-/// therefore read with only the settings that led to it, and also together with all other keys.
-Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
-  std::vector<Setting> settings;
-  std::vector<YamlNode> waiting = {yaml_map()};
-  YamlNode full = yaml_map();
-  const auto read_waiting = [&] {
-    while (!waiting.empty()) {
-      const YamlNode tree = std::move(waiting.back());
-      waiting.pop_back();
-      Diagnostics diagnostics;
-      diagnostics.recorder = &recorder;
-      YamlNode copy = tree;
-      source.read(copy, diagnostics);
-      for (Setting& setting : recorder.end_run()) {
-        waiting.push_back(with(tree, setting));
-        if (setting.usual) put(full, setting);
-        settings.push_back(std::move(setting));
-      }
-    }
-  };
-  read_waiting();
-  for (std::size_t before = 0; before < settings.size();) {
-    before = settings.size();
-    waiting.push_back(full);
-    for (const Setting& setting : settings)
-      if (!setting.usual) waiting.push_back(with(full, setting));
-    read_waiting();
-  }
-  return recorder.schema();
-}
-
-const SchemaSource& find_source(std::string_view kind, std::span<const SchemaSource> sources) {
-  const auto found = std::find_if(sources.begin(), sources.end(),
-                                  [&](const SchemaSource& source) { return source.kind == kind; });
-  if (found == sources.end()) throw std::logic_error("no schema source of " + std::string(kind));
-  return *found;
-}
-
-/// Writes what each key means before what its values are.
-void describe(Json& schema, std::string_view kind, const std::string& path, const KeyText& text_of) {
-  if (schema.contains("properties"))
-    for (auto& [key, property] : schema["properties"].items()) {
-      const std::string own = path.empty() ? key : path + "." + key;
-      describe(property, kind, own, text_of);
-      const std::string text = text_of(kind, own), values = property.value("description", std::string());
-      if (!text.empty()) property["description"] = values.empty() ? text : text + ": " + values;
-    }
-  for (const char* part : {"items", "additionalProperties"})
-    if (schema.contains(part) && schema[part].is_object()) describe(schema[part], kind, path, text_of);
-  if (schema.contains("anyOf"))
-    for (Json& each : schema["anyOf"]) describe(each, kind, path, text_of);
-}
-
-}  // namespace
-
 std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources,
                         const KeyText& text_of) {
   // A key that goes or changes its meaning raises the version (CONTRIBUTING.md).
@@ -218,6 +254,104 @@ std::string json_schema(std::string_view kind, std::span<const SchemaSource> sou
       if (!out["$defs"].contains(definition_name(other))) waiting.insert(other);
   }
   return out.dump(1) + "\n";
+}
+
+KeyForm presence_form() { return {{}, {yaml_scalar(kSample), yaml_map(), sample_list({yaml_map()})}}; }
+
+KeyForm number_form(const Quantity& quantity, std::optional<double> fallback, bool required) {
+  Json type = number_type(quantity);
+  if (fallback) type["default"] = *fallback;
+  return {{type}, {sample_number(quantity, 1)}, required};
+}
+
+KeyForm integer_form(int min, int max, int fallback) {
+  const Json type = {{"type", "integer"}, {"minimum", min}, {"maximum", max}, {"default", fallback}};
+  return {{type}, {yaml_scalar(std::to_string(fallback))}};
+}
+
+KeyForm text_form(const std::optional<std::string>& fallback, bool required) {
+  Json type = text_type();
+  if (fallback) type["default"] = *fallback;
+  return {{type}, {yaml_scalar(kSample)}, required};
+}
+
+KeyForm name_form() {
+  Json type = text_type();
+  type["pattern"] = "^[A-Za-z0-9_-]{1,64}$";
+  return {{type}, {yaml_scalar(kSample)}, true};
+}
+
+KeyForm flag_form(bool fallback) {
+  return {{{{"type", "boolean"}, {"default", fallback}}}, {yaml_scalar("true"), yaml_scalar("false")}};
+}
+
+KeyForm vector_form(const Quantity& quantity, const std::optional<Vec3>& fallback) {
+  Json type = array_type(number_type(quantity), 3, 3);
+  if (fallback) type["default"] = {fallback->x(), fallback->y(), fallback->z()};
+  const YamlNode one = sample_number(quantity, 1);
+  return {{type}, {sample_list({one, one, one})}, !fallback};
+}
+
+KeyForm range_form(const Quantity& quantity, bool required) {
+  return {{array_type(number_type(quantity), 2, 2)},
+          {sample_list({sample_number(quantity, 0), sample_number(quantity, 1)})},
+          required};
+}
+
+KeyForm choice_form(const std::vector<std::string_view>& words, std::optional<std::string_view> fallback) {
+  Json type = {{"enum", words}};
+  if (fallback) type["default"] = *fallback;
+  std::vector<YamlNode> samples;
+  for (const std::string_view word : words) samples.push_back(yaml_scalar(std::string(word)));
+  return {{type}, std::move(samples), !fallback};
+}
+
+KeyForm texts_form(std::size_t least, std::size_t most, const std::string& need) {
+  KeyForm out{{array_type(text_type(), least, most)}, {sample_list({yaml_scalar(kSample)})}, true};
+  if (least <= 1) out.types.insert(out.types.begin(), text_type());
+  for (Json& type : out.types) type["description"] = need;
+  return out;
+}
+
+KeyForm list_form(std::size_t least, std::size_t most) {
+  return {{array_type({}, least, most)}, {sample_list({yaml_map()})}, least > 0};
+}
+
+KeyForm map_form(bool required) { return {{{{"type", "object"}}}, {yaml_map()}, required}; }
+
+KeyForm value_form(const ValueForm& form) {
+  KeyForm out;
+  out.required = form.required;
+  for (const YamlNode::Kind kind : form.kinds) {
+    Json type = form.words.empty() ? text_type() : Json{{"enum", form.words}};
+    YamlNode sample = yaml_scalar(form.words.empty() ? kSample : form.words.front());
+    if (kind == YamlNode::Kind::sequence) {
+      type = array_type(form.words.empty() ? Json() : type, 0, kNoLimit);
+      sample = sample_list({yaml_map()});
+    } else if (kind == YamlNode::Kind::map) {
+      type = {{"type", "object"}};
+      sample = yaml_map();
+    }
+    type["description"] = form.need;
+    out.types.push_back(std::move(type));
+    out.samples.push_back(std::move(sample));
+  }
+  return out;
+}
+
+std::string definition_name(std::string_view kind) {
+  std::string name(kind.substr(kind.find(' ') + 1));
+  std::ranges::replace(name, ' ', '_');
+  return name;
+}
+
+KeyForm file_form(std::string_view kind, bool required) {
+  KeyForm out;
+  out.types.push_back({{"$ref", "#/$defs/" + definition_name(kind)}});
+  out.types.push_back({{"type", "string"}, {"description", "the path of its file"}});
+  out.samples = {yaml_map()};
+  out.required = required;
+  return out;
 }
 
 }  // namespace handsim

@@ -11,8 +11,7 @@
 namespace handsim {
 
 /// @tparam C std::vector or std::list; its items may be incomplete here. Access that may change items makes
-/// them the list's own first. References into a list are valid as those of C, but not beyond a change after a
-/// copy.
+/// them the list's own. References into a list are valid as those of C, up to a change after a copy.
 template <class C>
 class SharedList {
  public:

@@ -51,6 +51,40 @@ bool is_noncharacter(unsigned long code) {
 /// C1 control characters: terminals execute them. U+0085 is a line end.
 bool is_c1_control(unsigned long code) { return code >= 0x80 && code <= 0x9f; }
 
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+/// Words of other programs, and the words here that mean the same.
+constexpr std::string_view kMeanings =
+    " diameter=radius weight=mass height=stature gender=sex handedness=side size=edges dimensions=edges "
+    "colour=color type=shape pos=position location=position orientation=rotation quaternion=rotation "
+    "fixed=static mu=friction elasticity=restitution bounce=restitution dt=step timestep=step time_step=step "
+    "end_time=duration t_end=duration limits=range limit=range kp=proportional stiffness=proportional "
+    "kd=derivative damping=derivative ki=integral max_torque=torque_limit ";
+
+/// The word of `known` with the same meaning.
+std::optional<std::string> same_meaning(std::string_view word, const std::vector<std::string>& known) {
+  if (word.size() > 16) return std::nullopt;
+  const std::string other = " " + lower_case(word) + "=";
+  const std::size_t at = kMeanings.find(other);
+  if (at == std::string_view::npos) return std::nullopt;
+  const std::string_view rest = kMeanings.substr(at + other.size());
+  const auto found = std::ranges::find(known, rest.substr(0, rest.find(' ')));
+  return found == known.end() ? std::nullopt : std::optional(*found);
+}
+
 }  // namespace
 
 std::optional<BadByte> find_bad_byte(std::string_view text) {
@@ -98,6 +132,21 @@ std::string printable(std::string_view text, std::size_t limit) {
   return cut ? out + "..." : out;
 }
 
+std::string_view trimmed(std::string_view text) {
+  const std::size_t first = std::min(text.find_first_not_of(" \t\r"), text.size());
+  return text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
+}
+
+std::vector<std::string_view> split(std::string_view line, char separator) {
+  std::vector<std::string_view> out;
+  while (true) {
+    const std::size_t end = line.find(separator);
+    out.push_back(trimmed(line.substr(0, end)));
+    if (end == std::string_view::npos) return out;
+    line.remove_prefix(end + 1);
+  }
+}
+
 std::string_view take_line(std::string_view& text) {
   const std::size_t end = std::min(text.find('\n'), text.size());
   const std::string_view line = text.substr(0, end);
@@ -111,48 +160,6 @@ std::string lower_case(std::string_view text) {
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
   return out;
 }
-
-namespace {
-
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
-      diagonal = above;
-    }
-  }
-  return row[b.size()];
-}
-
-/// Words of other programs, and the words here that mean the same.
-constexpr std::string_view kMeanings =
-    " diameter=radius weight=mass height=stature gender=sex handedness=side size=edges dimensions=edges "
-    "colour=color "
-    "type=shape pos=position location=position orientation=rotation quaternion=rotation fixed=static "
-    "mu=friction "
-    "elasticity=restitution bounce=restitution dt=step timestep=step time_step=step end_time=duration "
-    "t_end=duration "
-    "limits=range limit=range kp=proportional stiffness=proportional kd=derivative damping=derivative "
-    "ki=integral "
-    "max_torque=torque_limit ";
-
-/// The word of `known` with the same meaning.
-std::optional<std::string> same_meaning(std::string_view word, const std::vector<std::string>& known) {
-  if (word.size() > 16) return std::nullopt;
-  const std::string other = " " + lower_case(word) + "=";
-  const std::size_t at = kMeanings.find(other);
-  if (at == std::string_view::npos) return std::nullopt;
-  const std::string_view rest = kMeanings.substr(at + other.size());
-  const auto found = std::find(known.begin(), known.end(), rest.substr(0, rest.find(' ')));
-  return found == known.end() ? std::nullopt : std::optional(*found);
-}
-
-}  // namespace
 
 std::string list_of(const std::vector<std::string>& words) {
   return words.size() == 1 ? words.front() : "one of " + fmt::format("{}", fmt::join(words, ", "));

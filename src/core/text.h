@@ -16,16 +16,19 @@ struct BadByte {
   std::string what;  ///< e.g. `the byte 0xff, which is not UTF-8`
 };
 
-/// First byte that is not part of valid UTF-8 (RFC 3629), or that starts a control character other than tab
-/// and line ends, or a noncharacter (U+FFFE and the like).
+/// First byte of no valid UTF-8 (RFC 3629), or starts a noncharacter or control character, not \t, \n, \r.
 std::optional<BadByte> find_bad_byte(std::string_view text);
 
-/// The text on one line: control characters as `\n`, `\t`, `\x1b` or `\x9b`; cut after `limit` bytes, never
-/// within a character, with `...`.
+/// The text on one line: control characters as `\n`, `\t` or `\x1b`; at most `limit` bytes, whole characters.
 std::string printable(std::string_view text, std::size_t limit = 60);
 
 /// Removes the first line from a text that is not empty; returns it without its line end.
 std::string_view take_line(std::string_view& text);
+
+/// Without blanks, tabs and carriage returns at both ends.
+std::string_view trimmed(std::string_view text);
+/// The parts of a line between separators, trimmed.
+std::vector<std::string_view> split(std::string_view line, char separator);
 
 /// Letters A to Z as a to z.
 std::string lower_case(std::string_view text);
@@ -39,8 +42,7 @@ std::string need_word(std::string_view got, const std::vector<std::string>& know
 /// ` (nearest: b)`, or an empty text if nearest_word() finds none.
 std::string nearest_hint(std::string_view got, const std::vector<std::string>& known);
 
-/// The word of `known` nearest to `word`: of the same meaning (mass for weight), or with at most 1 to 3 other
-/// letters (more for longer words).
+/// The word of `known` nearest to `word`: of one meaning (mass for weight), or with 1 to 3 other letters.
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace handsim

@@ -82,14 +82,7 @@ constexpr DimensionText kTexts[] = {{"a number", "", {}},
 static_assert(std::size(kTexts) == static_cast<std::size_t>(Dimension::force) + 1);
 
 double factor_of(std::string_view name) {
-  return std::find_if(kUnits.begin(), kUnits.end(), [&](const Unit& unit) { return unit.name == name; })
-      ->factor;
-}
-
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && text.front() == ' ') text.remove_prefix(1);
-  while (!text.empty() && text.back() == ' ') text.remove_suffix(1);
-  return text;
+  return std::ranges::find_if(kUnits, [&](const Unit& unit) { return unit.name == name; })->factor;
 }
 
 /// Removes a number from the start of `text` and returns it.

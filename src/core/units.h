@@ -1,5 +1,4 @@
-// Reads numbers with units, as in YAML files and command lines: `"35 mm"` or a bare SI number in, SI out.
-// Knows only the units of mechanics that hand models need.
+// Reads numbers with units of mechanics, in YAML and options: `"35 mm"` or a bare SI number in, SI out.
 #pragma once
 
 #include <cmath>

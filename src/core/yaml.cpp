@@ -293,7 +293,7 @@ void check_text(std::string_view text, const std::string& name) {
   if (!bad) return;
   const std::string_view before = text.substr(0, bad->at);
   const std::size_t line_start = before.find_last_of('\n') + 1;
-  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+  const auto line = 1 + std::ranges::count(before, '\n');
   const Place place{name, static_cast<int>(line), static_cast<int>(bad->at - line_start) + 1};
   throw Error(std::vector<Problem>{{place, "", bad->what, "a YAML file, text in UTF-8"}});
 }

@@ -1,9 +1,16 @@
-// YAML files, parsed once: a study loads the same hand model and controller thousands of times.
+// YAML files, parsed once: a study loads the same hand model and controller thousands of times. Inserts
+// referenced files and applies `--set` to a tree before it is read.
+#include <algorithm>
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <utility>
+
+#include <fmt/format.h>
 
 #include "handsim/core/input_file.h"
+#include "handsim/core/text.h"
+#include "handsim/core/units.h"
 #include "handsim/core/yaml.h"
 
 namespace handsim {
@@ -45,6 +52,80 @@ KnownFiles& known_files() {
   return files;
 }
 
+std::filesystem::path path_beside(const YamlNode& node) {
+  return (std::filesystem::path(node.place().file).parent_path() / node.text).lexically_normal();
+}
+
+bool names_file(const YamlNode& node) {
+  std::error_code failure;
+  return node.kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(path_beside(node), failure);
+}
+
+YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::string& path) {
+  // One spelling of each index: 0, never 00.
+  const bool digits =
+      part.find_first_not_of("0123456789") == std::string::npos && (part == "0" || part.front() != '0');
+  const std::optional<double> index = digits ? parse_number(part) : std::nullopt;
+  if (index && *index < static_cast<double>(list.items.size()))
+    return list.items[static_cast<std::size_t>(*index)];
+  throw input_error(
+      "--set " + path, fmt::format("\"{}\" for a list of {}", part, list.items.size()),
+      list.items.empty() ? "a list with items" : fmt::format("an index from 0 to {}", list.items.size() - 1));
+}
+
+/// The child that the next key of an override's path names; added to the map if missing.
+YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path,
+                             const std::shared_ptr<const std::string>& origin) {
+  if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;
+  if (node.kind == YamlNode::Kind::sequence) return item_for_override(node, part, path);
+  if (node.kind != YamlNode::Kind::map)
+    throw input_error("--set " + path, fmt::format("\"{}\" within {}", part, node.described()),
+                      "a path through mappings and lists");
+  if (YamlNode* found = node.find(part)) return *found;
+  YamlNode fresh;
+  fresh.file = origin;
+  return yaml_put(node, part, std::move(fresh));
+}
+
+bool are_named(const YamlNode& list) {
+  return list.kind == YamlNode::Kind::sequence && std::ranges::all_of(list.items, [](const YamlNode& item) {
+           const YamlNode* name = item.find("name");
+           return name && name->kind == YamlNode::Kind::scalar;
+         });
+}
+
+void put_rows_over(YamlNode& base, const YamlNode& over) {
+  decltype(base.items) rows;
+  for (const YamlNode& row : over.items) {
+    const auto found = std::ranges::find_if(
+        base.items, [&](const YamlNode& each) { return each.find("name")->text == row.find("name")->text; });
+    if (found == base.items.end())
+      rows.push_back(row);
+    else
+      put_over(*found, row);
+  }
+  for (const YamlNode& row : std::as_const(base.items)) rows.push_back(row);
+  base.items = std::move(rows);
+}
+
+std::vector<std::string> parts_of(const std::string& path) {
+  std::vector<std::string> parts(1);
+  for (const char c : path) {
+    if (c == '.')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  }
+  if (parts.size() > kYamlMaxDepth)
+    throw input_error("--set", fmt::format("a path of {} keys", parts.size()),
+                      fmt::format("at most {} keys", kYamlMaxDepth));
+  for (const std::string& part : parts)
+    if (part.empty())
+      throw input_error("--set", fmt::format("\"{}\"", printable(path)),
+                        "a path of keys with single dots between them");
+  return parts;
+}
+
 }  // namespace
 
 YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget) {
@@ -64,6 +145,49 @@ YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget) {
 YamlNode load_yaml(const std::filesystem::path& path) {
   YamlBudget budget;
   return load_yaml(path, budget);
+}
+
+void put_over(YamlNode& base, const YamlNode& over) {
+  using Kind = YamlNode::Kind;
+  if (base.kind == Kind::map && over.kind == Kind::map) {
+    for (const YamlEntry& entry : over.entries)
+      if (YamlNode* found = base.find(entry.key))
+        put_over(*found, entry.value);
+      else
+        base.entries.push_back(entry);
+  } else if (are_named(base) && are_named(over)) {
+    put_rows_over(base, over);
+  } else {
+    base = over;
+  }
+}
+
+void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget) {
+  if (node.kind != YamlNode::Kind::scalar) return;
+  if (!names_file(node))
+    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is not a file",
+                                      "the path of a YAML file, relative to this file"}});
+  node = load_yaml(path_beside(node), budget);
+}
+
+void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string_view::npos || equals == 0)
+    throw input_error("--set", fmt::format("\"{}\"", assignment), "key.path=value");
+  const std::string path(assignment.substr(0, equals));
+  const auto origin = std::make_shared<const std::string>("--set " + path);
+  YamlNode* node = &root;
+  for (const std::string& part : parts_of(path)) {
+    // Other text is not a file name; child_for_override() reports it.
+    if (names_file(*node)) follow_reference(*node, path, budget);
+    node = &child_for_override(*node, part, path, origin);
+  }
+  *node = parse_yaml(std::string(assignment.substr(equals + 1)), *origin, budget);
+}
+
+void apply_override(YamlNode& root, std::string_view assignment) {
+  YamlBudget budget;
+  apply_override(root, assignment, budget);
 }
 
 }  // namespace handsim

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/schema_recorder.h"
-#include "handsim/core/text.h"
 
 namespace handsim {
 
@@ -14,8 +13,7 @@ namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// Message with the correct form of a number that has a decimal comma; nothing if there is none that is
-/// accepted.
+/// Message with the correct form of a number that has a decimal comma; nothing if no such form is accepted.
 template <class Accepted>
 std::optional<std::string> without_comma(const std::string& text, const Accepted& accepted) {
   const std::size_t comma = text.find(',');
@@ -101,7 +99,7 @@ YamlNode* MapReader::child(std::string_view key) {
 }
 
 YamlNode* MapReader::find(std::string_view key) {
-  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.emplace_back(key);
+  if (std::ranges::find(known_, key) == known_.end()) known_.emplace_back(key);
   return node_->find(key);
 }
 
@@ -134,8 +132,7 @@ void MapReader::write_default(std::string_view key, YamlNode value) {
 
 /// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value: `1,7`, which is reported once.
 std::optional<std::string> MapReader::split_number(std::string_view key) {
-  auto at = std::find_if(node_->entries.begin(), node_->entries.end(),
-                         [&](const YamlEntry& entry) { return entry.key == key; });
+  auto at = std::ranges::find_if(node_->entries, [&](const YamlEntry& entry) { return entry.key == key; });
   if (at == node_->entries.end() || at->value.kind != YamlNode::Kind::scalar) return std::nullopt;
   const auto next = std::next(at);
   if (next == node_->entries.end() || next->value.kind != YamlNode::Kind::null || next->line != at->line)
@@ -234,7 +231,7 @@ std::string MapReader::name(std::string_view key) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
   };
   const std::string& word = found->text;
-  if (!word.empty() && word.size() <= 64 && std::all_of(word.begin(), word.end(), plain)) return word;
+  if (!word.empty() && word.size() <= 64 && std::ranges::all_of(word, plain)) return word;
   problem(key, found->described(), kNeed);
   return "";
 }
@@ -315,12 +312,12 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
   const YamlNode* found = find_or_report(key, !fallback, [&] { return list_of(known()); });
   if (!found && fallback) write_default(key, yaml_scalar(std::string(*fallback)));
   if (found && found->kind == YamlNode::Kind::scalar) {
-    const auto at = std::find(names.begin(), names.end(), found->text);
+    const auto at = std::ranges::find(names, found->text);
     if (at != names.end()) return static_cast<std::size_t>(at - names.begin());
   }
   if (found) problem(key, found->described(), need_word(found->text, known()));
   if (!fallback) return 0;
-  return static_cast<std::size_t>(std::find(names.begin(), names.end(), *fallback) - names.begin());
+  return static_cast<std::size_t>(std::ranges::find(names, *fallback) - names.begin());
 }
 
 YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
@@ -338,8 +335,7 @@ YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
   YamlNode* found = find_or_report(key, form.required, [&] { return form.need; });
   if (!found) return nullptr;
   const bool empty_text = found->kind == YamlNode::Kind::scalar && found->text.empty();
-  if (!empty_text && std::find(form.kinds.begin(), form.kinds.end(), found->kind) != form.kinds.end())
-    return found;
+  if (!empty_text && std::ranges::find(form.kinds, found->kind) != form.kinds.end()) return found;
   problem(key, found->described(), form.need);
   return nullptr;
 }
@@ -452,8 +448,8 @@ void MapReader::finish() {
   if (broken_) return;
   if (diagnostics_->recorder) diagnostics_->recorder->close(path_);
   for (const YamlEntry& entry : node_->entries) {
-    if (std::find(known_.begin(), known_.end(), entry.key) != known_.end()) continue;
-    std::sort(known_.begin(), known_.end());
+    if (std::ranges::find(known_, entry.key) != known_.end()) continue;
+    std::ranges::sort(known_);
     unknown_key(entry, "an unknown key", known_);
   }
 }

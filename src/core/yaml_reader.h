@@ -1,6 +1,5 @@
 // Reads values from a YAML tree and checks them. Collects every problem with its place, reports unknown keys
-// with the nearest known key, and writes each default that is used into the tree.
-// After reading, the tree is the resolved input.
+// with the nearest known one, and writes used defaults into the tree, which is then the resolved input.
 #pragma once
 
 #include <functional>
@@ -28,8 +27,7 @@ struct Diagnostics {
   YamlBudget budget;                   ///< of the files that are still to be read
   SchemaRecorder* recorder = nullptr;  ///< set by json_schema(): records the keys that readers ask for
 
-  /// @throws Error with all problems, sorted by file and place. A problem of a file that is read twice is
-  /// reported once.
+  /// @throws Error with all problems by file and place; those of a file that is read twice once.
   void throw_if_any() const;
   /// True if the list holds as many problems as are reported: reading can stop.
   bool full() const { return problems.size() >= kMostProblems; }
@@ -50,8 +48,7 @@ struct ValueForm {
   std::vector<std::string> words = {};  ///< of a scalar or an item; empty: any
 };
 
-/// Reads one map of a tree. A missing or wrong value becomes a problem, and a valid value is returned in its
-/// place, so that reading continues. Call finish() last.
+/// Reads one map of a tree. A wrong value becomes a problem and a valid one is returned. Call finish() last.
 class MapReader {
  public:
   /// A node that is not a map is a problem. `path` is its dotted path in messages.
@@ -115,12 +112,10 @@ class MapReader {
   std::vector<std::string> keys(std::size_t most = 1000);
   /// A map under this key. If absent, an empty one is added and receives the defaults.
   MapReader map(std::string_view key);
-  /// A required map; `need` describes its content. If absent, that is one problem, and its keys are not
-  /// reported.
+  /// A required map; `need` describes its content. If absent, that is one problem, and its keys are none.
   MapReader required_map(std::string_view key, const std::string& need);
 
-  /// True if no problem was found since this reader was made. Test it before values are compared, so that
-  /// one mistake gives one message.
+  /// True if this reader found no problem. Test it before comparing values: one mistake gives one message.
   bool sound() const { return diagnostics_->problems.size() == problems_before_; }
   void problem(std::string_view key, std::string got, std::string need);
   void warning(std::string_view key, const std::string& text);

@@ -160,13 +160,13 @@ void require_state(const model::Model& model, const model::State& state) {
   const auto dofs = at(model.dof_count());
   for (const std::vector<double>* torques : {&state.tau, &state.tau_servo})
     if (torques->size() != dofs ||
-        !std::all_of(torques->begin(), torques->end(), [](double tau) { return std::isfinite(tau); }))
+        !std::ranges::all_of(*torques, [](double tau) { return std::isfinite(tau); }))
       throw input_error("state.tau", fmt::format("{} torques, or one that is not finite", torques->size()),
                         fmt::format("{} finite ones", dofs));
   for (const std::vector<double>* values :
        {&state.activation, &state.fibre_length, &state.fibre_speed, &state.tendon_force})
     if (values->size() != model.muscles.size() ||
-        !std::all_of(values->begin(), values->end(), [](double value) { return std::isfinite(value); }))
+        !std::ranges::all_of(*values, [](double value) { return std::isfinite(value); }))
       throw input_error("state.activation",
                         fmt::format("{} muscles, or a value that is not finite", values->size()),
                         fmt::format("{} muscles with finite values", model.muscles.size()));

@@ -22,8 +22,7 @@ bool needs_contacts(const model::Model& model, const model::Effects& effects);
 /// @return the model
 const model::Model& checked(const model::Model& model, const Settings& settings);
 
-/// @return the fault of the first torque that is not finite. @throws Error (input) for a wrong number of
-/// torques.
+/// @return the fault of the first torque that is not finite. @throws Error (input) for another number.
 std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
                                          std::span<const double> torques);
 
@@ -36,8 +35,7 @@ std::optional<PhysicsFault> servo_fault(const model::Model& model, const Setting
 /// without the wrist_motion effect, numbers that are not finite, and any of them if the engine takes none.
 void require_outside(const model::Model& model, const Settings& settings, const StepInput& input);
 
-/// @throws Error (input) for a state of another model, numbers that are not finite, or a world body away from
-/// the origin. Does not check q and u.
+/// @throws Error (input) for a state of another model, numbers not finite, a moved world; q and u are free.
 void require_state(const model::Model& model, const model::State& state);
 
 namespace ode {

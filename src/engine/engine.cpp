@@ -1,7 +1,5 @@
 #include "handsim/engine/engine.h"
 
-#include <array>
-
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"

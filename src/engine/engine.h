@@ -41,8 +41,7 @@ struct StepInput {
   /// X_WD at the end of the step for each of Model::drives, in place of their motions, or empty. The bodies
   /// move there at constant velocity. Engines ode and articulated with semi_implicit_euler.
   std::span<const Pose> drive_targets = {};
-  /// Excitations of the muscles, 0..1, as Model::muscles, or empty: none is excited. They need the muscles
-  /// effect.
+  /// Excitations of the muscles, 0..1, as Model::muscles; empty: none. They need the muscles effect.
   std::span<const double> excitations = {};
 };
 
@@ -101,8 +100,7 @@ struct Contact {
   Vec3 position = Vec3::Zero();  ///< world [m]
   Vec3 normal = Vec3::Zero();    ///< world, unit, from b to a
   double depth = 0;              ///< penetration [m]; negative: the gap of a speculative contact
-  /// Mean force on a's body over the step, normal part and friction; world [N]. Zero unless
-  /// settings.contact_forces.
+  /// Mean force on a's body over the step, normal and friction; world [N]. 0 without settings.contact_forces.
   Vec3 force = Vec3::Zero();
 
   double normal_force() const { return force.dot(normal); }

@@ -48,12 +48,10 @@ enum class DaeMethod {
 };
 
 enum class ArticulatedMethod {
-  /// First order; springs, dampers, servos and stops are implicit, hence stable at any step; contacts with
-  /// the exact Coulomb cone.
+  /// First order; springs, dampers, servos and stops implicit: stable at any step; exact Coulomb cone.
   semi_implicit_euler,
   rk4,  ///< the classical fourth-order Runge-Kutta method, for motion without stops
-  /// Dormand and Prince's eighth-order Runge-Kutta method with error control to `tolerance`, for motion
-  /// without stops.
+  /// Dormand and Prince's eighth-order Runge-Kutta method, error-controlled to `tolerance`; without stops.
   dormand_prince,
 };
 
@@ -84,9 +82,8 @@ inline std::string_view name(const Method& method) {
   return std::visit([](auto own) { return method_names(own)[static_cast<std::size_t>(own)]; }, method);
 }
 
-/// Limits of a guarded step. A step beyond them, or one whose LCP solver failed, is undone exactly and
-/// repeated: with 100 x the CFM, then as two half steps, then with 200 iterations of quick_step. All retries
-/// are counted.
+/// Limits of a guarded step. A step beyond them, or one whose LCP solver failed, is undone and repeated:
+/// with 100 x the CFM, as two half steps, then with 200 iterations of quick_step. All retries are counted.
 struct GuardLimits {
   double joint_gap = 1e-3;      ///< largest gap of any joint after the step [m]
   double speed = 30;            ///< largest speed of any body [m/s]
@@ -98,8 +95,8 @@ struct OdeSettings {
   /// Error reduction parameter: share of a joint's position error that one step corrects, 0..1. Too low:
   /// joint gaps grow under load; too high (above about 0.8): jitter, and rebound at stops.
   double erp = 0.2;
-  /// Constraint force mixing (compliance of every constraint row), above 0, at most 1. Too low: the LCP
-  /// solver fails at redundant rows; too high: compliant joints.
+  /// Constraint force mixing (compliance of every row), above 0 to 1. Too low: the LCP solver fails at
+  /// redundant rows; too high: compliant joints.
   double cfm = 1e-9;
   int iterations = 20;  ///< quick_step and auto
   /// After every step joint impulses close the joints to 1e-13 m, in positions and velocities (SHAKE). The
@@ -119,9 +116,8 @@ struct DaeSettings {
   DaeMethod method = DaeMethod::stabilised_gear;
   double erp = 0.2;  ///< euler_linearised: as OdeSettings::erp
   /// stabilised_gear: intended error of smooth motion over some seconds, relative, and absolute in units of 1
-  /// m, 1 m/s, 1 rad, 1 rad/s; the error test of each internal step uses a share of it. 1e-11 to 1e-2. A ten
-  /// times smaller tolerance takes 1.2 to 1.9 times as long. Too high: energy drifts; below the range,
-  /// rounding errors dominate.
+  /// m, 1 m/s, 1 rad, 1 rad/s; the error test of each internal step uses a share of it. 1e-11 to 1e-2. A
+  /// tenth takes 1.2 to 1.9 times as long. Too high: energy drifts; below the range, rounding dominates.
   double tolerance = 1e-9;
 };
 

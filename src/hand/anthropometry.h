@@ -13,8 +13,7 @@
 
 namespace handsim::hand {
 
-/// The survey's hand dimensions; every vector and matrix here has the order length, breadth, palm length,
-/// circumference.
+/// The survey's hand dimensions; vectors and matrices are by length, breadth, palm length, circumference.
 inline constexpr int kHandDimensions = 4;
 
 /// ln y = intercept + stature ln H + mass ln m + female [woman]; y = smearing exp(ln y) [m].
@@ -94,8 +93,7 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person);
 /// The survey with the larger part in this person's hand.
 const Survey& survey_of(const Anthropometry& anthropometry, const Person& person);
 
-/// A sentence for each property of the person that is outside the surveys, with how far; and for a child's
-/// stature below percentile 0.1 or above 99.9 of its age.
+/// A sentence for each property outside the surveys, and a child's stature beyond 0.1 to 99.9 % of its age.
 std::vector<std::string> extrapolations(const Anthropometry& anthropometry, const Person& person);
 
 /// Thickness of a stadium: (circumference - 2 breadth) / (pi - 2).

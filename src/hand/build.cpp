@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/hand/cut_capsule.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/shape_extent.h"
@@ -30,7 +31,7 @@ void check_measured(const HandSpec& spec, const Person& person, std::vector<Prob
     if (!row.carrier && row.of_palm.empty()) known.push_back(row.name);
   for (const auto& [key, measures] : {std::pair("bones.", &person.bones), {"radii.", &person.radii}})
     for (const auto& [name, length] : *measures)
-      if (std::find(known.begin(), known.end(), name) == known.end())
+      if (std::ranges::find(known, name) == known.end())
         problems.push_back({person.place.value_or(Place{}), key + name, "an unknown segment",
                             "a segment of the hand model" + nearest_hint(name, known)});
 }
@@ -47,7 +48,7 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
   int rows = 0;  // of the file: a carrier has none
   for (const SegmentSpec& row : spec.segments) {
     const bool on_palm = row.parent == kPalm;
-    const auto parent = static_cast<std::size_t>(row.parent);
+    const auto parent = at(row.parent);
     const Pose parent_frame = on_palm ? Pose{} : out[parent].frame;
     const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out[parent].length, 0);
     BuiltSegment& built = out.emplace_back();
@@ -144,7 +145,7 @@ double exit_from(const Piece& parent, const Piece& piece) {
   const double step = piece.shapes[0].length / kSteps;
   for (int i = 0; i < kSteps; ++i) {
     const Vec3 at = parent.frame.inverse() * (piece.frame * Vec3(0, (i + 0.5) * step, 0));
-    const bool inside = std::any_of(parent.shapes.begin(), parent.shapes.end(), [&](const Shape& shape) {
+    const bool inside = std::ranges::any_of(parent.shapes, [&](const Shape& shape) {
       Vec3 local = shape.pose.inverse() * at;
       if (shape.kind == ShapeKind::box) return (local.cwiseAbs() - 0.5 * shape.edges).maxCoeff() < 0;
       local.z() -= std::clamp(local.z(), -0.5 * shape.length, 0.5 * shape.length);
@@ -169,16 +170,14 @@ MassProperties taken_from(const Piece& parent, const Piece& piece, double length
 /// that is one box, or goes on beyond the joint, the segment begins where it leaves it.
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
-    // A carrier has no shape: its segment starts where the carrier does, in the carrier's parent. Parts of
-    // the palm are still in the palm.
+    // A carrier has no shape: its segment starts where it does, in its parent. The palm's are in the palm.
     int row = spec.segments[i - 1].parent;
-    while (row != kPalm && (spec.segments[static_cast<std::size_t>(row)].carrier ||
-                            !spec.segments[static_cast<std::size_t>(row)].of_palm.empty()))
-      row = spec.segments[static_cast<std::size_t>(row)].parent;
+    while (row != kPalm && (spec.segments[at(row)].carrier || !spec.segments[at(row)].of_palm.empty()))
+      row = spec.segments[at(row)].parent;
     Piece& own = parts[i];
     if (own.shapes.size() != 1) continue;
     const Shape& capsule = own.shapes[0];
-    Piece& parent = parts[static_cast<std::size_t>(row + 1)];
+    Piece& parent = parts[at(row + 1)];
     const Vec3 at = parent.frame.inverse() * own.frame.p;
     if (parent.cut && (at - Vec3(0, parent.shapes[0].length, 0)).norm() < 1e-9) {
       parent.cut->flat_end = true;
@@ -206,8 +205,7 @@ double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   return carried ? (1 - kCarrierShare) * own : own;
 }
 
-/// Masses by share of the hand. Without a share of its own the palm gets the remainder, so that the parts sum
-/// to the hand.
+/// Masses by share of the hand. Without a share the palm gets the remainder, so that all sum to the hand.
 void set_masses_by_share(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
                          const Person& person) {
   double sum = spec.palm.mass_share.value_or(0);
@@ -244,7 +242,7 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
     Piece& own = parts[i];
     if (own.of_palm.empty()) continue;
     const auto stays = [&](const Shape& shape) {
-      return std::find(own.of_palm.begin(), own.of_palm.end(), shape.name) == own.of_palm.end();
+      return std::ranges::find(own.of_palm, shape.name) == own.of_palm.end();
     };
     const MassProperties before = model::union_properties(palm.shapes);
     const auto moved = std::stable_partition(palm.shapes.begin(), palm.shapes.end(), stays);
@@ -314,8 +312,7 @@ MassProperties properties_of(const Piece& part) {
   return {part.mass, part.frame * out.centre, part.mass * r * out.inertia * r.transpose()};
 }
 
-/// A body of several shapes, of several rows or of none: its frame is at its centre of mass, with the axes of
-/// its first row.
+/// A body of several shapes, several rows or none: its frame is at its mass centre with its first row's axes.
 void place_composite(Body& body, std::vector<Piece*>& parts) {
   std::vector<MassProperties> each;
   for (const Piece* part : parts) each.push_back(properties_of(*part));
@@ -358,7 +355,7 @@ void add_shapes_of(BuiltHand& hand, const std::vector<Piece>& parts) {
 /// The joint frame in a body: of a simple body exactly on the axis of its capsule.
 Pose joint_in_body(const BuiltHand& hand, const HandSpec& spec, std::size_t i) {
   const BuiltSegment& built = hand.segments[i];
-  const Body& body = hand.bodies[static_cast<std::size_t>(built.body)];
+  const Body& body = hand.bodies[at(built.body)];
   const Vec3 half(0, 0.5 * axis_of(spec.segments[i], built), 0);
   const bool simple = !spec.segments[i].carrier && (built.frame * half - body.zero_pose.p).isZero(0);
   return simple ? Pose{-half, Quat::Identity()} : body.zero_pose.inverse() * built.frame;
@@ -373,10 +370,9 @@ void add_joints_of(BuiltHand& hand, const HandSpec& spec) {
     joint.name = row.joint.name;
     joint.kind = row.joint.kind;
     joint.axes = row.joint.axes;
-    joint.parent = row.parent == kPalm ? 0 : hand.segments[static_cast<std::size_t>(row.parent)].body;
+    joint.parent = row.parent == kPalm ? 0 : hand.segments[at(row.parent)].body;
     joint.child = built.body;
-    joint.parent_frame =
-        hand.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * built.frame;
+    joint.parent_frame = hand.bodies[at(joint.parent)].zero_pose.inverse() * built.frame;
     joint.child_frame = joint_in_body(hand, spec, i);
     hand.segments[i].joint = static_cast<int>(hand.joints.size());
     hand.joints.push_back(std::move(joint));
@@ -409,7 +405,7 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
       built.body = static_cast<int>(hand.bodies.size());
       hand.bodies.emplace_back();
     } else if (row.parent != kPalm) {
-      built.body = hand.segments[static_cast<std::size_t>(row.parent)].body;
+      built.body = hand.segments[at(row.parent)].body;
     }
     parts.push_back(segment_part(row, built, hand.size));
   }

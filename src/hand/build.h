@@ -1,5 +1,4 @@
-// Builds a hand from a person and a hand model, and adds it to a Model. The right hand is computed; the left
-// one is its mirror image: equal bit for bit, up to sign.
+// Builds a hand of a person and a hand model into a Model: a right one or its exact mirror image.
 #pragma once
 
 #include <map>
@@ -71,8 +70,7 @@ struct BuiltHand {
   std::vector<HandAxis> axes;  ///< that the muscles' arms number
 };
 
-/// @throws Error (input) for a fingertip shorter than its radius, a shape without size and impossible hand
-/// dimensions.
+/// @throws Error (input) for a tip shorter than its radius, a shape without size and impossible dimensions.
 BuiltHand build_hand(const HandSpec& spec, const Person& person);
 
 /// Name of a rail's joint: a slider whose coordinate [m] is the distance from Placement::pose along the rail.
@@ -87,8 +85,7 @@ struct HandGroups {
 
 /// Appends the hand to the model, with its muscles and bands, its skin as material and its contact groups:
 /// `palm-NAME`, `fingers-NAME` and `fingertips-NAME`. Tendons have no arms about axes that the mount omits.
-/// @throws Error (input) if `start` has an unknown joint or too many angles, or the wrist has fewer axes than
-/// the mount needs.
+/// @throws Error (input) if `start` has an unknown joint or too many angles, or the wrist too few axes.
 HandGroups add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
 
 /// Breadth, length and thickness of the box about the palm's shapes [m].

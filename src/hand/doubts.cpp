@@ -12,8 +12,7 @@ namespace {
 
 /// Percentiles 0.1 and 99.9 of a normal distribution.
 constexpr double kDoubtful = 3.0902;
-/// Standard deviation of a hand's share of body mass, over the share: 0.083 % and 0.61 % (100 men,
-/// Zatsiorsky & Seluyanov 1979).
+/// Standard deviation of a hand's mass share over the share: 0.083 % and 0.61 % (Zatsiorsky, Seluyanov 1979).
 constexpr double kMassScatter = 0.14;
 /// Added scatter of ln y of a body outside the survey, chosen.
 constexpr double kBeyondSurvey = 0.08;

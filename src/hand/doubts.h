@@ -1,5 +1,4 @@
-// What makes a person's values doubtful: outside the survey, or in contradiction to the body and to each
-// other.
+// What makes a person's values doubtful: outside the survey, or in contradiction to each other.
 #pragma once
 
 #include <string>

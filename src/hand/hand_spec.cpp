@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <utility>
 
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/hand/shape_spec.h"
 
 namespace handsim::hand {
 
@@ -152,9 +155,8 @@ void read_finger(MapReader& reader, SegmentSpec& segment) {
       return;
     }
   const std::string name = lower_case(segment.finger);
-  const auto within = std::find_if(kFingers.begin(), kFingers.end(), [&](const auto& finger) {
-    return name.find(finger.first) != std::string::npos;
-  });
+  const auto within = std::ranges::find_if(
+      kFingers, [&](const auto& finger) { return name.find(finger.first) != std::string::npos; });
   const bool like = within != kFingers.end();
   if (!like && !name.empty() && !reader.has("counts_as"))
     reader.warning("finger", segment.finger + " counts as the little finger: counts_as names another one");
@@ -179,7 +181,7 @@ void read_matter(MapReader& reader, const HandSpec& spec, SegmentSpec& segment) 
   for (const SegmentSpec& other : spec.segments)
     for (const std::string& name : other.of_palm) std::erase(open, name);
   for (const std::string& name : segment.of_palm) {
-    if (reader.sound() && (std::find(open.begin(), open.end(), name) == open.end() || open.size() == 1))
+    if (reader.sound() && (std::ranges::find(open, name) == open.end() || open.size() == 1))
       reader.problem("of_palm", name, "shapes of the palm that no row above has; one stays with the palm");
     std::erase(open, name);
   }
@@ -211,8 +213,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   return segment;
 }
 
-/// Adds a row. A joint of three axes becomes a carrier on a universal joint and the segment on a hinge,
-/// `JOINT_AXIS`, about the third: what every engine has.
+/// Adds a row. A joint of three axes becomes a carrier on a universal joint and the segment on a hinge.
 void add_row(SegmentSpec row, HandSpec& spec) {
   if (row.joint.axes.size() == 3) {
     SegmentSpec carrier = row;
@@ -271,6 +272,37 @@ ForearmSpec read_forearm(MapReader reader) {
   reader.maybe_text("source");
   reader.finish();
   return out;
+}
+
+/// A tree that was read without a problem or warning.
+struct Known {
+  std::optional<YamlNode> given;  ///< absent where reading it has read files, which may change
+  YamlNode read;                  ///< the same with defaults
+  std::shared_ptr<const HandSpec> spec;
+};
+
+/// The last hand models that this process has read.
+class KnownSpecs {
+ public:
+  std::vector<std::shared_ptr<const Known>> all() {
+    const std::lock_guard lock(mutex_);
+    return {known_.begin(), known_.end()};
+  }
+  void add(Known known) {
+    constexpr std::size_t kMost = 8;
+    const std::lock_guard lock(mutex_);
+    known_.push_front(std::make_shared<const Known>(std::move(known)));
+    if (known_.size() > kMost) known_.pop_back();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::deque<std::shared_ptr<const Known>> known_;
+};
+
+KnownSpecs& known_specs() {
+  static KnownSpecs specs;
+  return specs;
 }
 
 }  // namespace
@@ -332,6 +364,37 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec) {
   if (spec.forearm) add(spec.forearm->joint);
   for (const SegmentSpec& segment : spec.segments) add(segment.joint);
   return out;
+}
+
+std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::string& path,
+                                                 Diagnostics& diagnostics) {
+  const auto read_it = [&] {
+    return std::make_shared<const HandSpec>(read_hand_spec(node, path, diagnostics));
+  };
+  if (diagnostics.recorder) return read_it();
+  for (const auto& known : known_specs().all())
+    if (node.same_as(known->read) || (known->given && node.same_as(*known->given))) {
+      node = known->read;
+      return known->spec;
+    }
+  Known fresh;
+  fresh.given = node;
+  const std::size_t problems = diagnostics.problems.size(), warnings = diagnostics.warnings.size();
+  const std::size_t budget = diagnostics.budget.left;
+  fresh.spec = read_it();
+  if (diagnostics.problems.size() != problems || diagnostics.warnings.size() != warnings) return fresh.spec;
+  if (diagnostics.budget.left != budget) fresh.given.reset();
+  // Hands of one scene that name the same file have one model.
+  for (const auto& known : known_specs().all())
+    if (node.same_as(known->read)) {
+      node = known->read;
+      fresh.spec = known->spec;
+      break;
+    }
+  fresh.read = node;
+  auto spec = fresh.spec;
+  known_specs().add(std::move(fresh));
+  return spec;
 }
 
 }  // namespace handsim::hand

@@ -1,5 +1,4 @@
-// The content of a hand model file: rows of segments with rules for their size, and their joints. Segments
-// are data: one reader serves every hand.
+// The content of a hand model file: rows of segments with rules for their size, and joints, for every hand.
 #pragma once
 
 #include <map>
@@ -45,8 +44,7 @@ struct SegmentSpec {
   bool fixed = false;             ///< part of its parent's body; no joint
   /// A body without a shape between two joints of a joint of three axes; the next row is its segment.
   bool carrier = false;
-  /// Shapes of the palm that move with this row, in place of a length, a radius and shapes of its own: the
-  /// palm's mass is divided between its body and this one.
+  /// Shapes of the palm that move with this row, in place of a size and shapes of its own; with their mass.
   std::vector<std::string> of_palm;
   JointSpec joint;
   Place place;  ///< of the row, for messages
@@ -74,8 +72,7 @@ struct PalmSpec {
   LengthRule length, breadth, thickness;
   PlaceRule offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
   std::vector<ShapeSpec> shapes;
-  /// Of the hand's mass, body_mass_share rule only. Absent: what the segments leave of 1. Present: a hand
-  /// model with fewer fingers has a lighter hand.
+  /// Share of the hand's mass, body_mass_share only. Absent: what segments leave of 1. Present: may be less.
   std::optional<double> mass_share;
   Place place;  ///< for messages
 };
@@ -116,8 +113,7 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec);
 
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
-/// The same, read once for equal trees: where only the person changes, a hand model costs nothing.
-/// Defaults of the first one stand in the tree. Any thread.
+/// The same, read once for equal trees, by any thread. Defaults of the first one are in the tree.
 std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::string& path,
                                                  Diagnostics& diagnostics);
 

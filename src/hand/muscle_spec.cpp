@@ -66,7 +66,7 @@ class FileReader {
  private:
   std::string read_name(MapReader& reader) {
     std::string name = reader.name("name");
-    if (std::find(taken_.begin(), taken_.end(), name) != taken_.end() && !name.empty())
+    if (std::ranges::find(taken_, name) != taken_.end() && !name.empty())
       reader.problem("name", name + " a second time", "a unique name for each muscle and band");
     taken_.push_back(name);
     return name;
@@ -139,8 +139,8 @@ class FileReader {
     const std::vector<std::string> of = reader.texts("between", 2, 2, "two muscles above this row");
     if (of.size() != 2) return out;
     for (std::size_t side = 0; side < 2; ++side) {
-      const auto found = std::find_if(file_.muscles.begin(), file_.muscles.end(),
-                                      [&](const MuscleSpec& each) { return each.tendon.name == of[side]; });
+      const auto found = std::ranges::find_if(
+          file_.muscles, [&](const MuscleSpec& each) { return each.tendon.name == of[side]; });
       if (found == file_.muscles.end()) {
         std::vector<std::string> known;
         for (const MuscleSpec& each : file_.muscles) known.push_back(each.tendon.name);
@@ -160,8 +160,8 @@ class FileReader {
     std::vector<int> place;
     for (model::MomentArm arm : path.arms) {
       for (double& c : arm.c) c *= sign;
-      const auto same = std::find_if(to.arms.begin(), to.arms.end(),
-                                     [&](const model::MomentArm& each) { return each.dof == arm.dof; });
+      const auto same =
+          std::ranges::find_if(to.arms, [&](const model::MomentArm& each) { return each.dof == arm.dof; });
       place.push_back(static_cast<int>(same - to.arms.begin()));
       if (same == to.arms.end())
         to.arms.push_back(arm);
@@ -221,9 +221,9 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     model::Muscle& muscle = out.muscles.emplace_back();
     muscle.name = spec.tendon.name;
     muscle.nerve = spec.nerve;
-    muscle.extrinsic = std::any_of(
-        spec.tendon.path.arms.begin(), spec.tendon.path.arms.end(),
-        [&](const model::MomentArm& arm) { return axes[at(arm.dof)].name.starts_with("wrist."); });
+    muscle.extrinsic = std::ranges::any_of(spec.tendon.path.arms, [&](const model::MomentArm& arm) {
+      return axes[at(arm.dof)].name.starts_with("wrist.");
+    });
     muscle.path = scaled(spec.tendon.path, scale);
     muscle.force = spec.force * out.strength;
     muscle.fibre_length = spec.fibre_length * scale;

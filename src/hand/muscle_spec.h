@@ -67,9 +67,8 @@ struct HandMuscles {
   double strength = 1;  ///< factor on the reference person's forces
 };
 
-/// Arms, fibres, tendons and the stiffness of bands scale with hand length; forces with the grip strength
-/// that the person states or the norm gives. Below the norm's smallest stature, where it has nobody, forces
-/// shrink with the square of stature, as areas do.
+/// Arms, fibres, tendons and the stiffness of bands scale with hand length; forces with the person's or
+/// the norm's grip strength, and below the norm's smallest stature with the square of stature, as areas do.
 HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& axes, const HandSize& size,
                           const Person& person);
 

@@ -23,8 +23,7 @@ struct Person {
   std::optional<double> hand_mass;           ///< [kg]
   std::optional<double> grip_strength;       ///< on a dynamometer [N]
   std::optional<double> age;                 ///< [years]
-  /// Measured lengths and radii of segments by name, e.g. `index_proximal` [m]; others follow from the hand
-  /// model.
+  /// Measured lengths and radii of segments by name, e.g. `index_proximal` [m]; the hand model gives others.
   std::map<std::string, double> bones, radii;
   std::map<std::string, double> fingers;  ///< measured: crease at the base to tip of thumb, index, middle [m]
   /// Percentile of the hand's length among people of this stature, mass and sex, 0..100 (50: as predicted).

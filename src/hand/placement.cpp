@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -102,7 +103,7 @@ void check_start_names(const std::vector<Joint>& joints, const Placement& placem
   std::vector<std::string> known;
   for (const Joint& joint : joints) known.push_back(joint.name);
   for (const auto& [name, angles] : placement.start) {
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    if (std::ranges::find(known, name) != known.end()) continue;
     throw input_error("pose." + name, "an unknown joint",
                       "a joint of the hand model or its wrist mount" + nearest_hint(name, known));
   }
@@ -118,8 +119,7 @@ HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const 
   for (Shape shape : hand.shapes) {
     const auto body = static_cast<std::size_t>(shape.body);
     shape.name = index.name + "." + shape.name;
-    const bool palm = body == 0 || std::find(hand.palm_parts.begin(), hand.palm_parts.end(), shape.body) !=
-                                       hand.palm_parts.end();
+    const bool palm = body == 0 || std::ranges::find(hand.palm_parts, shape.body) != hand.palm_parts.end();
     shape.group = palm ? groups.palm : has_child[body] ? groups.fingers : groups.fingertips;
     shape.body = index.bodies[body];
     shape.material = static_cast<int>(model.materials.size()) - 1;
@@ -276,6 +276,31 @@ HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement
   set_velocities(model, index, placement);
   model.hands.push_back(std::move(index));
   return groups;
+}
+
+BuiltHand::Forearm forearm_of(const ForearmSpec& spec, const HandSize& size, const Person& person) {
+  BuiltHand::Forearm out;
+  std::vector<Problem> problems;
+  check_size(spec.place, "forearm.length", spec.length.value(size), problems);
+  check_size(spec.place, "forearm.radius", spec.radius.value(size), problems);
+  throw_if_any(std::move(problems));
+  const double length = spec.length.value(size), distal = (1 - spec.centre) * length;
+  out.body.name = "forearm";
+  out.body.mass = share_of(spec, person.sex) * person.mass;
+  out.body.zero_pose.p = {0, -distal, 0};
+  const double across = std::pow(spec.across * length, 2), along = std::pow(spec.along * length, 2);
+  out.body.inertia = (out.body.mass * Vec3(across, along, across)).asDiagonal();
+  out.shape.name = "forearm";
+  out.shape.kind = model::ShapeKind::capsule;
+  out.shape.part = model::Part::palm;
+  out.shape.radius = spec.radius.value(size);
+  out.shape.length = std::max(length - 2 * out.shape.radius, 1e-3 * length);
+  out.shape.pose = {{0, distal - 0.5 * length, 0}, Quat(Eigen::AngleAxisd(-M_PI / 2, Vec3::UnitX()))};
+  out.joint.name = spec.joint.name;
+  out.joint.axes = spec.joint.axes;
+  out.joint.parent_frame.p = {0, -length, 0};
+  out.joint.child_frame.p = {0, distal - length, 0};
+  return out;
 }
 
 }  // namespace handsim::hand

@@ -164,7 +164,7 @@ std::optional<PlaceRule> read_place(MapReader& reader, std::string_view key) {
 std::vector<ShapeSpec> read_shapes(MapReader& reader, std::size_t least) {
   std::vector<ShapeSpec> out;
   reader.each("shapes", least, kMostShapes, [&](MapReader row) {
-    const bool taken = std::any_of(out.begin(), out.end(), [&](const ShapeSpec& other) {
+    const bool taken = std::ranges::any_of(out, [&](const ShapeSpec& other) {
       return row.has("name") && other.name == row.child("name")->text;
     });
     if (taken)

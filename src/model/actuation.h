@@ -1,13 +1,11 @@
-// Commands to an engine other than plain torques: spring-damper drives that the engine solves implicitly in
-// its step.
+// Commands to an engine other than torques: spring-damper drives that it solves implicitly in its step.
 #pragma once
 
 namespace handsim::model {
 
 /// A spring-damper drive on one joint coordinate, evaluated at the end of a step of length h:
 ///   torque = stiffness (error - h qdot(t + h)) - damping qdot(t + h) + feed,  clamped to +-limit.
-/// With error = target - q(t) this is stiffness (target - q(t + h)) - damping qdot(t + h) + feed: stable at
-/// any h.
+/// With error = target - q(t): stiffness (target - q(t + h)) - damping qdot(t + h) + feed, stable at any h.
 struct Servo {
   double stiffness = 0;  ///< [N m/rad] or [N/m], >= 0
   double damping = 0;    ///< [N m s/rad] or [N s/m], >= 0

@@ -2,14 +2,13 @@
 
 #include <cmath>
 
+#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::model {
 
 AngleSensor::AngleSensor(const Joint& joint)
-    : universal_(joint.kind == JointKind::universal),
-      parent_(static_cast<std::size_t>(joint.parent)),
-      child_(static_cast<std::size_t>(joint.child)) {
+    : universal_(joint.kind == JointKind::universal), parent_(at(joint.parent)), child_(at(joint.child)) {
   const Quat& f = joint.parent_frame.q;
   const Quat& m = joint.child_frame.q;
   const Vec3 a = joint.axes[0].axis;
@@ -60,9 +59,7 @@ void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes, Dir
 }
 
 JointSensors::JointSensors(const Model& model)
-    : model_(model),
-      axes_(static_cast<std::size_t>(model.dof_count()), Vec3::Zero()),
-      directions_(axes_.size()) {
+    : model_(model), axes_(at(model.dof_count()), Vec3::Zero()), directions_(axes_.size()) {
   for (const Joint& joint : model.joints) {
     std::optional<AngleSensor>& sensor = angles_.emplace_back();
     if (joint.kind == JointKind::hinge || joint.kind == JointKind::universal) sensor.emplace(joint);
@@ -74,7 +71,7 @@ void JointSensors::read(State& state) {
   state.u.resize(axes_.size());
   for (std::size_t j = 0; j < angles_.size(); ++j) {
     const Joint& joint = model_.joints[j];
-    const auto first = static_cast<std::size_t>(joint.first_dof);
+    const auto first = at(joint.first_dof);
     if (angles_[j]) {
       angles_[j]->read(state, &state.q[first], &state.u[first], &axes_[first], &directions_[first]);
       continue;
@@ -82,8 +79,7 @@ void JointSensors::read(State& state) {
     joint_coordinates(joint, state, std::span(state.q).subspan(first));
     joint_rates(joint, state, std::span(state.u).subspan(first));
     if (joint.kind == JointKind::slider)
-      axes_[first] = state.bodies[static_cast<std::size_t>(joint.parent)].q *
-                     (joint.parent_frame.q * joint.axes[0].axis);
+      axes_[first] = state.bodies[at(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
   }
 }
 

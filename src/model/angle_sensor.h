@@ -21,8 +21,7 @@ struct Direction {
 class AngleSensor {
  public:
   explicit AngleSensor(const Joint& joint);
-  /// Writes, for the joint's one or two coordinates, angles [rad] in (-pi, pi], rates [rad/s], axes in the
-  /// world, and the angles as sine and cosine.
+  /// Writes the joint's angles [rad] in (-pi, pi] with sine and cosine, rates [rad/s] and axes in the world.
   void read(const State& state, double* q, double* u, Vec3* axes, Direction* directions) const;
 
  private:

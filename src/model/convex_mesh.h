@@ -1,11 +1,11 @@
-// Convex polyhedra as shapes: vertices, planar faces, edges, and the mass properties of the uniform solid.
-// Built once from a hull (scene/read/mesh_file.h), then shared.
+// Convex polyhedra as shapes, built once from a hull: vertices, faces, edges, mass of the uniform solid.
 #pragma once
 
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/core/pose.h"
 
 namespace handsim::model {
@@ -28,13 +28,11 @@ struct ConvexMesh {
   double reach = 0;                  ///< largest distance of a vertex from the centroid [m]
 
   int face_count() const { return static_cast<int>(planes.size()); }
-  Vec3 normal(int face) const { return planes[static_cast<std::size_t>(face)].head<3>(); }
+  Vec3 normal(int face) const { return planes[at(face)].head<3>(); }
   /// Signed distance of a point from a face's plane, positive outside [m].
-  double height(int face, const Vec3& point) const {
-    return normal(face).dot(point) - planes[static_cast<std::size_t>(face)].w();
-  }
+  double height(int face, const Vec3& point) const { return normal(face).dot(point) - planes[at(face)].w(); }
   std::span<const unsigned> corners(int face) const {
-    const auto start = static_cast<std::size_t>(loop_starts[static_cast<std::size_t>(face)]);
+    const auto start = at(loop_starts[at(face)]);
     return {&loops[start + 1], loops[start]};
   }
   const Vec3& vertex(unsigned index) const { return vertices[index]; }

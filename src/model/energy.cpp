@@ -26,7 +26,7 @@ double potential_energy(const Model& model, const State& state, const Effects& e
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       const auto& tissue = joint.axes[a].tissue;
       if (!tissue) continue;
-      const double stretch = state.q[static_cast<std::size_t>(joint.first_dof) + a] - tissue->rest;
+      const double stretch = state.q[at(joint.first_dof) + a] - tissue->rest;
       energy += 0.5 * tissue->stiffness * stretch * stretch;
     }
   return energy;

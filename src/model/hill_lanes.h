@@ -1,5 +1,4 @@
-// The curves of muscle_curves.h for any number type: a double, or a vector register with one muscle a lane.
-// The same bits from both.
+// The curves of muscle_curves.h for a double, or a vector register with one muscle a lane: the same bits.
 #pragma once
 
 #include "handsim/model/lane_math.h"
@@ -68,8 +67,7 @@ template <class V>
 }
 
 /// Factor of the speed; its slope is divided by `top`. @param rate of normalised fibres, @param top largest
-/// speed at the activation. The slope is that of the chord to rest, which exceeds the tangent's: a step that
-/// is linear by it does not overshoot.
+/// speed at the activation. The slope is the chord's to rest, above the tangent's: no linear step overshoots.
 template <class V>
 [[gnu::always_inline]] inline HillCurve<V> hill_speed(const V& rate, const V& top) {
   constexpr double kShorten = 1 / hill::kSpeedShape, kGrow = hill::kSteep * hill::kLengthening;

@@ -19,8 +19,7 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out);
 /// Fills q and u of a state from its bodies.
 void update_coordinates(const Model& model, State& state);
 
-/// Position error of the joint's constraint [m]: distance between the two anchor points (slider: its
-/// component perpendicular to the axis).
+/// Position error of the joint's constraint [m]: between the anchor points (slider: across the axis).
 double joint_gap(const Joint& joint, const State& state);
 
 /// Direction of a joint's axis in the world, unit: the first is fixed in the parent, the second in the child.
@@ -29,9 +28,8 @@ Vec3 axis_in_world(const Joint& joint, std::size_t axis, const Quat& parent, con
 
 /// X_FM at the given coordinates of this joint.
 Pose joint_transform(const Joint& joint, std::span<const double> q);
-/// Places the children of joints at the given coordinates and rates (each of size model.dof_count()),
-/// outward from the bodies without a parent joint, which keep their pose and velocity. Loop-closing joints
-/// are not solved. Fills q and u, and rests the muscles there.
+/// Places the children of joints at coordinates and rates (size model.dof_count()), outward from bodies
+/// without a parent joint, which stay; leaves loop-closing joints. Fills q and u, and rests the muscles.
 void place_joints(const Model& model, std::span<const double> q, std::span<const double> u, State& state);
 /// The poses alone, without velocities, coordinates and muscles.
 void place_children(const Model& model, std::span<const double> q, State& state);
@@ -40,8 +38,7 @@ void rest_muscles(const Model& model, State& state);
 /// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a parent
 /// have their zero pose. Loop-closing joints are not solved: State::q has the coordinates that result.
 State state_at(const Model& model, std::span<const double> q);
-/// State at the start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial
-/// velocities.
+/// State at the start: axes at their `initial` coordinates, drives at time 0, bodies with their velocities.
 State initial_state(const Model& model);
 
 /// Bodies that move freely: neither kinematic nor the child of a joint.

@@ -35,8 +35,7 @@ template <class V>
   return select(b < a, b, a);
 }
 
-/// exp(y) for |y| up to 5, to 2e-14 of it: Taylor's series at y / 32, squared five times. The same bits on
-/// every machine.
+/// exp(y), |y| up to 5, to 2e-14 of it: Taylor's series at y / 32, squared five times. Equal bits everywhere.
 template <class V>
 [[gnu::always_inline]] inline V exponential(const V& y) {
   const V x = y * (1.0 / 32), s = x * x;

@@ -11,8 +11,7 @@ std::vector<Marker> hand_markers(const Model& model) {
   for (const HandIndex& hand : model.hands) {
     out.push_back({hand.name + ".wrist", hand.palm, hand.wrist_frame.p});
     for (const Joint& joint : model.joints)
-      if (joint.child != hand.palm &&
-          std::find(hand.bodies.begin(), hand.bodies.end(), joint.child) != hand.bodies.end())
+      if (joint.child != hand.palm && std::ranges::find(hand.bodies, joint.child) != hand.bodies.end())
         out.push_back({joint.name, joint.child, joint.child_frame.p});
     for (const Fingertip& tip : hand.fingertips)
       out.push_back({model.bodies[at(tip.body)].name + ".tip", tip.body, tip.point});

@@ -37,8 +37,7 @@ struct Body {
 
 enum class ShapeKind { box, capsule, cylinder, sphere, convex_mesh, plane };
 
-/// A geometric shape fixed to a body. Capsules and cylinders lie along their local z axis; a plane is
-/// z = 0 of its frame with the solid below.
+/// A shape fixed to a body. Capsules and cylinders are along local z; a plane is z = 0 with the solid below.
 struct Shape {
   std::string name;
   ShapeKind kind = ShapeKind::sphere;
@@ -95,9 +94,8 @@ struct JointAxis {
   double torque = 0;   ///< constant, along the coordinate, where actuation is on [N m] or [N]
 };
 
-/// A joint. Frame F is fixed in the parent, M in the child; at zero coordinates they coincide. Hinge:
-/// R_FM = Rot(axis0, q0). Universal: R_FM = Rot(axis0, q0) Rot(axis1, q1). Ball: R_FM free. Slider:
-/// p_FM = q0 axis0.
+/// A joint. Frame F is fixed in the parent, M in the child; at zero coordinates they coincide. Hinge: R_FM =
+/// Rot(axis0, q0). Universal: R_FM = Rot(axis0, q0) Rot(axis1, q1). Ball: R_FM free. Slider: p_FM = q0 axis0.
 struct Joint {
   std::string name;  ///< unique, e.g. `right.index_mcp`
   JointKind kind = JointKind::hinge;
@@ -141,8 +139,7 @@ struct ContactGroup {
 /// The pair's material is combined from its shapes' own.
 inline constexpr int kCombined = -1;
 
-/// Two groups whose shapes are tested against each other (a rule may name one group twice). Jointed bodies
-/// and pairs of immovable bodies are never tested.
+/// Two groups whose shapes are tested (a rule may name one twice), but not jointed or two immovable bodies.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;

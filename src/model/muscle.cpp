@@ -59,8 +59,7 @@ PathState path_state(const TendonPath& path, std::span<const double> q) {
 }
 
 bool any_elastic(std::span<const Muscle> muscles) {
-  return std::any_of(muscles.begin(), muscles.end(),
-                     [](const Muscle& each) { return each.tendon_strain.has_value(); });
+  return std::ranges::any_of(muscles, [](const Muscle& each) { return each.tendon_strain.has_value(); });
 }
 
 }  // namespace handsim::model

@@ -25,8 +25,7 @@ struct MomentArm {
   double low = -4, high = 4;  ///< range of the polynomial [rad]
 };
 
-/// A term `factor q_a^power_a q_b^power_b` [m] of the excursion: it changes the arm about each of the two
-/// coordinates with the angle of the other.
+/// A term `factor q_a^power_a q_b^power_b` [m] of the excursion: each arm changes with the other's angle.
 struct ArmProduct {
   int a = 0, b = 0;  ///< in TendonPath::arms
   int power_a = 1, power_b = 1;
@@ -73,8 +72,7 @@ struct Muscle {
 /// Whether some muscle has an elastic tendon.
 bool any_elastic(std::span<const Muscle> muscles);
 
-/// A passive band that couples joints: tension = stiffness (x - rest) + damping dx/dt with x = -e(q); a slack
-/// one pulls only, another one works both ways.
+/// A band across joints: tension = stiffness (x - rest) + damping dx/dt, x = -e(q); slack ones pull only.
 struct Ligament {
   std::string name;  ///< unique, e.g. `right.index_dip_pip`
   TendonPath path;

@@ -15,8 +15,7 @@ struct BodyMotion : BodyState {
   Vec3 alpha = Vec3::Zero();  ///< world axes [rad/s^2]
 };
 
-/// A force and a moment in world axes: of a load at the body's centre of mass, of a reaction at the anchor of
-/// the joint's child frame [N], [N m].
+/// A force [N] and moment [N m] in world axes: a load at the mass centre, a reaction at the child frame.
 struct Wrench {
   Vec3 force = Vec3::Zero();
   Vec3 moment = Vec3::Zero();
@@ -28,13 +27,11 @@ class NewtonEuler {
   /// @throws Error (input) for a model with loops.
   NewtonEuler(const Model& model, const Vec3& gravity);
 
-  /// Bodies without a joint to a parent move as in the state, without acceleration; the drives of the model
-  /// move theirs as prescribed at `time` [s].
+  /// Bodies without a parent joint move as in the state, unaccelerated; driven ones as at `time` [s].
   void set_roots(const State& state, double time);
   /// Places all other bodies by coordinates, rates and accelerations, each of size model.dof_count().
   void place(std::span<const double> q, std::span<const double> u, std::span<const double> change);
-  /// Takes poses and velocities of two states; accelerations are their mean over the time between them, at
-  /// the later state.
+  /// Takes poses and velocities of two states; accelerations are their mean between them, at the later one.
   void place(const State& from, const State& to);
 
   /// Torques along all coordinates for the motion of place() [N m] or [N], size model.dof_count(): what acts

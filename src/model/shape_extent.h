@@ -17,8 +17,7 @@ double reach(const Shape& shape);
 /// Edge lengths of the bounding box of shapes along the axes of their common frame [m].
 Vec3 box_edges(const std::vector<Shape>& shapes);
 
-/// Bounds of a shape: a box that holds its core, and a radius by which the core is rounded. A mesh is bounded
-/// by a sphere.
+/// Bounds of a shape: a box around its core and a radius that rounds the core. A mesh has a bounding sphere.
 struct Extent {
   Vec3 half = Vec3::Zero();  ///< along the axes of the shape's frame [m]
   double round = 0;          ///< [m]

@@ -14,8 +14,7 @@ namespace handsim::model {
 
 namespace {
 
-/// Columns stand at Gauss-Legendre points of panels between all places where a solid begins or ends; about so
-/// many panels each way, beside one for each such place.
+/// Columns are at Gauss-Legendre points of panels between all ends of solids; about so many panels each way.
 constexpr double kPanels = 16;
 /// Points and weights of a panel from -1 to 1.
 constexpr std::array<std::pair<double, double>, 3> kPoints = {
@@ -194,9 +193,8 @@ Interval along_x(const Shape& shape) {
   return {shape.pose.p.x() - half, shape.pose.p.x() + half};
 }
 
-/// Calls `at(place, weight)` along a line through solids: sums of weight times a function are its integral.
-/// In each gap between ends the place is the sine of an angle that has the points: a chord that begins there
-/// like a root is then smooth.
+/// Calls `at(place, weight)` along a line through solids: sums of weight times a function are its integral. A
+/// place in a gap between ends is the sine of an evenly spaced angle: chords beginning like roots are smooth.
 template <class At>
 void integrate(const std::vector<Interval>& solids, At at) {
   std::vector<double> ends;
@@ -206,7 +204,7 @@ void integrate(const std::vector<Interval>& solids, At at) {
     ends.push_back(solid.high);
   }
   if (ends.empty()) return;
-  std::sort(ends.begin(), ends.end());
+  std::ranges::sort(ends);
   const double width = (ends.back() - ends.front()) / kPanels;
   for (std::size_t k = 0; k + 1 < ends.size(); ++k) {
     const double half = 0.5 * (ends[k + 1] - ends[k]), middle = ends[k] + half;

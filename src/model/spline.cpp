@@ -37,8 +37,8 @@ void CubicSpline::at(double time, std::span<double> value, std::span<double> rat
   if (outside) {
     const double* end = values_.data() + (next == 0 ? 0 : (times_.size() - 1) * width_);
     std::copy_n(end, value.size(), value.begin());
-    std::fill(rate.begin(), rate.end(), 0.0);
-    std::fill(acceleration.begin(), acceleration.end(), 0.0);
+    std::ranges::fill(rate, 0.0);
+    std::ranges::fill(acceleration, 0.0);
     return;
   }
   const std::size_t i = std::min(next, times_.size() - 1) - 1;

@@ -13,8 +13,7 @@ class CubicSpline {
   /// @param times increasing, at least one [s]. @param values sample after sample, size times * width.
   CubicSpline(std::vector<double> times, std::vector<double> values, std::size_t width);
 
-  /// Value and derivatives at a time [s], each of size width() or empty. Before the first sample and after
-  /// the last the value is constant.
+  /// Value and derivatives at a time [s], each of size width() or empty; constant beyond the first and last.
   void at(double time, std::span<double> value, std::span<double> rate = {},
           std::span<double> acceleration = {}) const;
 

@@ -1,5 +1,4 @@
-// State of a model at a time: poses and velocities of bodies, joint coordinates and rates, and the joint
-// torques of the last step. Only engines write it.
+// State of a model at a time: bodies, joint coordinates and rates, last joint torques. Only engines write it.
 #pragma once
 
 #include <vector>
@@ -21,14 +20,12 @@ struct State {
   double time = 0;                ///< [s]
   std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
 
-  // By coordinate, size Model::dof_count(). q and u describe the same motion as `bodies`: an engine that gets
-  // a state recomputes them.
+  // By coordinate, size Model::dof_count(). q and u say the same as `bodies`: an engine recomputes them.
   std::vector<double> q;  ///< coordinates as in kinematics.h, angles in (-pi, pi] [rad] or [m]
   std::vector<double> u;  ///< rates as in kinematics.h [rad/s] or [m/s]
   /// Torque on the child in the last step, positive along the coordinate [N m] or [N]: given torques, servos
-  /// and passive tissue as the engine solved them, without stops, contacts and joint constraints. Constant
-  /// over the step with engine ode, the value at the step's end with others. Ball: the given torque in F.
-  /// Zero before the first step.
+  /// and passive tissue as the engine solved them, without stops, contacts and joint constraints. In the step
+  /// constant with engine ode, at its end with others. Ball: the given torque in F. 0 before the first step.
   std::vector<double> tau;
   std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
 
@@ -39,8 +36,7 @@ struct State {
   std::vector<double> tendon_force;  ///< tension in the last step, at its end [N]
 };
 
-/// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, and q and u
-/// follow.
+/// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, q and u follow.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

@@ -17,9 +17,8 @@ struct Origins {
   void add(const Model& model, const std::optional<Place>& place);
 };
 
-/// All defects, each with the place of its part: non-finite numbers, masses and sizes out of bounds, inertias
-/// that violate the triangle inequality, axes not unit or not perpendicular, stops out of order, indices out
-/// of range, parents after children.
+/// All defects with their places: non-finite numbers, masses and sizes out of bounds, inertias against the
+/// triangle inequality, axes not unit or perpendicular, stops out of order, bad indices, children first.
 std::vector<Problem> defects(const Model& model, const Origins& origins = {});
 
 }  // namespace handsim::model

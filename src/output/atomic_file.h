@@ -37,9 +37,8 @@ class AtomicFile {
   std::FILE* file_ = nullptr;
 };
 
-/// The path to which a file of this name is written; symbolic links are followed.
-/// @throws Error (input) if the path is a folder, a device, a pipe, a socket, a broken link, or one of this
-///         process's standard streams.
+/// The path to which a file of this name is written; symbolic links are followed. @throws Error (input) for a
+/// folder, a device, a pipe, a socket, a broken link, or one of this process's standard streams.
 std::filesystem::path file_target(const std::filesystem::path& path);
 
 /// A temporary file name that no other process or file uses.

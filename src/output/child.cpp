@@ -65,8 +65,7 @@ class Report {
   std::string line_;
 };
 
-/// Runs in the child process. Ends without exit handlers and without flushing buffers: both belong to the
-/// parent.
+/// Runs in the child process. Ends without exit handlers and flushing: both belong to the parent.
 [[noreturn]] void run_job(int pipe, pid_t parent, const std::function<void(const Progress&)>& job) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(1);

@@ -54,7 +54,7 @@ std::vector<fs::path> entries(const fs::path& folder) {
   std::error_code failure;
   for (fs::directory_iterator at(folder, failure), end; !failure && at != end; at.increment(failure))
     out.push_back(at->path().filename());
-  std::sort(out.begin(), out.end());
+  std::ranges::sort(out);
   return out;
 }
 
@@ -108,7 +108,7 @@ std::vector<fs::path> OutputFolder::present() const {
       const auto is_named = [&](const std::string& pattern) {
         return fnmatch(pattern.c_str(), relative.c_str(), FNM_PATHNAME | FNM_PERIOD) == 0;
       };
-      if (std::any_of(names_.begin(), names_.end(), is_named)) out.push_back(relative);
+      if (std::ranges::any_of(names_, is_named)) out.push_back(relative);
     }
   return out;
 }
@@ -130,7 +130,7 @@ void OutputFolder::check(const Inputs& inputs) const {
     if (fs::is_symlink(fs::symlink_status(at, failure)))
       problems.push_back(
           {std::nullopt, at.string(), "a link", "a regular file, or a name that does not exist"});
-    else if (std::any_of(read.begin(), read.end(), is_this))
+    else if (std::ranges::any_of(read, is_this))
       problems.push_back(
           {std::nullopt, "--out",
            fmt::format("{}: the run would overwrite its own input {}", path_.string(), at.string()),

@@ -1,6 +1,5 @@
 // The output folder of a run or study. It is locked against other handsim processes while the object lives,
-// checked before anything is computed, and cleared of the output of earlier runs. Other files in the folder
-// are never changed.
+// checked before anything is computed, and cleared of earlier output. Other files in it are never changed.
 #pragma once
 
 #include <filesystem>

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "handsim/core/index.h"
 #include "handsim/model/motion.h"
 #include "handsim/simulation/watch/climb_figures.h"
 
@@ -9,8 +10,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// The servo that holds the palm while the fingers close: stiff against fingers, critically damped for half a
-/// kilogram.
+/// The palm's servo while the fingers close: stiff against fingers, critically damped for half a kilogram.
 constexpr double kServoStiffness = 1e5;  ///< [N/m]
 constexpr double kServoDamping = 450;    ///< [N s/m]
 constexpr double kServoLimit = 5000;     ///< [N]
@@ -18,10 +18,7 @@ constexpr double kServoLimit = 5000;     ///< [N]
 }  // namespace
 
 ClimbLoad::ClimbLoad(const model::Model& model, const scene::ClimbPlan& plan, double step)
-    : plan_(plan),
-      dof_(static_cast<std::size_t>(
-          model.joints[static_cast<std::size_t>(*model.hands[plan.hand].rail)].first_dof)),
-      step_(step) {}
+    : plan_(plan), dof_(at(model.joints[at(*model.hands[plan.hand].rail)].first_dof)), step_(step) {}
 
 double ClimbLoad::target(double time) const {
   const scene::TaskPhase& approach = plan_.approach();

@@ -15,8 +15,7 @@ class ClimbLoad {
  public:
   /// The plan must outlive this. @param step of the engine [s].
   ClimbLoad(const model::Model& model, const scene::ClimbPlan& plan, double step);
-  /// The action on the rail in the step that starts with a state: adds to the forces [N] or sets the servo.
-  /// Sizes model.dof_count().
+  /// The rail's action in the step: adds to the forces [N] or sets the servo, both of size model.dof_count().
   void command(const model::State& state, std::span<double> torques, std::span<model::Servo> servos) const;
 
  private:

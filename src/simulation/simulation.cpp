@@ -160,8 +160,7 @@ void Simulation::make_watchers() {
   report_ = {};
   excitations_.clear();
   watchers_ = maker_({*scene_, *engine_, controller_.get()});
-  timed_ = std::any_of(watchers_.begin(), watchers_.end(),
-                       [](const auto& watcher) { return watcher->wants_times(); });
+  timed_ = std::ranges::any_of(watchers_, [](const auto& watcher) { return watcher->wants_times(); });
 }
 
 void Simulation::find_constant_torques() {
@@ -169,8 +168,7 @@ void Simulation::find_constant_torques() {
   for (const model::Joint& joint : model().joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       constant_[at(joint.first_dof) + a] = joint.axes[a].torque;
-  if (std::all_of(constant_.begin(), constant_.end(), [](double torque) { return torque == 0; }))
-    constant_.clear();
+  if (std::ranges::all_of(constant_, [](double torque) { return torque == 0; })) constant_.clear();
 }
 
 /// The engine's own checks, before anything has changed.

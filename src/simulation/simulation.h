@@ -1,5 +1,4 @@
-// The simulation loop of a scene: command, step, and watchers of each step. run/run.h writes files and
-// pictures.
+// The simulation loop of a scene: command, step, watchers of each step. Files and pictures: run/run.h.
 #pragma once
 
 #include <cstdint>
@@ -33,8 +32,8 @@ class Simulation {
   /// Shares the scene. @param watchers makes the watchers: standard_watchers, no_watchers,
   /// `only<Monitor, RunHash>` or a function of the caller. Without watchers the loop takes the time of its
   /// engine.
-  /// @throws Error (input) if the engine refuses the model, or if an object starts more than 1 mm inside a
-  /// hand that it can touch, without `overlap: allowed`.
+  /// @throws Error (input) if the engine refuses the model or an object starts more than 1 mm inside a hand
+  /// that it can touch without `overlap: allowed`.
   explicit Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers watchers = standard_watchers);
   /// The same, with a scene that the simulation owns.
   explicit Simulation(scene::Scene scene, MakeWatchers watchers = standard_watchers)
@@ -50,8 +49,7 @@ class Simulation {
   ///        those of the scene's poses
   /// @throws Error (input) for an action of another size, with numbers that are not finite or out of range,
   ///         or for servos without actuation; the state is then unchanged. Error (physics) with time, body or
-  ///         joint and quantity if the state is out of bounds; every later step throws the same until a
-  ///         reset.
+  ///         joint and quantity if the state is out of bounds, and in every later step until a reset.
   void step(const engine::StepInput& action = {}, std::span<const double> angles = {});
 
   /// What steps the simulation where several ones step at once (environment/batch.cpp).
@@ -76,8 +74,7 @@ class Simulation {
   const engine::StepReport& last_report() const { return report_; }
   /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }
-  /// Excitations of the muscles in the last step, as Model::muscles; empty if the scene and the caller gave
-  /// none.
+  /// Excitations of the muscles in the last step, as Model::muscles; empty if nothing gave any.
   std::span<const double> excitations() const { return excitations_; }
   /// Number of steps since the start of the scene, including those before a snapshot.
   long steps() const { return steps_; }
@@ -117,9 +114,8 @@ class Simulation {
   RunSnapshot snapshot() const;
   /// Continues from a snapshot of the same scene, with the same bits as an uninterrupted run, also after a
   /// failure. The ledger has the sum of both wall times.
-  /// @throws Error (input) with the difference if the snapshot has another scene, settings or engine, lacks
-  ///         one of the watchers, or is damaged; the simulation is then unchanged, a failed one maybe at its
-  ///         start.
+  /// @throws Error (input) with the difference if the snapshot has another scene, settings or engine, lacks a
+  ///         watcher, or is damaged; the simulation is then unchanged, a failed one maybe at its start.
   void restore(const RunSnapshot& snapshot);
 
   /// The motion without the watchers, which is faster. @throws Error (physics) if the simulation has failed.

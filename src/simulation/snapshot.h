@@ -1,5 +1,4 @@
-// The state of a simulation in memory, from which it can continue; run/snapshot_file.h writes and reads
-// files.
+// The state of a simulation in memory, from which it can continue. Files of it: run/snapshot_file.h.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +15,7 @@ namespace handsim::simulation {
 
 /// Identifies the scene and the mathematics library of a simulation, so that no other one restores its
 /// snapshots: name (`solver.step`, `hands.0`) and hash of each part of a scene on which its motion depends,
-/// so that messages can name a difference. Does not contain title, duration, recording, pictures and
-/// criteria.
+/// to name a difference in messages. Without title, duration, recording, pictures and criteria.
 using Fingerprint = std::vector<std::pair<std::string, std::uint64_t>>;
 
 Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine);
@@ -38,8 +36,7 @@ struct RunSnapshot {
   std::uint64_t sum = 0;  ///< XXH64 of the bytes
 };
 
-/// Only the motion (engine, controller and muscle drive), for a fast reset of simulations of one scene or
-/// copies of it.
+/// Only the motion (engine, controller and muscle drive), to reset simulations of one scene or its copies.
 class MotionSnapshot {
  public:
   /// Time of the state [s].

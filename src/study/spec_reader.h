@@ -19,8 +19,7 @@ std::vector<double> read_steps(MapReader& reader, std::string_view key, bool req
 std::vector<std::string> read_set(MapReader& reader, std::string_view key);
 /// The value as YAML in one line (flow style).
 std::string flow_text(const YamlNode& node);
-/// The path of a scene file, which the node gives relative to its own file; nothing, and a problem, if there
-/// is no such file.
+/// The path of a scene file, given relative to the node's own file; nothing, and a problem, if there is none.
 std::optional<std::filesystem::path> scene_path(const YamlNode& node, const std::string& key,
                                                 Diagnostics& diagnostics);
 std::optional<std::filesystem::path> read_scene_path(MapReader& reader, bool required);

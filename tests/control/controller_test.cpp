@@ -8,7 +8,7 @@
 #include <random>
 
 #include "engine/models.h"
-#include "handsim/control/stability.h"
+#include "handsim/control/joint_space.h"
 #include "scene_files.h"
 
 namespace handsim::control {

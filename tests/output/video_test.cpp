@@ -9,7 +9,6 @@
 
 #include "handsim/core/error.h"
 #include "handsim/output/render/renderer.h"
-#include "handsim/output/video/workers.h"
 #include "render/scenes.h"
 #include "scene_files.h"
 

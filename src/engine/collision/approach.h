@@ -11,8 +11,8 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/collision/geoms.h"
 #include "handsim/engine/collision/narrow_phase.h"
+#include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/collision/sweep.h"
 
 namespace handsim::engine {

@@ -176,7 +176,7 @@ bool Clearance::test_group(std::size_t group) {
 std::span<const Clearance::Pair> Clearance::near(const model::State& state) {
   if (!move(state)) {
     for (Watched& pair : watched_) pair.limit = 0;
-    std::fill(due_.begin(), due_.end(), 0.0);
+    std::ranges::fill(due_, 0.0);
   }
   bool changed = false;
   for (std::size_t group = 0; group < due_.size(); ++group)

@@ -1,7 +1,6 @@
 // The broad phase: which pairs of shapes may touch. Every pair keeps how far apart it was when it was last
-// tested, or by how much its bounds overlapped, and is not tested again before its two shapes have together
-// moved as far. Exact: a pair left out does not touch. Knows nothing of time or speeds, so that states may
-// jump.
+// tested, or by how much its bounds overlapped, and is tested again once its two shapes together have moved
+// so far. Exact: a pair left out does not touch. Knows nothing of time or speeds: states may jump.
 #pragma once
 
 #include <cstdint>

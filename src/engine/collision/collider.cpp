@@ -96,7 +96,7 @@ void Collider::find_near(const model::State& state) {
   if (!clearance_) {
     dSpaceCollide(space_.get(), this, &Collider::near);
     // The space's order depends on its past; the solver's rounding on the order of contacts.
-    std::sort(near_pairs_.begin(), near_pairs_.end());
+    std::ranges::sort(near_pairs_);
     return;
   }
   const std::span<const Clearance::Pair> near = clearance_->near(state);
@@ -129,8 +129,7 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
   const auto driven_fast = [&](const Prospect::Driven& each) {
     return sweep_->fast(each.body, each.way.shift.squaredNorm(), each.way.turn.squaredNorm());
   };
-  if (std::none_of(sweep_->bodies().begin(), sweep_->bodies().end(), fast) &&
-      std::none_of(prospect.driven.begin(), prospect.driven.end(), driven_fast))
+  if (std::ranges::none_of(sweep_->bodies(), fast) && std::ranges::none_of(prospect.driven, driven_fast))
     return {};
   ways_.assign(state.bodies.size(), {});
   for (const int body : sweep_->bodies()) {
@@ -150,7 +149,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   if (!fast.empty()) {
     // In order, each pair once.
     near_pairs_.insert(near_pairs_.end(), fast.begin(), fast.end());
-    std::sort(near_pairs_.begin(), near_pairs_.end());
+    std::ranges::sort(near_pairs_);
     near_pairs_.erase(std::unique(near_pairs_.begin(), near_pairs_.end()), near_pairs_.end());
   }
   for (const auto& [a, b] : near_pairs_) {

@@ -1,6 +1,5 @@
-// Which shapes touch, and where: a space with the shape of every body that a contact rule speaks of, the
-// pairs it finds near, and their contact points. Serves any engine: shapes are fixed to ODE bodies, or are
-// put where a state has their bodies.
+// Which shapes touch, and where: a space with the shapes that contact rules speak of, the pairs it finds
+// near, and their contact points. For any engine: shapes are fixed to ODE bodies or put as in a state.
 #pragma once
 
 #include <memory>
@@ -11,7 +10,7 @@
 
 #include "handsim/engine/collision/approach.h"
 #include "handsim/engine/collision/clearance.h"
-#include "handsim/engine/collision/geoms.h"
+#include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/collision/sweep.h"
 #include "handsim/engine/engine.h"
 

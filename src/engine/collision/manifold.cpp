@@ -57,8 +57,7 @@ class Places {
   int count_ = 0;
 };
 
-/// Where an increasing function passes zero, or the end that comes nearest. By false position, with the
-/// Illinois rule (Dowell and Jarratt 1971).
+/// Where an increasing function passes zero, or the nearer end: false position, Illinois rule (Dowell 1971).
 template <class Function>
 double zero_of(const Function& f, double low, double high) {
   double below = f(low), above = f(high);

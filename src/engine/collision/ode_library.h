@@ -7,6 +7,10 @@
 
 #include <string>
 
+#include <ode/ode.h>
+
+#include "handsim/model/model.h"
+
 namespace handsim::engine {
 
 /// What ODE reported before it would have exited or aborted. The world it happened in may only be destroyed.
@@ -32,5 +36,19 @@ void enter_ode();
 
 /// How often the direct solver has given up in the calling thread since it started (d_ERR_LCP messages).
 int lcp_failures();
+
+/// Creates the geom of a shape, its index as user data, at the origin.
+/// @throws OdeFault
+dGeomID make_geom(dSpaceID space, const model::Shape& shape, std::size_t index);
+
+/// Fixes a geom to the ODE body of its shape. Planes cannot be.
+void fix_geom(dGeomID geom, const model::Shape& shape, dBodyID body);
+
+/// Puts a geom that is fixed to nothing where its shape is at a pose of its body.
+void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
+/// The same at a pose of the shape itself.
+void place_shape(dGeomID geom, const model::Shape& shape, const Pose& x_WS);
+
+inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }
 
 }  // namespace handsim::engine

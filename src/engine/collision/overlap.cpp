@@ -4,7 +4,6 @@
 #include <array>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/collision/geoms.h"
 #include "handsim/engine/collision/narrow_phase.h"
 #include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/collision/pair_table.h"

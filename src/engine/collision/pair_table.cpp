@@ -48,7 +48,7 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
     std::vector<int> near = parts;
     if (hand.forearm) near.push_back(*hand.forearm);
     for (const model::Joint& joint : model.joints)
-      if (std::find(parts.begin(), parts.end(), joint.parent) != parts.end()) near.push_back(joint.child);
+      if (std::ranges::find(parts, joint.parent) != parts.end()) near.push_back(joint.child);
     for (const int part : parts)
       for (const int other : near) {
         const auto a = static_cast<std::size_t>(part), b = static_cast<std::size_t>(other);

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/model/model.h"
 
 namespace handsim::engine {
@@ -14,26 +15,21 @@ class PairTable {
   explicit PairTable(const model::Model& model);
   bool meet(int group_a, int group_b) const { return rule(group_a, group_b) != nullptr; }
   bool meets_any(int group) const;
-  /// What the surfaces of two shapes that meet are to each other: the material of their rule, or the two
-  /// combined where it has none.
+  /// The material between two shapes that meet: that of their rule, or the two combined where it has none.
   model::Material between(const model::Shape& a, const model::Shape& b) const;
 
  private:
-  const model::ContactRule* rule(int a, int b) const {
-    return rules_[static_cast<std::size_t>(a) * model_.groups.size() + static_cast<std::size_t>(b)];
-  }
+  const model::ContactRule* rule(int a, int b) const { return rules_[at(a) * model_.groups.size() + at(b)]; }
   const model::Model& model_;
   std::vector<const model::ContactRule*> rules_;  ///< groups by groups, symmetric; null: never meet
 };
 
-/// Pairs of bodies whose shapes are never tested against each other: a body and itself, jointed bodies
-/// (but a palm and the world), two immovable bodies.
+/// Pairs of bodies that are never tested: a body and itself, jointed ones (but palm and world), two fixed
+/// ones.
 class UntestedPairs {
  public:
   UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);
-  bool operator()(int body_a, int body_b) const {
-    return untested_[static_cast<std::size_t>(body_a) * count_ + static_cast<std::size_t>(body_b)];
-  }
+  bool operator()(int body_a, int body_b) const { return untested_[at(body_a) * count_ + at(body_b)]; }
 
  private:
   std::size_t count_;

@@ -11,8 +11,7 @@ namespace {
 
 using model::ConvexMesh;
 
-/// A face stands for the contact unless another feature is nearer by this share of the smaller solid:
-/// rounding must not choose.
+/// A face is the contact unless another feature is nearer by this share of the smaller solid (rounding).
 constexpr double kPrefer = 1e-4;
 /// Of pads two edges stand for the contact where they are nearer than this share of what the faces overlap
 /// within each other's outline. A corner beyond the outline may be deeper; compared with it, an edge that
@@ -24,8 +23,7 @@ struct Point {
   double depth = 0;
 };
 
-/// The four that span the most: the deepest, the farthest from it, and the farthest on either side of the
-/// line between.
+/// Four that span the most: the deepest, the farthest from it, and the farthest on either side of that line.
 Manifold reduced(std::vector<Point>& points, const Vec3& normal) {
   Manifold out;
   const auto take = [&](const auto& value) {

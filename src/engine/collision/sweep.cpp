@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/clearance.h"
 #include "handsim/model/shape_extent.h"
@@ -56,8 +57,8 @@ void Sweep::find_limits() {
   const std::size_t n = model_.shapes.size();
   std::vector<double> least(limits_.size(), kEndless);
   const auto lower = [&](int body, int other, double radius) {
-    const double share = immovable_[static_cast<std::size_t>(other)] ? kSlowShare : 0.5 * kSlowShare;
-    double& limit = least[static_cast<std::size_t>(body)];
+    const double share = immovable_[at(other)] ? kSlowShare : 0.5 * kSlowShare;
+    double& limit = least[at(body)];
     limit = std::min(limit, share * radius);
   };
   for (std::size_t i = 0; i < n; ++i)
@@ -69,7 +70,7 @@ void Sweep::find_limits() {
       lower(b, a, radius);
     }
   for (std::size_t i = 0; i < n; ++i) {
-    Limit& limit = limits_[static_cast<std::size_t>(model_.shapes[i].body)];
+    Limit& limit = limits_[at(model_.shapes[i].body)];
     limit.lever2 = std::max(limit.lever2, levers_[i] * levers_[i]);
   }
   for (std::size_t i = 0; i < limits_.size(); ++i) {
@@ -85,7 +86,7 @@ std::span<const Sweep::Pair> Sweep::find(const model::State& state, std::span<co
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     const Shape& shape = model_.shapes[i];
     if (!rules_.meets_any(shape.group)) continue;
-    const auto body = static_cast<std::size_t>(shape.body);
+    const auto body = at(shape.body);
     Track& track = tracks_[i];
     track.centre = state.bodies[body].p + state.bodies[body].q * shape.pose.p;
     track.way = ways[body].shift.norm() + ways[body].turn.norm() * levers_[i];
@@ -96,30 +97,28 @@ std::span<const Sweep::Pair> Sweep::find(const model::State& state, std::span<co
   const auto low = [&](std::size_t i) {
     return is_plane(i) ? -kEndless : tracks_[i].centre.x() - tracks_[i].reach - tracks_[i].way;
   };
-  std::sort(order_.begin(), order_.end(), [&](std::size_t i, std::size_t j) { return low(i) < low(j); });
+  std::ranges::sort(order_, [&](std::size_t i, std::size_t j) { return low(i) < low(j); });
   for (std::size_t k = 0; k < order_.size(); ++k) {
     const std::size_t i = order_[k];
     const double high = is_plane(i) ? kEndless : tracks_[i].centre.x() + tracks_[i].reach + tracks_[i].way;
     for (std::size_t l = k + 1; l < order_.size() && low(order_[l]) <= high; ++l)
       add(std::min(i, order_[l]), std::max(i, order_[l]), state, ways);
   }
-  std::sort(found_.begin(), found_.end());
+  std::ranges::sort(found_);
   return found_;
 }
 
 void Sweep::add(std::size_t i, std::size_t j, const model::State& state, std::span<const Way> ways) {
   if (tracks_[i].way + tracks_[j].way <= kSlowShare * std::min(radii_[i], radii_[j])) return;
   const Shape &a = model_.shapes[i], &b = model_.shapes[j];
-  const Way &way_a = ways[static_cast<std::size_t>(a.body)], &way_b = ways[static_cast<std::size_t>(b.body)];
+  const Way &way_a = ways[at(a.body)], &way_b = ways[at(b.body)];
   const double way =
       (way_a.shift - way_b.shift).norm() + way_a.turn.norm() * levers_[i] + way_b.turn.norm() * levers_[j];
   if (way <= kSlowShare * std::min(radii_[i], radii_[j]) || !allowed(i, j)) return;
   const bool flat = a.kind == ShapeKind::plane || b.kind == ShapeKind::plane;
   const double apart = (tracks_[i].centre - tracks_[j].centre).norm() - tracks_[i].reach - tracks_[j].reach;
   if (!flat && apart > way) return;
-  const auto pose = [&](const Shape& shape) {
-    return state.bodies[static_cast<std::size_t>(shape.body)].pose() * shape.pose;
-  };
+  const auto pose = [&](const Shape& shape) { return state.bodies[at(shape.body)].pose() * shape.pose; };
   if (least_gap(a, pose(a), b, pose(b)) <= way) found_.emplace_back(i, j);
 }
 

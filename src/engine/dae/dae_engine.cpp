@@ -21,9 +21,8 @@ namespace handsim::engine::dae {
 // motion. Each island (e.g. a finger on a fixed palm) is integrated separately by the method of the settings.
 //
 // set_state is a new start: positions and velocities are projected onto the joint constraints (except with
-// euler_linearised) and multistep methods start again at order one. A run that continues from set_state
-// therefore agrees only within the error of the method; restore continues with the same bits. The poses of
-// driven bodies follow from their drives.
+// euler_linearised) and multistep methods start again at order one: such a run agrees only within the error
+// of the method; restore continues with the same bits. The poses of driven bodies follow from their drives.
 class DaeEngine final : public Engine {
  public:
   /// The model must outlive the engine. @throws Error (input) also for contact effects, for joint_stops if a

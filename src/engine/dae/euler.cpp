@@ -3,8 +3,7 @@
 //   (M - h df/du - h^2 df/dx T) u+ = M u + h (f - df/du u) + G^T P,   G u+ = -(erp / h) g - g_t,
 //   x+ = x displaced by h u+.
 // The derivatives are those of spring-dampers and gyroscopic torques. `euler_linearised` reduces gaps by the
-// share `erp` in each step; `euler_projected` has erp = 0 and projects x+ onto the constraints. Both are of
-// first order.
+// share `erp` a step; `euler_projected` has erp = 0 and projects x+ onto the constraints. Both: first order.
 #include <algorithm>
 
 #include <fmt/format.h>
@@ -18,8 +17,7 @@ namespace {
 
 /// Relative singular value below which scaled constraint rows count as redundant.
 constexpr double kRankThreshold = 1e-12;
-/// Largest share of a step's displacement that the projection may undo. In smooth motion the share is half
-/// the rotation angle of the step.
+/// Largest share of a step's displacement that the projection may undo; smooth motion: half the step's turn.
 constexpr double kMaxUndone = 0.9;
 /// Displacements below this are rounding errors [m].
 constexpr double kMinDisplacement = 1e-9;
@@ -91,11 +89,10 @@ class Euler final : public Integrator {
       if (correction > undone) undone = correction, worst = i;
     }
     if (undone <= kMaxUndone * moved || undone <= kMinDisplacement) return;
-    throw Error(PhysicsFault{
-        end, system_.body_name(worst), "displacement in a step [m]",
-        fmt::format("closing the joints undoes {:.3g} of {:.3g}: the joints are singular here, or "
-                    "the step is too large",
-                    undone, moved)});
+    throw Error(PhysicsFault{end, system_.body_name(worst), "displacement in a step [m]",
+                             fmt::format("closing the joints undoes {:.3g} of {:.3g}: the joints are "
+                                         "singular here, or the step is too large",
+                                         undone, moved)});
   }
 
   /// u+ from a state in which driven bodies have the velocities of their drives.
@@ -130,14 +127,6 @@ class Euler final : public Integrator {
   double erp_;
 };
 
-}  // namespace
-
-std::unique_ptr<Integrator> make_euler(System system, const Settings& settings) {
-  return std::make_unique<Euler>(std::move(system), settings);
-}
-
-namespace {
-
 Mat3 cross_matrix(const Vec3& v) {
   Mat3 out;
   out << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
@@ -145,6 +134,10 @@ Mat3 cross_matrix(const Vec3& v) {
 }
 
 }  // namespace
+
+std::unique_ptr<Integrator> make_euler(System system, const Settings& settings) {
+  return std::make_unique<Euler>(std::move(system), settings);
+}
 
 Matrix implicit_mass(const System& system, const model::State& state, double a, double b) {
   Matrix out = system.mass_matrix();

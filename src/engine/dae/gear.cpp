@@ -8,17 +8,78 @@
 // the columns of the multipliers in the Newton matrix like those of the motion.
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <memory>
+#include <new>
+#include <string>
 
 #include <fmt/format.h>
+#include <ida/ida.h>
+#include <nvector/nvector_serial.h>
+#include <sunlinsol/sunlinsol_dense.h>
+#include <sunmatrix/sunmatrix_dense.h>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/dae/ida.h"
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
 
 namespace {
+
+/// IDA failed.
+struct IdaFailure {
+  double time = 0;     ///< time that was reached [s]
+  Index worst = 0;     ///< index of the unknown with the largest weighted error
+  std::string reason;  ///< IDA's message
+};
+
+/// F(t, y, y') = 0.
+struct IdaProblem {
+  using Residual = std::function<void(double t, const Vector& y, const Vector& slope, Vector& out)>;
+  Residual residual;
+  Vector absolute;      ///< absolute tolerance of each unknown
+  double relative = 0;  ///< relative tolerance
+  Vector differential;  ///< 1 for unknowns in the error test, 0 for the others
+};
+
+/// A wrapper of SUNDIALS IDA (variable-order, variable-step BDF for F(t, y, y') = 0; Hindmarsh et al. 2005,
+/// ACM TOMS 31) with Eigen vectors. Failures are one exception; nothing is printed.
+class Ida {
+ public:
+  /// Starts at consistent y and y'.
+  Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope);
+  /// The solution at a time [s], which must not decrease between calls. Internal steps may pass it, but not
+  /// `limit` [s].
+  /// @throws IdaFailure
+  Vector advance(double time, double limit);
+
+ private:
+  struct Free {
+    void operator()(SUNContext context) const;
+    void operator()(N_Vector vector) const;
+    void operator()(SUNMatrix matrix) const;
+    void operator()(SUNLinearSolver solver) const;
+    void operator()(void* ida) const;
+  };
+  template <class T>
+  using Owner = std::unique_ptr<std::remove_pointer_t<T>, Free>;
+
+  Owner<N_Vector> vector(const Vector& values) const;
+  static int on_residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* user);
+  static int on_jacobian(double t, double cj, N_Vector y, N_Vector slope, N_Vector residual, SUNMatrix out,
+                         void* user, N_Vector, N_Vector, N_Vector);
+  static void on_message(int code, const char* module, const char* function, char* text, void* user);
+  Index worst_unknown() const;
+
+  IdaProblem problem_;
+  std::string message_;
+  Owner<SUNContext> context_;
+  Owner<N_Vector> y_, slope_;
+  Owner<SUNMatrix> matrix_;
+  Owner<SUNLinearSolver> solver_;
+  std::unique_ptr<void, Free> ida_;
+};
 
 /// Errors of single steps add up over a run: the error test of each step uses this share of the tolerance.
 constexpr double kStepShare = 0.005;
@@ -184,11 +245,10 @@ class Gear final : public Integrator {
       where = system_.joint_of_row(rows_[static_cast<std::size_t>((failure.worst - nx - nu) % m)]).name;
       quantity = "joint force [N or N m]";
     }
-    throw Error(
-        PhysicsFault{failure.time, where, quantity,
-                     fmt::format("IDA cannot continue at tolerance {:g} ({}): the motion diverges or is not "
-                                 "smooth, or the tolerance is too small",
-                                 tolerance_, failure.reason)});
+    throw Error(PhysicsFault{failure.time, where, quantity,
+                             fmt::format("IDA cannot continue at tolerance {:g} ({}): the motion diverges or "
+                                         "is not smooth, or the tolerance is too small",
+                                         tolerance_, failure.reason)});
   }
 
   System system_;
@@ -206,10 +266,111 @@ class Gear final : public Integrator {
   std::vector<Row> scratch_rows_;
 };
 
+constexpr long kMaxSteps = 1'000'000;
+/// Convergence coefficient of Newton's method; below IDA's default of 0.33, so that its error is negligible.
+constexpr double kNewtonShare = 0.05;
+/// Increment of an unknown for its column of the Jacobian. The residual is a polynomial of degree two or
+/// three in each, so the error of central differences is this squared, and rounding errors are below 1e-9.
+constexpr double kIncrement = 1e-6;
+
+Eigen::Map<Vector> mapped(N_Vector vector) {
+  return {N_VGetArrayPointer(vector), static_cast<Index>(N_VGetLength(vector))};
+}
+
 }  // namespace
 
 std::unique_ptr<Integrator> make_gear(System system, const Settings& settings) {
   return std::make_unique<Gear>(std::move(system), settings);
+}
+
+void Ida::Free::operator()(SUNContext context) const { SUNContext_Free(&context); }
+void Ida::Free::operator()(N_Vector vector) const { N_VDestroy(vector); }
+void Ida::Free::operator()(SUNMatrix matrix) const { SUNMatDestroy(matrix); }
+void Ida::Free::operator()(SUNLinearSolver solver) const { SUNLinSolFree(solver); }
+void Ida::Free::operator()(void* ida) const { IDAFree(&ida); }
+
+Ida::Owner<N_Vector> Ida::vector(const Vector& values) const {
+  Owner<N_Vector> out(N_VNew_Serial(values.size(), context_.get()));
+  if (!out) throw std::bad_alloc();
+  mapped(out.get()) = values;
+  return out;
+}
+
+Ida::Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope)
+    : problem_(std::move(problem)) {
+  SUNContext context = nullptr;
+  SUNContext_Create(nullptr, &context);
+  context_.reset(context);
+  y_ = vector(y);
+  slope_ = vector(slope);
+  const Owner<N_Vector> absolute = vector(problem_.absolute), differential = vector(problem_.differential);
+  matrix_.reset(SUNDenseMatrix(y.size(), y.size(), context));
+  solver_.reset(SUNLinSol_Dense(y_.get(), matrix_.get(), context));
+  ida_.reset(IDACreate(context));
+  if (!matrix_ || !solver_ || !ida_) throw std::bad_alloc();
+  void* ida = ida_.get();
+  IDASetErrHandlerFn(ida, on_message, this);
+  IDASetUserData(ida, this);
+  IDAInit(ida, on_residual, time, y_.get(), slope_.get());
+  IDASVtolerances(ida, problem_.relative, absolute.get());
+  IDASetId(ida, differential.get());
+  IDASetSuppressAlg(ida, SUNTRUE);
+  IDASetMaxNumSteps(ida, kMaxSteps);
+  IDASetNonlinConvCoef(ida, kNewtonShare);
+  IDASetLinearSolver(ida, solver_.get(), matrix_.get());
+  IDASetJacFn(ida, on_jacobian);
+}
+
+Vector Ida::advance(double time, double limit) {
+  if (std::isfinite(limit)) IDASetStopTime(ida_.get(), limit);
+  double reached = 0;
+  const int flag = IDASolve(ida_.get(), time, &reached, y_.get(), slope_.get(), IDA_NORMAL);
+  if (flag < 0) {
+    IDAGetCurrentTime(ida_.get(), &reached);
+    throw IdaFailure{reached, worst_unknown(), message_};
+  }
+  return mapped(y_.get());
+}
+
+Index Ida::worst_unknown() const {
+  const Owner<N_Vector> errors(N_VClone(y_.get())), weights(N_VClone(y_.get()));
+  Index worst = 0;
+  if (IDAGetEstLocalErrors(ida_.get(), errors.get()) != IDA_SUCCESS ||
+      IDAGetErrWeights(ida_.get(), weights.get()) != IDA_SUCCESS)
+    return worst;
+  const Vector weighted = mapped(errors.get()).cwiseProduct(mapped(weights.get())).cwiseAbs();
+  if (weighted.allFinite()) weighted.maxCoeff(&worst);
+  return worst;
+}
+
+int Ida::on_residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* user) {
+  Vector residual(mapped(out).size());
+  static_cast<const Ida*>(user)->problem_.residual(t, mapped(y), mapped(slope), residual);
+  mapped(out) = residual;
+  // 1 asks IDA to repeat with a smaller step.
+  return residual.allFinite() ? 0 : 1;
+}
+
+int Ida::on_jacobian(double t, double cj, N_Vector y, N_Vector slope, N_Vector, SUNMatrix out, void* user,
+                     N_Vector, N_Vector, N_Vector) {
+  const IdaProblem::Residual& residual = static_cast<const Ida*>(user)->problem_.residual;
+  Vector at = mapped(y), moving = mapped(slope);
+  Vector ahead(at.size()), behind(at.size());
+  for (Index i = 0; i < at.size(); ++i) {
+    const double value = at[i], rate = moving[i];
+    const double change = kIncrement * std::max(1.0, std::abs(value));
+    at[i] = value + change, moving[i] = rate + cj * change;
+    residual(t, at, moving, ahead);
+    at[i] = value - change, moving[i] = rate - cj * change;
+    residual(t, at, moving, behind);
+    at[i] = value, moving[i] = rate;
+    Eigen::Map<Vector>(SUNDenseMatrix_Column(out, i), at.size()) = (ahead - behind) / (2 * change);
+  }
+  return 0;
+}
+
+void Ida::on_message(int, const char*, const char*, char* text, void* user) {
+  static_cast<Ida*>(user)->message_ = text;
 }
 
 }  // namespace handsim::engine::dae

@@ -30,8 +30,7 @@ std::unique_ptr<Integrator> make_penalty(System system);
 std::unique_ptr<Integrator> make_euler(System system, const Settings& settings);
 
 /// The matrix of the implicit methods with fixed step: M - a df/du - a b df/dx T, with the derivatives of
-/// gyroscopic torques and tissue. a and b [s] are the weights of the new velocities in the step's impulse and
-/// in its displacement.
+/// gyroscopic torques and tissue; a and b [s] weigh the new velocities in the step's impulse and motion.
 Matrix implicit_mass(const System& system, const model::State& state, double a, double b);
 
 }  // namespace handsim::engine::dae

@@ -14,12 +14,10 @@ namespace {
 constexpr int kMaxCorrections = 50;
 /// Relative size below which the independent part of a row counts as zero.
 constexpr double kRankThreshold = 1e-8;
-/// Relative shift of the diagonal of G M^-1 G^T, with which redundant rows can be solved: small compared with
-/// independent rows, large compared with rounding errors.
+/// Relative shift of the diagonal of G M^-1 G^T for redundant rows: below independent rows, above rounding.
 constexpr double kRedundantShift = 1e-10;
 
-/// Largest share of the required joint accelerations at the start that no force can produce; the finite
-/// differences have errors of 1e-6.
+/// Largest share of the joint accelerations at the start without a force; finite differences err by 1e-6.
 constexpr double kMaxUnreachable = 1e-3;
 /// Accelerations below this are rounding errors [m/s^2 or rad/s^2].
 constexpr double kMinUnreachable = 1e-6;
@@ -55,18 +53,17 @@ double closed_error(const System& system, const model::State& state) {
 [[noreturn]] void throw_open_joint(const System& system, const model::State& state, const Vector& error) {
   Index worst = 0;
   const double value = error.cwiseAbs().maxCoeff(&worst);
-  throw Error(PhysicsFault{
-      state.time, system.joint_of_row(worst).name, "joint gap [m or rad]",
-      fmt::format("{:g} remains and cannot be closed: the joints contradict each other here, or the step is "
-                  "too large",
-                  value)});
+  throw Error(PhysicsFault{state.time, system.joint_of_row(worst).name, "joint gap [m or rad]",
+                           fmt::format("{:g} remains and cannot be closed: the joints contradict each other "
+                                       "here, or the step is too large",
+                                       value)});
 }
 
 /// Calls `correct` until the joints are closed. @throws Error (physics) naming a joint that stays open.
 template <class Correct>
 void close_joints(const System& system, const model::State& state, Correct correct) {
   std::vector<Row> rows;
-  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
+  rows.reserve(at(system.constraint_count()));
   double last = INFINITY;
   for (int i = 0;; ++i) {
     system.constraints(state, rows);
@@ -95,8 +92,7 @@ Vector rate_drift(const System& system, const model::State& state, const Vector&
     std::vector<Row> all;
     system.constraints(moved, all);
     Vector out(static_cast<Index>(rows.size()));
-    for (Index i = 0; i < out.size(); ++i)
-      out[i] = rate(all[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])], moved);
+    for (Index i = 0; i < out.size(); ++i) out[i] = rate(all[at(rows[at(i)])], moved);
     return out;
   };
   // One-sided, because a keyframe of a drive can be at the state's time.
@@ -141,9 +137,8 @@ void close_step(const System& system, const model::State& before, double step, m
   std::vector<Row> rows;
   rows.reserve(at(system.constraint_count()));
   system.constraints(before, rows);
-  // One factorisation is enough: the impulses have the directions of `before`, and joints rotate little in a
-  // step. The shift lets redundant rows share the impulse; it slows convergence, but does not change the
-  // solution.
+  // One factorisation is enough: the impulses have the directions of `before`, joints rotate little a step.
+  // The shift lets redundant rows share the impulse; it slows convergence and does not change the solution.
   const Matrix scaled = system.scaled(system.jacobian(rows, before));
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;
@@ -178,13 +173,11 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
     Index worst = 0;
     const double most = left.cwiseAbs().maxCoeff(&worst);
     if (most <= kMaxUnreachable * drift.cwiseAbs().maxCoeff() || most <= kMinUnreachable) continue;
-    problems.push_back(
-        {std::nullopt, island.joint_of_row(worst).name,
-         fmt::format(
-             "a singular start: the joints require an acceleration of {:.3g} m/s^2 or rad/s^2 that no "
-             "force can produce",
-             most),
-         "a start that is not singular"});
+    problems.push_back({std::nullopt, island.joint_of_row(worst).name,
+                        fmt::format("a singular start: the joints require an acceleration of {:.3g} m/s^2 or "
+                                    "rad/s^2 that no force can produce",
+                                    most),
+                        "a start that is not singular"});
   }
   if (!problems.empty()) throw Error(std::move(problems));
 }

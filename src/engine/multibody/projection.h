@@ -35,8 +35,7 @@ struct Accelerations {
   Vector multipliers;   ///< of the rows in `rows` [N or N m]
 };
 
-/// Accelerations at a state that satisfies the constraints. @param rows indices of independent constraint
-/// rows
+/// Accelerations at a state that satisfies the constraints. @param rows indices of independent rows
 Accelerations accelerations(const System& system, const model::State& state, std::span<const double> torques,
                             const std::vector<Index>& rows);
 

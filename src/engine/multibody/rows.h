@@ -1,5 +1,4 @@
-// Rows of joints: the value of each constraint or joint coordinate of a model, and its derivatives by the
-// velocities of the two bodies. Pure functions of a state.
+// Rows of joints: values of constraints and coordinates, and their derivatives by the two bodies' velocities.
 #pragma once
 
 #include <vector>
@@ -9,8 +8,7 @@
 namespace handsim::engine {
 
 /// A scalar function of two bodies' poses. Its rate is parent_v . v_P + parent_w . w_P + child_v . v_C +
-/// child_w . w_C with velocities in world axes; a multiplier's forces and torques have the same four
-/// directions.
+/// child_w . w_C, velocities in world axes; a multiplier's forces and torques have these directions.
 struct Row {
   int parent = 0;    ///< body of the model
   int child = 0;     ///< body of the model

@@ -14,8 +14,7 @@ namespace {
 
 constexpr Index kNoSlot = -1;
 
-/// Sets a body's pose and velocity from the rate of its driven frame D, whose origin is not the centre of
-/// mass.
+/// Sets a body's pose and velocity from the rate of its driven frame D, whose origin is not its mass centre.
 void set_driven(const Pose& x_WB, const Pose& x_WD, const model::PoseRate& rate, model::BodyState& body) {
   body.p = x_WB.p;
   body.q = x_WB.q;
@@ -279,8 +278,7 @@ Matrix System::scaled(const Matrix& jacobian) const {
 
 std::vector<System> islands(const model::Model& model, const Settings& settings) {
   const auto moves = [&](int body) { return !model.bodies[at(body)].kinematic && body != model::kWorld; };
-  // Disjoint sets: each body refers to another one of its island; a joint between two moving bodies merges
-  // theirs.
+  // Disjoint sets: each body refers to another of its island; a joint between moving bodies merges theirs.
   std::vector<int> root(model.bodies.size());
   std::iota(root.begin(), root.end(), 0);
   const auto find = [&](int body) {

@@ -1,9 +1,8 @@
 // One island of a model (bodies that joints connect; bodies with prescribed motion do not count) as a
 // differential-algebraic system in maximal coordinates:
 //   x' = T(x) u,  M u' = f(x, u, t) - G(x, t)^T lambda,  g(x, t) = 0,  G u + g_t = 0.
-// x holds p (world) and q (unit quaternion x, y, z, w) of each body, u its v in world axes and w in body
-// axes, so that M is constant. World, kinematic and driven bodies enter as functions of time.
-// Contains no integration method.
+// x holds p (world) and q (unit quaternion x, y, z, w) of each body, u its v in world axes, w in body axes: M
+// is constant. World, kinematic and driven bodies are functions of time. Contains no integration method.
 #pragma once
 
 #include <span>
@@ -33,8 +32,7 @@ struct TissueRow {
 
 class System {
  public:
-  /// @param bodies indices of the island's bodies; @param joints the joints between them, and to bodies with
-  /// prescribed motion.
+  /// @param bodies the island's bodies; @param joints those between them and to bodies of prescribed motion.
   System(const model::Model& model, const Settings& settings, std::vector<int> bodies,
          std::vector<const model::Joint*> joints);
 
@@ -44,8 +42,7 @@ class System {
 
   /// Sets pose and velocity of driven bodies to those of their drives at a time [s]; changes nothing else.
   void place_driven(double time, model::KeySide side, model::State& state) const;
-  /// Gives driven bodies the constant velocities with which they reach the poses of their drives at `end`,
-  /// after `step` [s].
+  /// Gives driven bodies constant velocities that reach the poses of their drives at `end`, after `step` [s].
   void set_driven_velocities(double end, double step, model::State& state) const;
   /// Time of the first keyframe of a drive after a time [s]; infinite if there is none.
   double next_key(double time) const;

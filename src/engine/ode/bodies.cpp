@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/ode/world_resources.h"
 
 namespace handsim::engine::ode {
@@ -27,9 +28,13 @@ dBodyID make_dynamic(dWorldID world, const model::Body& body) {
 std::vector<bool> closed_onto(const model::Model& model, const std::vector<bool>& immovable) {
   std::vector<bool> needed(model.bodies.size(), false);
   for (const model::Joint& joint : model.joints)
-    if (!immovable[static_cast<std::size_t>(joint.parent)])
-      needed[static_cast<std::size_t>(joint.child)] = true;
+    if (!immovable[at(joint.parent)]) needed[at(joint.child)] = true;
   return needed;
+}
+
+void set_velocity(dBodyID id, const Vec3& v, const Vec3& w) {
+  dBodySetLinearVel(id, v.x(), v.y(), v.z());
+  dBodySetAngularVel(id, w.x(), w.y(), w.z());
 }
 
 }  // namespace
@@ -78,9 +83,8 @@ std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
   }
   std::vector<int> hanging(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
-    OdeBody& parent = bodies[static_cast<std::size_t>(joint.parent)];
-    if (parent.driven && hanging[static_cast<std::size_t>(joint.parent)]++ > 0)
-      parent.copies.push_back(make_kinematic(world));
+    OdeBody& parent = bodies[at(joint.parent)];
+    if (parent.driven && hanging[at(joint.parent)]++ > 0) parent.copies.push_back(make_kinematic(world));
   }
   return bodies;
 }
@@ -119,15 +123,6 @@ void StepStart::put_back(const std::vector<OdeBody>& bodies, const std::vector<s
   }
 }
 
-namespace {
-
-void set_velocity(dBodyID id, const Vec3& v, const Vec3& w) {
-  dBodySetLinearVel(id, v.x(), v.y(), v.z());
-  dBodySetAngularVel(id, w.x(), w.y(), w.z());
-}
-
-}  // namespace
-
 Drives::Drives(const model::Model& model, const std::vector<OdeBody>& bodies)
     : model_(model), bodies_(bodies) {}
 
@@ -143,7 +138,7 @@ void Drives::set_velocities(std::span<const Pose> targets, double remaining, dou
 }
 
 void Drives::set_velocity(const model::Drive& drive, const Pose& frame, double remaining, double step) {
-  const OdeBody& body = bodies_[static_cast<std::size_t>(drive.body)];
+  const OdeBody& body = bodies_[at(drive.body)];
   if (!body.driven) return;
   const Pose target = frame * drive.frame.inverse();
   const model::BodyState now = read_state(body);

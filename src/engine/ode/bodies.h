@@ -35,8 +35,7 @@ struct OdeBody {
   double* v = nullptr;   ///< velocity, 3
   double* w = nullptr;   ///< angular velocity, 3
   bool driven = false;
-  /// Kinematic bodies that repeat this driven one, one for each of its joints after the first: they keep
-  /// the islands of its children apart.
+  /// Kinematic bodies that repeat this driven one for each further joint: its children's islands stay apart.
   std::vector<dBodyID> copies;
 };
 

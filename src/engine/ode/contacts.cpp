@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
@@ -23,8 +24,7 @@ constexpr double kLeastMoment = 1e-9;
 constexpr double kLeastForce = 1e-9;
 /// Least limit of the second friction row, as a share of the first: together they exceed the cone by 8e-4.
 constexpr double kLeastAcross = 0.04;
-/// Share of the mass at a contact by which slip turns the direction of friction. All contacts turn at once:
-/// with 0.1 those of a hand of 17 points overshoot, and creep.
+/// Share of the mass by which slip turns the direction of friction. With 0.1 hands of 17 points overshoot.
 constexpr double kDirectionShare = 0.03;
 
 }  // namespace
@@ -75,7 +75,7 @@ void Contacts::join(const model::State& state, bool iterative, bool rigid_limits
     const Touch& touch = collider_.touches()[k];
     Known known;
     if (remembers_ && iterative) known.patch = &memory_.patches()[k];
-    for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
       known.force = nullptr;
@@ -209,8 +209,7 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   surface.rhoN = std::max(between.spinning_friction, kLeastMoment) * normal;
 }
 
-/// The moment about the normal, up to the lever times the normal force: the known one, or that of the pad's
-/// spring.
+/// The moment about the normal, up to the lever times the normal force: the known one, or the pad spring's.
 void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Known& known) {
   double force = 0;
   if (known.force != nullptr)
@@ -230,9 +229,8 @@ void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Kn
 
 /// Lays the first friction row along the change of velocity that it has to bring about: from what the
 /// surfaces would slide at to standing still or to taking back what they have crept. The second then has
-/// nothing to do. Where the last force is known, it has held up what would slide without it: as in the
-/// augmented Lagrangian of Alart and Curnier (1991), the direction is that of the impulse less the shared
-/// mass times the slip.
+/// nothing to do. Where the last force is known, it has held what would slide without it: as in the augmented
+/// Lagrangian of Alart and Curnier (1991), it is the impulse's direction less the shared mass times the slip.
 void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known& known,
                             const model::State& state) const {
   const Patch* patch = known.patch;
@@ -277,17 +275,14 @@ double Contacts::shared_mass(const Contact& contact, const model::State& state) 
   return kDirectionShare / mobility;
 }
 
-/// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest
-/// get the direction in which gravity is about to move them.
+/// Tangential velocity of a against b after this step without the contact: at rest the direction of gravity.
 Vec3 Contacts::sliding(const Contact& contact, const model::State& state) const {
   const Vec3 v = point_velocity(body_index(contact.shape_a), contact.position, state) -
                  point_velocity(body_index(contact.shape_b), contact.position, state);
   return v - v.dot(contact.normal) * contact.normal;
 }
 
-std::size_t Contacts::body_index(int shape) const {
-  return static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body);
-}
+std::size_t Contacts::body_index(int shape) const { return at(model_.shapes[at(shape)].body); }
 
 Vec3 Contacts::start_velocity(std::size_t body, const Vec3& at, const model::State& state) const {
   const model::BodyState& moving = state.bodies[body];

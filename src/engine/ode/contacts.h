@@ -1,15 +1,14 @@
 // Contacts as ODE's contact joints, one for each point that the collider finds. Friction is Coulomb's, as a
 // pyramid with one edge along the direction of the force to come, so that it is exact there. Where the direct
-// solver works, its limits are of the normal forces of the step (friction_limits.h); where quick_step solves,
-// surfaces that stick are pulled back to where they stuck (presliding.h).
+// solver works, its limits are of the normal forces of the step (friction.h); where quick_step solves,
+// surfaces that stick are pulled back to where they stuck.
 #pragma once
 
 #include <vector>
 
 #include "handsim/engine/collision/collider.h"
 #include "handsim/engine/collision/penetration.h"
-#include "handsim/engine/ode/friction_limits.h"
-#include "handsim/engine/ode/presliding.h"
+#include "handsim/engine/ode/friction.h"
 
 namespace handsim::engine::ode {
 
@@ -21,8 +20,7 @@ class Contacts {
 
   /// Puts the shapes of bodies without an ODE body where the state has these.
   void place_immovable(const model::State& state) { collider_.place(state); }
-  /// Finds the contacts at a state. @param driven where drives take their bodies in the step. @return pairs
-  /// given to the narrow phase
+  /// Finds the contacts at a state. @param driven where drives take bodies. @return pairs to test closely
   int collide(const model::State& state, std::span<const Prospect::Driven> driven) {
     return collider_.collide(state, {step_, fall_, driven});
   }

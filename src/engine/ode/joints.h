@@ -13,7 +13,6 @@
 
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/joint_kinds.h"
-#include "handsim/engine/ode/servos.h"
 #include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::ode {
@@ -31,8 +30,7 @@ class Joints {
   Joints(dWorldID world, const model::Model& model, const Settings& settings,
          const std::vector<OdeBody>& bodies, const model::State& start);
 
-  /// Creates anew the geometry of joints whose parent has no ODE body, with the parent where the state has
-  /// it. Leaves their children wherever that takes them.
+  /// Creates anew joints whose parent has no ODE body, with the parent as in the state; leaves the children.
   void reanchor(const model::State& state);
   bool has_tissue() const { return has_tissue_; }
   /// Adds torques, size model.dof_count(), to the bodies for the next step.
@@ -51,8 +49,7 @@ class Joints {
   void set_stop_cfm(double cfm);
   /// Constraint rows that a joint puts into a step: its own, its tissue's and, where driven, its servo's.
   int rows(std::size_t joint) const;
-  /// Tells the tissue where its joints are, makes stops catch what would run through them in the next step,
-  /// and counts the stops that the step finds in force.
+  /// Updates tissue, makes stops catch what would pass them in the next step, counts stops in force.
   int prepare(const model::State& state);
   /// Fills q and u of a state from its bodies.
   void read_coordinates(model::State& state) { sensors_.read(state); }

@@ -1,7 +1,6 @@
 // Which of ODE's two solvers is cheaper for the step at hand. The direct solver's cost grows with the cube of
 // the rows of an island (bodies that are jointed or touch), the iterative one's with rows times iterations.
-// The choice is made from row counts and a cost measured once, not from the clock, so that runs repeat bit
-// for bit.
+// The choice is by row counts and a cost measured once, not by the clock: runs repeat bit for bit.
 #pragma once
 
 #include <span>
@@ -11,8 +10,7 @@
 
 namespace handsim::engine::ode {
 
-/// Cost of one island of `rows` rows [ns], fitted to `bench_handsim --benchmark_filter=island_cost` on a
-/// 2-core AMD EPYC. Only the ratio of the two decides.
+/// Cost of an island of `rows` rows [ns], from bench_handsim's island_cost on an EPYC; only the ratio counts.
 double world_step_cost(int rows);
 double quick_step_cost(int rows, int iterations);
 

@@ -1,5 +1,7 @@
 #include "handsim/engine/ode/ode_engine.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
@@ -7,6 +9,13 @@
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine::ode {
+
+namespace {
+
+constexpr double kSofter = 100;
+constexpr int kGuardIterations = 200;
+
+}  // namespace
 
 OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
     : model_(checked(model, settings)), settings_(settings), residual_(model, settings.erp()) {
@@ -123,6 +132,148 @@ std::vector<std::string> OdeEngine::notes() const { return joints_->notes(); }
 
 std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings) {
   return std::make_unique<OdeEngine>(model, settings);
+}
+
+StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
+  before_ = state_;
+  if (contacts_) memory_before_ = contacts_->memory();
+  StepReport report;
+  std::optional<PhysicsFault> fault;
+  for (const Rung rung : {Rung::none, Rung::softer, Rung::half_steps, Rung::quick_step}) {
+    if (rung != Rung::none) restore();
+    fault = climb(rung, input, end, report);
+    report.rung = rung;
+    if (!fault) return report;
+  }
+  // A state that another step can start from is better kept and counted than thrown away.
+  if (state_.time != end) fail(std::move(*fault));
+  check_bodies(end);
+  report.rung = Rung::unresolved;
+  return report;
+}
+
+/// Tries the step in one way. @return what is wrong with it
+std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, double end,
+                                             StepReport& report) {
+  const dWorldID world = ids_.world.get();
+  try {
+    switch (rung) {
+      case Rung::none:
+        report = plain_step(input, end, settings_.step, settings_.ode().method);
+        break;
+      case Rung::softer:
+        set_cfm(std::min(kSofter * settings_.ode().cfm, 1.0));
+        report = plain_step(input, end, settings_.step, settings_.ode().method);
+        set_cfm(settings_.ode().cfm);
+        break;
+      case Rung::half_steps:
+        if (auto fault = two_half_steps(input, end, report)) return fault;
+        return guard_fault(report);
+      case Rung::quick_step:
+      case Rung::unresolved:
+        dWorldSetQuickStepNumIterations(world, std::max(kGuardIterations, settings_.ode().iterations));
+        report = plain_step(input, end, settings_.step, OdeMethod::quick_step);
+        dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
+        break;
+    }
+    if (auto fault = read_guarded(end)) return fault;
+    return guard_fault(report);
+  } catch (const StepRefused& refused) {
+    set_cfm(settings_.ode().cfm);
+    set_length(settings_.step);
+    dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
+    return refused.fault;
+  } catch (const OdeFault& fault) {
+    PhysicsFault told = described(fault);
+    rebuild();
+    return told;
+  }
+}
+
+/// Takes over what the bodies have become, unless it is beyond all bounds.
+std::optional<PhysicsFault> OdeEngine::read_guarded(double time) {
+  if (auto fault = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return fault;
+  return take_over(time);
+}
+
+std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, double end,
+                                                      StepReport& report) {
+  const double half = 0.5 * settings_.step;
+  const double middle = before_.time + half;
+  set_length(half);
+  const StepReport first = plain_step(input, middle, half, settings_.ode().method);
+  std::optional<PhysicsFault> fault = read_guarded(middle);
+  if (!fault) {
+    StepInput second = input;
+    if (!input.servos.empty()) {
+      // A servo's error is the one at the start of its step.
+      second_servos_.assign(input.servos.begin(), input.servos.end());
+      for (std::size_t i = 0; i < second_servos_.size(); ++i)
+        second_servos_[i].error -= state_.q[i] - before_.q[i];
+      second.servos = second_servos_;
+    }
+    report = plain_step(second, end, half, settings_.ode().method);
+    report.lcp_failures += first.lcp_failures;
+    if (!report.residual) report.residual = first.residual;
+    report.collide_calls += first.collide_calls;
+    report.collide_ns += first.collide_ns;
+    report.tissue_ns += first.tissue_ns;
+    report.servo_ns += first.servo_ns;
+    // Of the whole step: the mean of its halves.
+    for (std::size_t i = 0; i < tau_.size(); ++i) {
+      tau_[i] = 0.5 * (state_.tau[i] + tau_[i]);
+      tau_servo_[i] = 0.5 * (state_.tau_servo[i] + tau_servo_[i]);
+    }
+    fault = read_guarded(end);
+  }
+  set_length(settings_.step);
+  return fault;
+}
+
+std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) const {
+  const GuardLimits& limits = *settings_.ode().guard;
+  if (auto fault = body_fault(state_.time, limits.speed, limits.angular_speed)) return fault;
+  if (report.lcp_failures > 0)
+    return PhysicsFault{state_.time, "the solver", "LCP failures", fmt::format("{}", report.lcp_failures)};
+  for (const model::Joint& joint : model_.joints) {
+    const double gap = model::joint_gap(joint, state_);
+    if (gap > limits.joint_gap)
+      return PhysicsFault{state_.time, joint.name, "joint gap [m]",
+                          fmt::format("{:g} is beyond {:g}", gap, limits.joint_gap)};
+  }
+  return std::nullopt;
+}
+
+/// Back to the start of the step.
+void OdeEngine::restore() {
+  write(before_);
+  if (contacts_) contacts_->set_memory(memory_before_);
+}
+
+/// A world in which ODE stopped half way can only be destroyed.
+void OdeEngine::rebuild() {
+  choice_.reset();
+  contacts_.reset();
+  drives_.reset();
+  joints_.reset();
+  bodies_.clear();
+  moving_.clear();
+  give_up_step();
+  ids_ = {};
+  build();
+  if (immovable_moved(before_)) joints_->reanchor(before_);
+  restore();
+  if (contacts_) contacts_->place_immovable(before_);
+}
+
+void OdeEngine::set_length(double step) {
+  joints_->set_step(step);
+  if (contacts_) contacts_->set_step(step);
+}
+
+void OdeEngine::set_cfm(double cfm) {
+  dWorldSetCFM(ids_.world.get(), cfm);
+  joints_->set_stop_cfm(cfm);
 }
 
 }  // namespace handsim::engine::ode

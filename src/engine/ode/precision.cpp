@@ -1,5 +1,4 @@
-// Built while configuring, and no part of handsim: links where ODE's headers and library are in double
-// precision.
+// Built while configuring, no part of handsim: links where ODE's headers and library are in double precision.
 #include <ode/ode.h>
 
 static_assert(sizeof(dReal) == sizeof(double), "single precision");

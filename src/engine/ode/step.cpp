@@ -252,8 +252,7 @@ void OdeEngine::read(double time) {
   state_.time = time;
 }
 
-/// Takes ODE's state over; with projection closed, and so given back to ODE. @return the joint that stays
-/// apart, and nothing is taken over
+/// Takes ODE's state over, projected if asked for and given back. @return a joint still apart: not taken
 std::optional<PhysicsFault> OdeEngine::take_over(double time) {
   if (closed_.empty()) {
     read(time);

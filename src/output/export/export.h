@@ -39,8 +39,7 @@ Moment moment_after(const model::State& state, const control::Controller* contro
 ///        and feed-forward), others a motor. The keyframe has the targets at the start.
 /// @param moment the start, with drives as they are there, feed-forward torques included, which remain what
 ///        they are; null: the model's initial state
-/// @throws Error (input) for what MJCF cannot express: loops closed by universal or slider joints, more than
-///         32 contact groups.
+/// @throws Error (input) for loops closed by universal or slider joints and more than 32 contact groups.
 std::string to_mjcf(const model::Model& model, const engine::Settings& settings,
                     const control::Plan* plan = nullptr, const Moment* moment = nullptr);
 

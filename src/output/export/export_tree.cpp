@@ -10,9 +10,8 @@
 namespace handsim::output {
 
 bool has_parent(const model::Model& model, std::size_t body) {
-  return std::any_of(model.joints.begin(), model.joints.end(), [&](const model::Joint& joint) {
-    return !joint.closes_loop && at(joint.child) == body;
-  });
+  return std::ranges::any_of(
+      model.joints, [&](const model::Joint& joint) { return !joint.closes_loop && at(joint.child) == body; });
 }
 
 bool has_stop(const model::JointAxis& axis, const engine::Settings& settings) {

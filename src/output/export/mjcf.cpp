@@ -68,8 +68,7 @@ class MjcfWriter {
  private:
   void line(const std::string& text) { out_ += text + "\n"; }
 
-  /// Friction as handsim has it: a round cone, and no creep where surfaces stick. Drives with servos: dampers
-  /// that the step solves.
+  /// Friction as handsim has it: a round cone, no creep where surfaces stick. With servos: implicit dampers.
   std::string solver() const {
     std::string out;
     if (!model_.contact_rules.empty() && settings_.effects.has(Effect::friction))
@@ -109,8 +108,7 @@ class MjcfWriter {
   }
 
   bool driven(int body) const {
-    return std::any_of(model_.drives.begin(), model_.drives.end(),
-                       [&](const model::Drive& drive) { return drive.body == body; });
+    return std::ranges::any_of(model_.drives, [&](const model::Drive& drive) { return drive.body == body; });
   }
 
   void open(int index, const Pose& pose, int indent) {
@@ -200,15 +198,13 @@ class MjcfWriter {
     }
     const model::Servo& drive = found->second;
     actuators_ += fmt::format(
-        "    <general name=\"{0}\" joint=\"{0}\" gainprm=\"{1:.17g}\" biastype=\"affine\" "
-        "biasprm=\"{2:.17g} -{1:.17g} -{3:.17g}\" forcelimited=\"true\" "
-        "forcerange=\"-{4:.17g} {4:.17g}\"/>\n",
+        "    <general name=\"{0}\" joint=\"{0}\" gainprm=\"{1:.17g}\" biastype=\"affine\" biasprm=\"{2:.17g} "
+        "-{1:.17g} -{3:.17g}\" forcelimited=\"true\" forcerange=\"-{4:.17g} {4:.17g}\"/>\n",
         name, drive.stiffness, drive.feed, drive.damping, drive.limit);
     targets_ += fmt::format(" {:.17g}", start_.q[dof] + drive.error);
   }
 
-  /// Bits of the groups with which a group has contact rules. In MuJoCo two shapes can touch if the contype
-  /// of one shares a bit with the conaffinity of the other.
+  /// Bits of the groups that a group has rules with: shapes touch if contype and conaffinity share one.
   unsigned affinity(int group) const {
     unsigned bits = 0;
     for (const model::ContactRule& rule : model_.contact_rules) {

@@ -26,8 +26,7 @@ constexpr int kMostSamples = 2000;       ///< of the same
 constexpr double kPerpendicular = 1e-9;  ///< cosine of a universal joint's axes
 constexpr double kRightAngle = M_PI / 2;
 
-/// Angles a, b, c with R = Rx(a) Ry(b) Rz(c): OpenSim's `orientation`, and the coordinates of its free and
-/// ball joints.
+/// Angles a, b, c with R = Rx(a) Ry(b) Rz(c): OpenSim's `orientation` and its free and ball coordinates.
 Vec3 xyz_angles(const Quat& q) {
   const Mat3 R = q.toRotationMatrix();
   const double b = std::atan2(R(0, 2), std::hypot(R(0, 0), R(0, 1)));
@@ -35,8 +34,7 @@ Vec3 xyz_angles(const Quat& q) {
   return Vec3(std::atan2(-R(1, 2), R(2, 2)), b, std::atan2(-R(0, 1), R(0, 0))) + Vec3::Zero();  // no -0
 }
 
-/// Of all triples of angles that say the same, the one nearest to that before: they pass a right angle of the
-/// middle one without a jump.
+/// The equivalent triple of angles nearest to that before: passes a right angle of the middle without a jump.
 Vec3 nearest_angles(const Quat& q, const Vec3& before) {
   const auto near = [&](Vec3 angles) {
     for (int k = 0; k < 3; ++k) angles[k] += 2 * M_PI * std::round((before[k] - angles[k]) / (2 * M_PI));
@@ -215,8 +213,8 @@ class OsimWriter {
   /// A body without a parent. Its coordinates are zero at the start, far from where three angles fail.
   void root(int index) {
     const model::Body& body = model_.bodies[at(index)];
-    const auto drive = std::find_if(model_.drives.begin(), model_.drives.end(),
-                                    [&](const model::Drive& each) { return each.body == index; });
+    const auto drive =
+        std::ranges::find_if(model_.drives, [&](const model::Drive& each) { return each.body == index; });
     const bool driven =
         body.kinematic && drive != model_.drives.end() && settings_.effects.has(Effect::wrist_motion);
     const model::BodyState& start = start_.bodies[at(index)];

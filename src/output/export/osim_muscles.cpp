@@ -86,9 +86,9 @@ std::string path_element(const Polynomial& length, const std::vector<std::string
   Powers powers(length.dofs.size(), 0);
   add_coefficients(length, powers, 0, order, coefficients);
   return fmt::format(
-      "<FunctionBasedPath name=\"path\">{}<length_function><MultivariatePolynomialFunction>"
-      "{}<dimension>{}</dimension><order>{}</order>"
-      "</MultivariatePolynomialFunction></length_function></FunctionBasedPath>",
+      "<FunctionBasedPath "
+      "name=\"path\">{}<length_function><MultivariatePolynomialFunction>{}<dimension>{}</"
+      "dimension><order>{}</order></MultivariatePolynomialFunction></length_function></FunctionBasedPath>",
       element("coordinate_paths", coordinates), element("coefficients", coefficients), length.dofs.size(),
       order);
 }
@@ -106,12 +106,11 @@ std::string curves() {
   return curve("active_force_length_curve",
                fmt::format("exp(-(x-1)^2/{:.17g})*step(x-{:.17g})*step({:.17g}-x)", kActiveWidth, kShortest,
                            kLongest)) +
-         curve("passive_force_length_curve",
-               fmt::format("step(x-1)*((exp({0:.17g}*(min(x,{2:.17g})-1)/{1:.17g})-1)/{3:.17g}+{4:.17g}*"
-                           "max(0,x-{2:.17g}))",
-                           kPassiveShape, kPassiveStrain, end, scale, slope)) +
-         curve("force_velocity_curve", fmt::format("(1+max(-1,min(x,0)))/(1-max(-1,min(x,0))/{2:.17g})+"
-                                                   "(1+{0:.17g}*max(x,0))/(1+{1:.17g}*max(x,0))-1",
+         curve("passive_force_length_curve", fmt::format("step(x-1)*((exp({0:.17g}*(min(x,{2:.17g})-1)/"
+                                                         "{1:.17g})-1)/{3:.17g}+{4:.17g}*max(0,x-{2:.17g}))",
+                                                         kPassiveShape, kPassiveStrain, end, scale, slope)) +
+         curve("force_velocity_curve", fmt::format("(1+max(-1,min(x,0)))/(1-max(-1,min(x,0))/"
+                                                   "{2:.17g})+(1+{0:.17g}*max(x,0))/(1+{1:.17g}*max(x,0))-1",
                                                    kSteep * kLengthening, kSteep, kSpeedShape));
 }
 

@@ -8,13 +8,11 @@
 
 namespace handsim::output {
 
-/// An off-screen OpenGL 3.3 core context, whose end frees all its OpenGL objects. Drawing goes to frame
-/// buffer objects.
+/// An off-screen OpenGL 3.3 core context that frees its OpenGL objects. Drawing goes to frame buffer objects.
 class Canvas {
  public:
   virtual ~Canvas() = default;
-  /// Sends the OpenGL calls of this thread (gl_functions.h) to this context. @throws Error (input) if another
-  /// thread has it.
+  /// Sends this thread's OpenGL calls (gl_functions.h) here. @throws Error (input) if another thread has it.
   virtual void make_current() = 0;
 };
 

@@ -1,5 +1,4 @@
-// Many pictures on one page, each with a caption. Each picture is drawn onto the page when it is added, so
-// that memory holds only the page.
+// Many pictures on one page, each with a caption, drawn when it is added: memory holds only the page.
 #pragma once
 
 #include <memory>
@@ -21,9 +20,8 @@ struct SheetFormat {
   std::optional<double> force_scale = {};
 };
 
-/// Pictures are placed in reading order, three to five in a row, scaled down (never up) to the format's
-/// width; captions that are too long end in an ellipsis. The page is narrower if the pictures do not need its
-/// width.
+/// Pictures are in reading order, three to five in a row, scaled down (never up) to the format's width; long
+/// captions end in an ellipsis. The page is narrower if the pictures do not need its width.
 class ContactSheet {
  public:
   /// @throws Error (input) for a format out of range, or a page too large for memory.

@@ -36,9 +36,7 @@ Colour colour(const model::Shape& shape) {
 
 Colour axis_colour(std::size_t axis) { return from_srgb(axis == 0 ? 0x22282E : 0xC4123F); }
 
-Pose pose_of(const model::State& state, int body) {
-  return state.bodies[static_cast<std::size_t>(body)].pose();
-}
+Pose pose_of(const model::State& state, int body) { return state.bodies[at(body)].pose(); }
 
 /// A nail is a light tint of its finger, a stump a darker skin than the palm.
 Colour colour(const HandMark& mark, model::Part part) {
@@ -53,7 +51,7 @@ void add_mark(const model::Model& model, const model::State& state, const HandMa
   DrawShape out;
   out.solid = mark.solid;
   out.solid.pose = pose_of(state, mark.body) * mark.solid.pose;
-  out.colour = colour(mark, model.shapes[static_cast<std::size_t>(mark.shape)].part);
+  out.colour = colour(mark, model.shapes[at(mark.shape)].part);
   out.shape = mark.shape;
   out.mark = true;
   out.shades = !mark.nail;
@@ -72,8 +70,7 @@ void add_shape(const model::Model& model, std::size_t index, const model::State&
     list.shapes.push_back({solid(shape, x_WS), colour(shape), static_cast<int>(index)});
 }
 
-/// Distance from `point` along the unit vector `n` to the surface of the solid's bounding box [m]; 0 for a
-/// point outside.
+/// Distance from `point` along the unit `n` to the surface of the solid's bounding box [m]; 0 from outside.
 double exit_distance(const Solid& solid, const Vec3& point, const Vec3& n) {
   const Vec3 o = solid.pose.inverse() * point;
   const Vec3 d = solid.pose.q.conjugate() * n;
@@ -94,8 +91,7 @@ double exit_distance(const Solid& solid, const Vec3& point, const Vec3& n) {
   return enter > slack || leave < 0 ? 0 : leave;
 }
 
-/// An arrow along the axis, through the joint; its ends project from the two bodies, its head is on the
-/// positive side.
+/// An arrow along the axis, through the joint; its ends project from the two bodies, its head at the + end.
 DrawArrow axis_arrow(const model::Model& model, const model::State& state, const model::Joint& joint,
                      std::size_t axis) {
   const Pose x_WF = pose_of(state, joint.parent) * joint.parent_frame;
@@ -115,6 +111,73 @@ DrawArrow axis_arrow(const model::Model& model, const model::State& state, const
   if (thickness <= 0) thickness = 0.008;
   return {x_WM.p - (behind + 0.5 * thickness) * n, x_WM.p + (ahead + 1.6 * thickness) * n, 0.13 * thickness,
           axis_colour(axis), false};
+}
+
+/// A nail is the part of a capsule that stands out of the fingertip's capsule; its sizes over the
+/// fingertip's radius: it is 1.1 radii wide, and stands out by 0.1.
+constexpr double kNailRadius = 0.72, kNailOffset = 0.38, kNailFrom = -0.5, kNailTo = 0.15;
+/// Of a stump over the palm's width or thickness.
+constexpr double kStumpWidth = 0.64, kStumpLength = 0.2, kStumpThickness = 0.86;
+
+bool is_last(const model::Model& model, int body) {
+  return std::ranges::none_of(model.joints, [&](const model::Joint& joint) { return joint.parent == body; });
+}
+
+/// The nail of a fingertip: opposite to where its flexion moves it.
+std::optional<HandMark> nail(const model::Model& model, const model::Joint& joint) {
+  const auto capsule = std::ranges::find_if(model.shapes, [&](const model::Shape& shape) {
+    return shape.body == joint.child && shape.kind == model::ShapeKind::capsule;
+  });
+  const auto flexion =
+      std::ranges::find_if(joint.axes, [](const model::JointAxis& axis) { return axis.name == "flexion"; });
+  if (capsule == model.shapes.end() || flexion == joint.axes.end()) return std::nullopt;
+  Vec3 distal = capsule->pose.q * Vec3::UnitZ();
+  if (distal.dot(capsule->pose.p - joint.child_frame.p) < 0) distal = -distal;
+  const Vec3 across = joint.child_frame.q * flexion->axis;
+  const Vec3 dorsal = -across.cross(distal);
+  if (dorsal.norm() < 0.5) return std::nullopt;
+  const double r = capsule->radius, tip = capsule->length / 2;
+  const double from = std::max(tip + kNailFrom * r, -tip), to = tip + kNailTo * r;
+  HandMark mark;
+  mark.solid = {Core::box, {0, 0, (to - from) / 2}, kNailRadius * r, {}, {}};
+  mark.solid.pose.p = capsule->pose.p + (from + to) / 2 * distal + kNailOffset * r * dorsal.normalized();
+  mark.solid.pose.q = capsule->pose.q;
+  mark.body = joint.child;
+  mark.shape = static_cast<int>(capsule - model.shapes.begin());
+  mark.nail = true;
+  return mark;
+}
+
+/// Behind the palm, as thick and two thirds as wide.
+std::optional<HandMark> stump(const model::Model& model, const model::HandIndex& hand) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Vec3 low = Vec3::Constant(kInfinity), high = -low;
+  std::optional<int> on;
+  const Pose x_HP = hand.wrist_frame.inverse();
+  for (std::size_t i = 0; i < model.shapes.size(); ++i) {
+    const model::Shape& shape = model.shapes[i];
+    if (shape.body != hand.palm || shape.part != model::Part::palm) continue;
+    if (!on) on = static_cast<int>(i);
+    const Solid drawn = solid(shape, x_HP * shape.pose);
+    for (int k = 0; k < 3; ++k) {
+      low[k] = std::min(low[k], -support(drawn, -Vec3::Unit(k)));
+      high[k] = std::max(high[k], support(drawn, Vec3::Unit(k)));
+    }
+  }
+  if (!on) return std::nullopt;
+  const Vec3 size = high - low;
+  HandMark mark;
+  const double round = kStumpThickness * size.z() / 2;
+  mark.solid = {Core::box,
+                {std::max(kStumpWidth * size.x() / 2 - round, 0.0), kStumpLength * size.x() / 2, 0},
+                round,
+                {},
+                {}};
+  const Vec3 centre = {(low.x() + high.x()) / 2, low.y(), (low.z() + high.z()) / 2};
+  mark.solid.pose = hand.wrist_frame * Pose{centre, Quat::Identity()};
+  mark.body = hand.palm;
+  mark.shape = *on;
+  return mark;
 }
 
 }  // namespace
@@ -180,78 +243,6 @@ Bounds bounds(const DrawList& list) {
   }
   return box;
 }
-
-namespace {
-
-/// A nail is the part of a capsule that stands out of the fingertip's capsule; its sizes over the
-/// fingertip's radius: it is 1.1 radii wide, and stands out by 0.1.
-constexpr double kNailRadius = 0.72, kNailOffset = 0.38, kNailFrom = -0.5, kNailTo = 0.15;
-/// Of a stump over the palm's width or thickness.
-constexpr double kStumpWidth = 0.64, kStumpLength = 0.2, kStumpThickness = 0.86;
-
-bool is_last(const model::Model& model, int body) {
-  return std::none_of(model.joints.begin(), model.joints.end(),
-                      [&](const model::Joint& joint) { return joint.parent == body; });
-}
-
-/// The nail of a fingertip: opposite to where its flexion moves it.
-std::optional<HandMark> nail(const model::Model& model, const model::Joint& joint) {
-  const auto capsule = std::find_if(model.shapes.begin(), model.shapes.end(), [&](const model::Shape& shape) {
-    return shape.body == joint.child && shape.kind == model::ShapeKind::capsule;
-  });
-  const auto flexion = std::find_if(joint.axes.begin(), joint.axes.end(),
-                                    [](const model::JointAxis& axis) { return axis.name == "flexion"; });
-  if (capsule == model.shapes.end() || flexion == joint.axes.end()) return std::nullopt;
-  Vec3 distal = capsule->pose.q * Vec3::UnitZ();
-  if (distal.dot(capsule->pose.p - joint.child_frame.p) < 0) distal = -distal;
-  const Vec3 across = joint.child_frame.q * flexion->axis;
-  const Vec3 dorsal = -across.cross(distal);
-  if (dorsal.norm() < 0.5) return std::nullopt;
-  const double r = capsule->radius, tip = capsule->length / 2;
-  const double from = std::max(tip + kNailFrom * r, -tip), to = tip + kNailTo * r;
-  HandMark mark;
-  mark.solid = {Core::box, {0, 0, (to - from) / 2}, kNailRadius * r, {}, {}};
-  mark.solid.pose.p = capsule->pose.p + (from + to) / 2 * distal + kNailOffset * r * dorsal.normalized();
-  mark.solid.pose.q = capsule->pose.q;
-  mark.body = joint.child;
-  mark.shape = static_cast<int>(capsule - model.shapes.begin());
-  mark.nail = true;
-  return mark;
-}
-
-/// Behind the palm, as thick and two thirds as wide.
-std::optional<HandMark> stump(const model::Model& model, const model::HandIndex& hand) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  Vec3 low = Vec3::Constant(kInfinity), high = -low;
-  std::optional<int> on;
-  const Pose x_HP = hand.wrist_frame.inverse();
-  for (std::size_t i = 0; i < model.shapes.size(); ++i) {
-    const model::Shape& shape = model.shapes[i];
-    if (shape.body != hand.palm || shape.part != model::Part::palm) continue;
-    if (!on) on = static_cast<int>(i);
-    const Solid drawn = solid(shape, x_HP * shape.pose);
-    for (int k = 0; k < 3; ++k) {
-      low[k] = std::min(low[k], -support(drawn, -Vec3::Unit(k)));
-      high[k] = std::max(high[k], support(drawn, Vec3::Unit(k)));
-    }
-  }
-  if (!on) return std::nullopt;
-  const Vec3 size = high - low;
-  HandMark mark;
-  const double round = kStumpThickness * size.z() / 2;
-  mark.solid = {Core::box,
-                {std::max(kStumpWidth * size.x() / 2 - round, 0.0), kStumpLength * size.x() / 2, 0},
-                round,
-                {},
-                {}};
-  const Vec3 centre = {(low.x() + high.x()) / 2, low.y(), (low.z() + high.z()) / 2};
-  mark.solid.pose = hand.wrist_frame * Pose{centre, Quat::Identity()};
-  mark.body = hand.palm;
-  mark.shape = *on;
-  return mark;
-}
-
-}  // namespace
 
 std::vector<HandMark> hand_marks(const model::Model& model) {
   std::vector<HandMark> out;

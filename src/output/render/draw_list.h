@@ -1,5 +1,4 @@
-// The content of a picture, without OpenGL: shapes, arrows and points in the world, and a camera. Made from a
-// Model and a State; the renderer turns it into an Image.
+// The content of a picture without OpenGL: shapes, arrows and points in the world, and a camera.
 #pragma once
 
 #include <array>
@@ -17,8 +16,7 @@ namespace handsim::output {
 // mesh) dilated by a radius. Meshes, shadows, bounds and the framing of cameras use this one form.
 enum class Core { box, cylinder, hull };
 
-/// All points within `round` of the core, which is centred on the origin of `pose`. A hull has no rounding;
-/// its size functions use its bounding box.
+/// All points within `round` of the core, centred on the origin of `pose`. A hull's sizes are its box's.
 struct Solid {
   Core core = Core::box;
   Vec3 half = Vec3::Zero();  ///< half edges of the core [m]; cylinder: (radius, radius, half height);
@@ -35,8 +33,7 @@ struct Solid {
 
 /// The exact solid of a shape at pose x_WS.
 Solid solid(const model::Shape& shape, const Pose& x_WS);
-/// The same with edges rounded by 12% of the smallest half extent, so that edges are visible. It lies inside
-/// the exact one.
+/// The same with edges rounded by 12% of the smallest half extent, to be visible. Inside the exact one.
 Solid bevelled(Solid exact);
 
 /// True if the core is a line or a point (a capsule or a sphere).
@@ -108,8 +105,7 @@ inline constexpr double kHeadLength = 2.6;
 
 /// Largest n . x over all shapes, arrows and points of the list; -infinity for an empty one [m].
 double support(const DrawList& list, const Vec3& n);
-/// The axis-aligned box of all shapes, arrows and points (not the ground), as two corners [m]; both at the
-/// origin for an empty list.
+/// The box of all shapes, arrows and points (not the ground), as two corners [m]; the origin if empty.
 struct Bounds {
   Vec3 low = Vec3::Zero();
   Vec3 high = Vec3::Zero();

@@ -1,5 +1,4 @@
-// The wrappers of OpenGL that the renderer needs. The context of a Canvas frees all its OpenGL objects, so
-// nothing here frees anything.
+// The wrappers of OpenGL that the renderer needs; a Canvas's context frees all its OpenGL objects.
 #pragma once
 
 #include <Eigen/Core>

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "handsim/core/index.h"
+
 namespace handsim::output {
 
 /// Rows from the top, three bytes a pixel.
@@ -13,14 +15,10 @@ struct Image {
   int height = 0;
   std::vector<std::uint8_t> rgb;
 
-  const std::uint8_t* pixel(int x, int y) const {
-    return &rgb[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-                     static_cast<std::size_t>(x))];
-  }
+  const std::uint8_t* pixel(int x, int y) const { return &rgb[3 * (at(y) * at(width) + at(x))]; }
 };
 
-/// @throws Error (input) in a build without pictures (CMake option HANDSIM_PICTURES); every drawing function
-///         of this folder throws the same error there.
+/// @throws Error (input) in a build without pictures (HANDSIM_PICTURES), as all that draws in this folder.
 void require_pictures();
 
 /// Writes a PNG; the file appears under its name only when complete.

@@ -120,14 +120,12 @@ void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
         found.push_back({(other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other, *hides});
     }
     // The nearest are kept.
-    std::sort(found.begin(), found.end(),
-              [](const Found& a, const Found& b) { return a.distance < b.distance; });
+    std::ranges::sort(found, [](const Found& a, const Found& b) { return a.distance < b.distance; });
     int capsules = 0, others = 0;
     std::erase_if(found, [&](const Found& one) {
       return ++(is_capsule(*one.solid) ? capsules : others) > kMaxOccluders;
     });
-    std::stable_sort(found.begin(), found.end(),
-                     [](const Found& a, const Found& b) { return a.hides < b.hides; });
+    std::ranges::stable_sort(found, [](const Found& a, const Found& b) { return a.hides < b.hides; });
     for (const Found& one : found) solids[i].occluders.add(*one.solid, one.hides);
   }
 }
@@ -157,8 +155,7 @@ Rectangle shade_of(const Solid& solid, double ground, const Vec3& to_key) {
   const double bottom = std::max(-support(solid, -Vec3::UnitZ()) - ground, 0.0);
   const double top = std::max(support(solid, Vec3::UnitZ()) - ground, 0.0);
   const Eigen::Array2d shift = -to_key.head<2>().array() / to_key.z();
-  // The half shadow grows with the distance along the light, and is longer on the ground if the light is
-  // oblique.
+  // The half shadow grows with the distance along the light, and on the ground with the light's slope.
   const double blur = kLightSize * top / (to_key.z() * to_key.z()) + 0.1 * solid.thickness();
   Rectangle area;
   area.include(low + (shift * bottom).min(shift * top), high + (shift * bottom).max(shift * top), blur);
@@ -232,7 +229,7 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
     static_cast<DrawShape&>(lit) = shape;
     lit.solid = bevelled(shape.solid);
   }
-  std::stable_sort(solids.begin(), solids.end(), [&](const LitSolid& a, const LitSolid& b) {
+  std::ranges::stable_sort(solids, [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
   });
   find_occluders(solids, key);

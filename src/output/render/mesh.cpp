@@ -50,8 +50,7 @@ Mesh rounded_mesh(const std::vector<Meridian>& meridians, int rings, bool capped
   return mesh;
 }
 
-/// One meridian for each side of the circle; their points of the core are on its rim (`core` 1) or its axis
-/// (0).
+/// One meridian for each side of the circle; core points are on its rim (`core` 1) or its axis (0).
 std::vector<Meridian> circle(int sides, float core) {
   std::vector<Meridian> meridians;
   for (int i = 0; i < sides; ++i) {

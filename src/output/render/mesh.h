@@ -29,8 +29,7 @@ Mesh box_mesh();
 Mesh cylinder_mesh(int sides);
 /// The faces of a polyhedron, flat; `half` must be (1, 1, 1) and `round` 0.
 Mesh faceted_mesh(const model::ConvexMesh& polyhedron);
-/// A cone with its base circle of radius 1 at z = 0 and its tip at z = 1, with normals for a scale of
-/// (1, 1, length); `round` must be 0.
+/// A cone: base circle of radius 1 at z = 0, tip at z = 1, normals for a scale (1, 1, length); `round` is 0.
 Mesh cone_mesh(float length);
 /// The flat ring between the circles of radius `inner` and 1 at z = 0, seen from above; `round` must be 0.
 Mesh ring_mesh(float inner);

@@ -114,8 +114,7 @@ void Meshes::add_annotations(const Scene& scene, std::vector<Part>& parts) const
     const Vec3 sight = scene.camera.position - arrow.to;
     const double sine = along.cross(sight).norm() / (length * sight.norm());
     if (std::max(head, shaft) * sine < 1.5 * width) {
-      // The head would hide the rest: a blot. As in drawings of vectors, a ring with a dot points towards the
-      // reader, one with a cross away.
+      // The head would hide the rest: as in drawings, a ring with a dot points to the reader, a cross away.
       const Quat q = rotation_between(Vec3::UnitZ(), sight);
       add({Core::cylinder, Vec3::Constant(width), 0, {arrow.to, q}, {}}, ring_);
       if (along.dot(sight) > 0)

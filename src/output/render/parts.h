@@ -1,5 +1,4 @@
-// The meshes of a picture: for each solid, point and arrow of a scene its triangles in the driver's memory,
-// its place, its number and its bounds in the picture.
+// The meshes of a picture: of each solid, point and arrow the triangles, place, number and bounds.
 #pragma once
 
 #include <array>

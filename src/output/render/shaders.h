@@ -1,7 +1,6 @@
 // The GLSL shaders of the renderer. Light: an extended key light that casts soft shadows, a fill light at the
-// camera, and a sky. Shadows and the occlusion of the sky are computed from distances to the convex solids,
-// not from a shadow map: there is no limit of resolution and no shadow acne, and shadows at contacts are
-// sharp.
+// camera, and a sky. Shadows and the occlusion of the sky come from distances to the convex solids, not a
+// shadow map: no limit of resolution, no shadow acne, sharp shadows at contacts.
 #pragma once
 
 #include <string>

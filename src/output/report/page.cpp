@@ -3,9 +3,13 @@
 #include <map>
 
 #include "handsim/core/error.h"
-#include "handsim/output/report/assets.h"
 
 namespace handsim::output {
+
+/// The files that the build puts into the program (cmake/embed.cmake).
+namespace assets {
+extern const std::string_view page_html, style_css, three, scene_js, curves_js, table_js, run_js, study_js;
+}
 
 namespace {
 

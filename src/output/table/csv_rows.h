@@ -8,8 +8,7 @@
 
 namespace handsim::output {
 
-/// Names of a model's coordinates, in order, e.g. `right.index_mcp.flexion`; a ball joint has the three
-/// coordinates `.x`, `.y` and `.z`.
+/// Names of a model's coordinates, e.g. `right.index_mcp.flexion`; a ball joint has `.x`, `.y` and `.z`.
 std::vector<std::string> coordinate_names(const model::Model& model);
 
 /// trajectory.csv: time, joint coordinates and rates, body poses. Columns: `right.index_mcp.flexion[rad]`,
@@ -20,8 +19,7 @@ std::string trajectory_row(const model::State& state);
 std::vector<std::string> trajectory_columns(const model::Model& model);
 std::vector<double> trajectory_values(const model::State& state);
 
-/// contacts.csv: a row for each contact point, in world axes; the normal points from b to a, friction acts on
-/// a.
+/// contacts.csv: a row for each contact point, world axes; the normal is from b to a, friction acts on a.
 std::string contact_head();
 std::string contact_row(const model::Model& model, double time, const engine::Contact& contact);
 

@@ -20,8 +20,7 @@ bool plot(const std::string& script, const std::filesystem::path& folder,
           const std::vector<std::string>& outputs);
 inline constexpr const char* kPlotHead = "place(name) = exists('part') ? part.name : name\n";
 
-/// Text for use between single quotes in a script: quotes, backslashes and control characters become blanks,
-/// because they could end the string and start a command.
+/// Text for single quotes in a script: quotes, backslashes and controls, which could end it, are blanks.
 std::string plot_text(std::string text);
 
 /// A panel of a plot by parts of a hand.

@@ -1,7 +1,9 @@
 // Video files: raw frames go through a socket to ffmpeg's program, which writes an MP4 (H.264) or a GIF.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
 
 #include "handsim/output/output_folder.h"
@@ -41,5 +43,20 @@ class VideoWriter {
   struct Encoder;
   std::unique_ptr<Encoder> encoder_;
 };
+
+/// Makes picture i of a sequence.
+using MakeImage = std::function<Image(std::size_t)>;
+
+/// Starts `processes` forks, of which fork k makes the pictures k, k + processes, ...; passes them on in
+/// order. With one process, or one picture, nothing is forked. Not for a process that has OpenGL contexts or
+/// other threads.
+/// @param maker called once in each process, for what its pictures share, such as a Renderer.
+/// @param take called in this process.
+/// @throws Error (output) with what a fork failed of, and what `take` throws.
+void make_in_order(std::size_t count, int processes, const std::function<MakeImage()>& maker,
+                   const std::function<void(std::size_t, Image&&)>& take);
+
+/// Processor cores that this process may use.
+int core_count();
 
 }  // namespace handsim::output

@@ -94,8 +94,8 @@ void add_joint(model::Model& model, const MechanismJointSpec& spec) {
   const Pose x_WF{spec.position, Quat::Identity()};
   joint.parent_frame = model.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * x_WF;
   joint.child_frame = model.bodies[static_cast<std::size_t>(joint.child)].zero_pose.inverse() * x_WF;
-  joint.closes_loop = std::any_of(model.joints.begin(), model.joints.end(),
-                                  [&](const model::Joint& other) { return other.child == joint.child; });
+  joint.closes_loop = std::ranges::any_of(
+      model.joints, [&](const model::Joint& other) { return other.child == joint.child; });
   joint.first_dof = model.dof_count();
   model.joints.push_back(std::move(joint));
 }
@@ -211,8 +211,7 @@ class Builder {
     }
   }
 
-  /// Adds the rules of the contacts block (the last of several for one pair applies), or else one for every
-  /// pair whose effect is on.
+  /// Adds the rules of the contacts block (the last for a pair applies), or one for every pair of its effect.
   void add_contact_rules() {
     const auto add = [&](const ContactGroups::Group& a, const ContactGroups::Group& b, int material) {
       const auto effect = effect_of(a, b);

@@ -21,7 +21,7 @@ constexpr std::array kSurfaceKeys = {"restitution", "restitution_speed", "stiffn
 
 template <class Words>
 bool among(const std::string& word, const Words& words) {
-  return std::find(words.begin(), words.end(), word) != words.end();
+  return std::ranges::find(words, word) != words.end();
 }
 
 /// Why a value acts on nothing, or in part of its contacts only.
@@ -69,7 +69,7 @@ class Surfaces {
  private:
   /// The object of a task on the support that the task adds: over as soon as the hand lifts it.
   bool on_own_support(const std::string& a, const std::string& b) const {
-    return std::any_of(scene_.spec.tasks.begin(), scene_.spec.tasks.end(), [&](const auto& task) {
+    return std::ranges::any_of(scene_.spec.tasks, [&](const auto& task) {
       return task->support && ((*task->support == a && b.starts_with(task->object)) ||
                                (*task->support == b && a.starts_with(task->object)));
     });
@@ -175,8 +175,8 @@ class Judge {
   }
   bool uses_strength() const {
     return !scene_.plans.climbs.empty() ||
-           std::any_of(scene_.plans.grasps.begin(), scene_.plans.grasps.end(),
-                       [](const GraspPlan& grasp) { return grasp.strength.has_value(); });
+           std::ranges::any_of(scene_.plans.grasps,
+                               [](const GraspPlan& grasp) { return grasp.strength.has_value(); });
   }
   std::optional<Reason> solver(const std::string& key) const {
     using engine::ArticulatedMethod, engine::DaeMethod, engine::OdeMethod;
@@ -256,8 +256,8 @@ class Walk {
     path_.pop_back();
   }
   static bool has_maps(const YamlNode& list) {
-    return std::any_of(list.items.begin(), list.items.end(),
-                       [](const YamlNode& item) { return item.kind == YamlNode::Kind::map; });
+    return std::ranges::any_of(list.items,
+                               [](const YamlNode& item) { return item.kind == YamlNode::Kind::map; });
   }
   void judge(const YamlNode& node) {
     if (!node.file || !node.file->starts_with(kOrigin)) return;

@@ -1,5 +1,4 @@
-// Which overrides of a scene (`--set`, and the keys of a study) act on nothing, because another key wins or
-// what they describe is not simulated.
+// Which overrides of a scene act on nothing: another key wins, or what they describe is not simulated.
 #pragma once
 
 #include <optional>

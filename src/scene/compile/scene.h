@@ -1,5 +1,4 @@
-// Compiles a scene file into all that a run needs: the Model, the solver settings with their effects, the run
-// settings and the resolved text that repeats it.
+// Compiles a scene file into the Model, solver settings, run settings and the resolved text that repeats it.
 #pragma once
 
 #include <filesystem>
@@ -44,8 +43,7 @@ Scene compile_scene(SceneSpec spec, YamlNode root = {});
 /// @throws Error (input) if the hands cannot be controlled without the effect.
 Scene without_effect(const Scene& scene, model::Effect effect);
 
-/// The files that the scene was read from: scene, persons, hand models, meshes, motions; each once, as the
-/// resolved scene names them.
+/// The scene's files: scene, persons, hand models, meshes, motions; each once, as the resolved scene has it.
 std::vector<std::filesystem::path> files_read(const Scene& scene);
 
 }  // namespace handsim::scene

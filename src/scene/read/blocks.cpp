@@ -75,7 +75,7 @@ constexpr std::array<Row, 17> kRows = {{
 }};
 
 const Row& row_of(FileKind kind) {
-  return *std::find_if(kRows.begin(), kRows.end(), [&](const Row& row) { return row.kind == kind; });
+  return *std::ranges::find_if(kRows, [&](const Row& row) { return row.kind == kind; });
 }
 
 }  // namespace

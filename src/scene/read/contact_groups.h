@@ -24,8 +24,7 @@ struct ContactGroups {
   void add_hand(const std::string& hand, const hand::HandGroups& groups);
 };
 
-/// The effect that contact of two groups needs; nothing for the ground with itself and for two parts of the
-/// mechanism, which never touch.
+/// The effect of contact of two groups; nothing for ground with ground and two parts of the mechanism.
 std::optional<model::Effect> effect_of(const ContactGroups::Group& a, const ContactGroups::Group& b);
 
 /// Calls visit(a, b) for each pair of groups that a rule names.

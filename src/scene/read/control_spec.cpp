@@ -1,4 +1,4 @@
-#include "handsim/scene/read/control_spec.h"
+#include "handsim/scene/read/scene_spec.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -7,7 +7,6 @@
 
 #include "handsim/core/data_folder.h"
 #include "handsim/scene/read/blocks.h"
-#include "handsim/scene/read/hand_entry.h"
 
 namespace handsim::scene {
 
@@ -30,14 +29,13 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
   std::vector<control::ProgramChoice> out(hands.size());
   using Kind = YamlNode::Kind;
   const std::string key = reader.path_of("program");
-  YamlNode* node =
-      reader.value("program", {{Kind::scalar, Kind::map},
-                               "a program of the pose file, a .csv, .mot or .sto file, or a mapping "
-                               "of hands to them",
-                               !has_tasks});
+  YamlNode* node = reader.value(
+      "program", {{Kind::scalar, Kind::map},
+                  "a program of the pose file, a .csv, .mot or .sto file, or a mapping of hands to them",
+                  !has_tasks});
   if (!node) return out;
   if (node->kind == Kind::scalar) {
-    std::fill(out.begin(), out.end(), read_choice(*node, key));
+    std::ranges::fill(out, read_choice(*node, key));
     return out;
   }
   std::vector<std::string> known;
@@ -46,12 +44,12 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
   for (const std::string& name : programs.keys()) {
     YamlNode* choice =
         programs.value(name, {{Kind::scalar}, "a program of the pose file, or a .csv, .mot or .sto file"});
-    const auto hand = std::find(known.begin(), known.end(), name);
+    const auto hand = std::ranges::find(known, name);
     if (hand != known.end() && choice)
       out[static_cast<std::size_t>(hand - known.begin())] = read_choice(*choice, key + "." + name);
   }
   for (const YamlEntry& given : node->entries)
-    if (std::find(known.begin(), known.end(), given.key) == known.end())
+    if (std::ranges::find(known, given.key) == known.end())
       programs.unknown_key(given, "a hand that the scene does not have", known);
   for (const std::string& name : known)
     if (!has_tasks && !node->find(name))

@@ -1,5 +1,3 @@
-#include "handsim/scene/read/criteria.h"
-
 #include <algorithm>
 #include <cmath>
 
@@ -21,8 +19,7 @@ void refuse(MapReader& reader, const Limits& limits, const char* got, const char
 }
 
 bool has_tasks(const SceneSpec& scene, std::string_view list) {
-  return std::any_of(scene.tasks.begin(), scene.tasks.end(),
-                     [&](const auto& task) { return task->kind->list == list; });
+  return std::ranges::any_of(scene.tasks, [&](const auto& task) { return task->kind->list == list; });
 }
 
 /// Largest movement of any driven axis to a pose [rad]; nothing without programs of poses.

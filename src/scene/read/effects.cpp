@@ -17,11 +17,10 @@ bool has_touched(const SceneSpec& scene) {
   const auto& bodies = scene.mechanism.bodies;
   return !scene.objects.empty() ||
          (!scene.hands.empty() &&
-          std::any_of(bodies.begin(), bodies.end(), [](const BodySpec& body) { return body.collides; }));
+          std::ranges::any_of(bodies, [](const BodySpec& body) { return body.collides; }));
 }
 
-/// The smallest set of effects that the scene's content needs. Self contact of a hand is
-/// included only if a contact rule needs it.
+/// The smallest set of effects for the scene's content; self contact only if a contact rule needs it.
 Effects needed_effects(const SceneSpec& scene) {
   Effects effects;
   effects.add(Effect::gravity);
@@ -67,7 +66,7 @@ void write_effects(YamlNode& node, const Effects& effects) {
 
 void read_effect(const YamlNode& item, const std::string& path, Effects& effects, Diagnostics& diagnostics) {
   const std::vector<std::string> known(model::kEffectNames.begin(), model::kEffectNames.end());
-  const auto at = std::find(known.begin(), known.end(), item.text);
+  const auto at = std::ranges::find(known, item.text);
   if (item.text == "step_guard") {
     diagnostics.problems.push_back(
         {item.place(), path, "step_guard",
@@ -87,15 +86,15 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
 /// True if any axis of the mechanism's joints fulfils the predicate.
 template <class Predicate>
 bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
-  return std::any_of(mechanism.joints.begin(), mechanism.joints.end(), [&](const MechanismJointSpec& joint) {
-    return std::any_of(joint.axes.begin(), joint.axes.end(), predicate);
+  return std::ranges::any_of(mechanism.joints, [&](const MechanismJointSpec& joint) {
+    return std::ranges::any_of(joint.axes, predicate);
   });
 }
 
 bool any_tissue(const SceneSpec& scene) {
   const auto has_tissue = [](const hand::JointSpec& joint) {
-    return std::any_of(joint.axes.begin(), joint.axes.end(),
-                       [](const model::JointAxis& axis) { return axis.tissue; });
+    return std::ranges::any_of(joint.axes,
+                               [](const model::JointAxis& axis) { return axis.tissue.has_value(); });
   };
   for (const HandEntry& hand : scene.hands) {
     if (has_tissue(hand.model->wrist)) return true;

@@ -123,6 +123,44 @@ YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
   return out;
 }
 
+/// The tables that the block names, or else the default ones; none, with problems, if they cannot be read.
+std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const YamlNode& engine) {
+  const std::string key = block.path_of("costs");
+  const YamlNode* given = referenced(block, "costs", FileKind::costs, false);
+  if (block.diagnostics().recorder || (!given && block.node().find("costs"))) return {};
+  try {
+    YamlNode costs = given ? *given : default_costs(scene, engine);
+    follow_reference(costs, key, block.diagnostics().budget);
+    return read_costs(costs, key, block.diagnostics());
+  } catch (const Error& error) {
+    block.diagnostics().add(error);
+  }
+  return {};
+}
+
+/// The cheapest row that reaches the accuracy; null, with a problem, if no row does.
+const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
+                        MapReader& block) {
+  const CostRow* best = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const CostRow& row : table.rows) {
+    if (unsuitable(row, scene, guarded)) continue;
+    least = std::min(least, row.error);
+    if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
+  }
+  if (!best)
+    block.problem("accuracy", number(accuracy),
+                  fmt::format("{:.3g} or more: the best measured for {}, on {}", least, described(table.kind),
+                              table.scene));
+  return best;
+}
+
+double duration_of(MapReader& reader, const SceneSpec& scene) {
+  if (const YamlNode* duration = reader.node().find("duration"))
+    if (const auto given = parse_quantity(duration->text, Dimension::time)) return *given;
+  return scene.tasks_end();
+}
+
 }  // namespace
 
 std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics) {
@@ -167,48 +205,6 @@ YamlNode write_costs(const std::vector<CostTable>& tables) {
   return root;
 }
 
-namespace {
-
-/// The tables that the block names, or else the default ones; none, with problems, if they cannot be read.
-std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const YamlNode& engine) {
-  const std::string key = block.path_of("costs");
-  const YamlNode* given = referenced(block, "costs", FileKind::costs, false);
-  if (block.diagnostics().recorder || (!given && block.node().find("costs"))) return {};
-  try {
-    YamlNode costs = given ? *given : default_costs(scene, engine);
-    follow_reference(costs, key, block.diagnostics().budget);
-    return read_costs(costs, key, block.diagnostics());
-  } catch (const Error& error) {
-    block.diagnostics().add(error);
-  }
-  return {};
-}
-
-/// The cheapest row that reaches the accuracy; null, with a problem, if no row does.
-const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
-                        MapReader& block) {
-  const CostRow* best = nullptr;
-  double least = std::numeric_limits<double>::infinity();
-  for (const CostRow& row : table.rows) {
-    if (unsuitable(row, scene, guarded)) continue;
-    least = std::min(least, row.error);
-    if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
-  }
-  if (!best)
-    block.problem("accuracy", number(accuracy),
-                  fmt::format("{:.3g} or more: the best measured for {}, on {}", least, described(table.kind),
-                              table.scene));
-  return best;
-}
-
-double duration_of(MapReader& reader, const SceneSpec& scene) {
-  if (const YamlNode* duration = reader.node().find("duration"))
-    if (const auto given = parse_quantity(duration->text, Dimension::time)) return *given;
-  return scene.tasks_end();
-}
-
-}  // namespace
-
 void choose_engine(MapReader& reader, SceneSpec& scene) {
   MapReader block = reader.map("solver");
   const YamlNode engine = *block.child("engine");
@@ -232,8 +228,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   if (!reader.sound()) return;
 
   const SceneKind kind = kind_of_motion(scene);
-  const auto table =
-      std::find_if(tables.begin(), tables.end(), [&](const CostTable& each) { return each.kind == kind; });
+  const auto table = std::ranges::find_if(tables, [&](const CostTable& each) { return each.kind == kind; });
   if (table == tables.end())
     return block.problem("engine", "auto",
                          fmt::format("a named engine: there is no measurement of scenes of kind {}",

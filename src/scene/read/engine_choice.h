@@ -1,5 +1,4 @@
-// Engine `auto`: chooses the cheapest engine, method and step that reach a stated accuracy, from measurements
-// of accuracy studies on scenes of four kinds.
+// Engine `auto`: the cheapest engine, method and step for a stated accuracy, by measurements on four kinds.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-#include "handsim/scene/read/hand_entry.h"
+#include "handsim/scene/read/scene_spec.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,8 +34,7 @@ model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
   return out;
 }
 
-/// The wrist's poses from a table. Its path becomes absolute, because the resolved scene is written to
-/// another folder.
+/// The wrist's poses from a table. Its path becomes absolute: the resolved scene is in another folder.
 model::PoseMotion read_table(MapReader& reader, const std::string& hand) {
   model::PoseMotion motion;
   YamlNode* node = reader.value("table", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file"});
@@ -97,8 +96,8 @@ void read_wrist(MapReader reader, const Tasks& tasks, const std::string& hand, h
                                                hand::Mount::fixed);
   // The mount decides which other keys are allowed.
   if (!reader.sound()) return;
-  const bool placed = std::any_of(tasks.begin(), tasks.end(),
-                                  [&](const auto& task) { return task->kind->mount == placement.mount; });
+  const bool placed =
+      std::ranges::any_of(tasks, [&](const auto& task) { return task->kind->mount == placement.mount; });
   if (placement.mount == hand::Mount::driven && (!placed || reader.has("motion"))) {
     placement.motion =
         read_motion(reader.required_map("motion", "a mapping with keyframes or a table"), hand);
@@ -185,7 +184,7 @@ struct HandNames {
 bool needs_muscles(const YamlNode& scene) {
   if (scene.find("climbs")) return true;
   const YamlNode* effects = scene.find("effects");
-  return effects && std::any_of(effects->items.begin(), effects->items.end(), [](const YamlNode& item) {
+  return effects && std::ranges::any_of(effects->items, [](const YamlNode& item) {
            return item.text == model::name(model::Effect::muscles) ||
                   item.text == model::name(model::Effect::tendon_coupling);
          });

@@ -85,11 +85,11 @@ std::vector<InputFile> collect_inputs(YamlNode& resolved) {
   each_path(resolved, [&](YamlNode& node) {
     const std::filesystem::path path(node.text);
     const auto same = [&](const InputFile& file) { return file.path == path; };
-    if (std::any_of(out.begin(), out.end(), same)) return;
+    if (std::ranges::any_of(out, same)) return;
     const std::string name = plain_name(path);
     std::string copy = fmt::format("{}/{}", kFolder, name);
     const auto taken = [&](const InputFile& file) { return file.copy == copy; };
-    for (int number = 2; std::any_of(out.begin(), out.end(), taken); ++number)
+    for (int number = 2; std::ranges::any_of(out, taken); ++number)
       copy = fmt::format("{}/{}", kFolder, numbered(name, number));
     // Of all input files, motion files have the largest size limit.
     out.push_back({path, copy,
@@ -129,8 +129,7 @@ std::vector<std::string> copies_named_in(const std::filesystem::path& resolved) 
   const auto take = [&](const YamlNode& node) {
     const std::filesystem::path path(node.text);
     const std::string name = path.filename().string();
-    if (path.parent_path() == kFolder && std::all_of(name.begin(), name.end(), is_plain))
-      out.push_back(node.text);
+    if (path.parent_path() == kFolder && std::ranges::all_of(name, is_plain)) out.push_back(node.text);
   };
   try {
     YamlNode scene = load_yaml(resolved);

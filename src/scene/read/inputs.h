@@ -28,8 +28,7 @@ YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs);
 /// The text of standalone(). @throws Error (input) if it exceeds the limits of the reader.
 std::string standalone_text(const YamlNode& resolved, const std::vector<InputFile>& inputs);
 
-/// The copies that the resolved scene of an earlier run names, relative to it; none if the file is missing or
-/// not such a scene.
+/// The copies that an earlier run's resolved scene names, relative to it; none if there is no such scene.
 std::vector<std::string> copies_named_in(const std::filesystem::path& resolved);
 
 }  // namespace handsim::scene

@@ -1,4 +1,4 @@
-#include "handsim/scene/read/mechanism_spec.h"
+#include "handsim/scene/read/scene_spec.h"
 
 #include <algorithm>
 #include <cmath>
@@ -101,7 +101,7 @@ MechanismJointSpec read_joint(MapReader reader) {
 void check_bodies(MapReader& scene, const std::vector<BodySpec>& bodies, std::vector<std::string> taken) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const std::string& name = bodies[i].name;
-    if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
+    if (!name.empty() && std::ranges::find(taken, name) != taken.end())
       scene.diagnostics().problems.push_back(
           {bodies[i].place, item_path("bodies", i) + ".name", name + " a second time",
            "a unique name for each body and object, other than world and ground"});
@@ -120,7 +120,7 @@ void check_joints(MapReader& scene, const MechanismSpec& spec) {
           {joint.place, item_path("joints", i) + key, std::move(got), std::move(need)});
     };
     const auto check_body = [&](const char* key, const std::string& name) {
-      if (std::find(known.begin(), known.end(), name) != known.end()) return;
+      if (std::ranges::find(known, name) != known.end()) return;
       problem(key, name, "world or the name of one of bodies" + nearest_hint(name, known));
     };
     check_body(".parent", joint.parent);

@@ -8,9 +8,12 @@
 #include <unordered_map>
 
 #include <fmt/format.h>
+#include <libqhull_r/qhull_ra.h>
 
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
+
+extern "C" {}
 
 namespace handsim::scene {
 
@@ -60,8 +63,7 @@ int count_open_edges(const Surface& surface) {
       const auto [low, high] = std::minmax({at(i), at(i + 1)});
       if (low != high) ++faces_at[high << 32U | low];
     }
-  return static_cast<int>(
-      std::count_if(faces_at.begin(), faces_at.end(), [](const auto& edge) { return edge.second != 2; }));
+  return static_cast<int>(std::ranges::count_if(faces_at, [](const auto& edge) { return edge.second != 2; }));
 }
 
 double area_of(const std::vector<Triangle>& triangles) {
@@ -132,12 +134,21 @@ void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, d
            "a convex mesh; several of them make a compound");
   const double uncovered = 1 - area_of(triangles) / area_of(triangles_of(hull));
   if (uncovered > kUncovered)
-    refuse(
-        fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its hull "
-                    "without a face",
-                    open_edges, 100 * uncovered),
-        "a closed surface");
+    refuse(fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its "
+                       "hull without a face",
+                       open_edges, 100 * uncovered),
+           "a closed surface");
 }
+
+/// Frees Qhull's memory.
+struct Release {
+  void operator()(qhT* qh) const {
+    qh_freeqhull(qh, !qh_ALL);
+    int left = 0, blocks = 0;
+    qh_memfreeshort(qh, &left, &blocks);
+    delete qh;
+  }
+};
 
 }  // namespace
 
@@ -161,6 +172,42 @@ LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
   check_convex(triangles, hull, size, out.open_edges);
   out.mesh = mesh;
   return out;
+}
+
+Surface convex_hull(const std::vector<Vec3>& points) {
+  std::unique_ptr<qhT, Release> owner(new qhT{});
+  qhT* qh = owner.get();
+  qh_zero(qh, nullptr);
+  std::vector<Vec3> input = points;
+  // Qhull merges coplanar facets into polygons. Its messages about bad input are discarded.
+  char options[] = "qhull Pp";
+  const std::unique_ptr<FILE, int (*)(FILE*)> silence(std::fopen("/dev/null", "w"), &std::fclose);
+  const int status = qh_new_qhull(qh, 3, static_cast<int>(input.size()), input.front().data(), False, options,
+                                  silence.get(), silence.get());
+  if (status != 0) throw input_error("", "points that span no volume", "points of a solid body");
+
+  Surface hull;
+  std::map<int, int> index;
+  facetT* facet = nullptr;
+  FORALLfacets {
+    std::vector<int>& face = hull.faces.emplace_back();
+    setT* corners = qh_facet3vertex(qh, facet);
+    vertexT* vertex = nullptr;
+    vertexT** vertexp = nullptr;
+    FOREACHvertex_(corners) {
+      const int point = qh_pointid(qh, vertex->point);
+      const auto [found, fresh] = index.emplace(point, static_cast<int>(hull.vertices.size()));
+      if (fresh) hull.vertices.push_back(points[static_cast<std::size_t>(point)]);
+      face.push_back(found->second);
+    }
+    qh_settempfree(qh, &corners);
+    const auto at = [&](std::size_t i) { return hull.vertices[static_cast<std::size_t>(face[i])]; };
+    Vec3 normal = Vec3::Zero();
+    for (std::size_t i = 1; i + 1 < face.size(); ++i) normal += (at(i) - at(0)).cross(at(i + 1) - at(0));
+    if (normal.dot(Vec3(facet->normal[0], facet->normal[1], facet->normal[2])) < 0)
+      std::ranges::reverse(face);
+  }
+  return hull;
 }
 
 }  // namespace handsim::scene

@@ -135,7 +135,7 @@ Surface read_obj(std::string_view text, const std::string& name) {
       if (surface.open_corners() < 3)
         lines.refuse(1, fmt::format("a face of {} corners", surface.open_corners()), "at least 3");
       surface.end_face();
-    } else if (std::find(kNoSurface.begin(), kNoSurface.end(), key->text) == kNoSurface.end()) {
+    } else if (std::ranges::find(kNoSurface, key->text) == kNoSurface.end()) {
       lines.refuse(key->column, Lines::quoted(key->text), "a statement of OBJ such as v or f");
     }
   }
@@ -202,7 +202,7 @@ Surface read_text_stl(std::string_view text, const std::string& name) {
     const std::optional<Word> word = lines.word();
     if (!word) continue;
     const std::string key = lower_case(word->text);
-    const auto found = std::find_if(kStatements.begin(), kStatements.end(), [&](const Statement& statement) {
+    const auto found = std::ranges::find_if(kStatements, [&](const Statement& statement) {
       return statement.word == key && statement.from == place;
     });
     if (found == kStatements.end()) lines.refuse(word->column, Lines::quoted(word->text), words_of(place));

@@ -35,13 +35,10 @@ const Keys kPropertyKeys = {"friction",         "restitution",       "restitutio
                             "damping"};
 
 bool has_any(const YamlNode& map, const Keys& keys) {
-  return std::any_of(keys.begin(), keys.end(),
-                     [&](std::string_view key) { return map.find(key) != nullptr; });
+  return std::ranges::any_of(keys, [&](std::string_view key) { return map.find(key) != nullptr; });
 }
 
-bool among(const std::string& key, const Keys& keys) {
-  return std::find(keys.begin(), keys.end(), key) != keys.end();
-}
+bool among(const std::string& key, const Keys& keys) { return std::ranges::find(keys, key) != keys.end(); }
 
 /// True if the entry's own keys replace the file's `key`.
 bool overridden(const YamlNode& entry, const std::string& key) {
@@ -89,8 +86,8 @@ std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) 
 }
 
 bool places_object(const Tasks& tasks, const std::string& object) {
-  return std::any_of(tasks.begin(), tasks.end(),
-                     [&](const auto& task) { return task->kind->moves_object && task->object == object; });
+  return std::ranges::any_of(
+      tasks, [&](const auto& task) { return task->kind->moves_object && task->object == object; });
 }
 
 /// The mass from `mass`, or from `density` and this volume.

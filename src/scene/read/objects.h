@@ -13,8 +13,7 @@
 
 namespace handsim::scene {
 
-/// A rigid object of one shape or several. Its shapes are given in frame O; its body's frame has O's axes and
-/// its origin at the centre of mass.
+/// A rigid object. Its shapes are given in frame O; its body's frame has O's axes, at the mass centre.
 struct ObjectSpec {
   std::string name;
   std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one

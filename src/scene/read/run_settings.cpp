@@ -1,5 +1,3 @@
-#include "handsim/scene/read/run_settings.h"
-
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -88,7 +86,7 @@ std::vector<std::string_view> keys_of(EngineKind kind) {
 }
 
 bool contains(std::span<const std::string_view> words, std::string_view word) {
-  return std::find(words.begin(), words.end(), word) != words.end();
+  return std::ranges::find(words, word) != words.end();
 }
 
 constexpr std::array kEngines = {EngineKind::ode, EngineKind::dae, EngineKind::articulated};

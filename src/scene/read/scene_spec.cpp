@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/scene/read/blocks.h"
-#include "handsim/scene/read/contact_groups.h"
 #include "handsim/scene/read/task_checks.h"
 
 namespace handsim::scene {

@@ -67,7 +67,7 @@ void check_unplaced(const SceneSpec& scene, std::size_t hand, Diagnostics& diagn
   };
   const hand::Placement& placement = scene.hands[hand].placement;
   const auto places = [&](const auto& task) { return task->kind->mount == placement.mount; };
-  if (std::none_of(scene.tasks.begin(), scene.tasks.end(), places)) return;
+  if (std::ranges::none_of(scene.tasks, places)) return;
   if (placement.mount == hand::Mount::rail)
     report(".wrist.mount", "a rail without a climb", "a climb of this hand, or another mount");
   else if (placement.motion.keys.empty())
@@ -90,8 +90,8 @@ std::optional<std::size_t> object_of(const SceneSpec& scene, const TaskSpec& tas
 }
 
 void check_task_objects(const SceneSpec& scene, Diagnostics& diagnostics) {
-  const bool named = std::none_of(scene.objects.begin(), scene.objects.end(),
-                                  [](const ObjectSpec& object) { return object.name.empty(); });
+  const bool named =
+      std::ranges::none_of(scene.objects, [](const ObjectSpec& object) { return object.name.empty(); });
   for (const auto& task : scene.tasks)
     if (named && !task->object.empty()) check_object(scene, *task, diagnostics);
 }

@@ -32,8 +32,7 @@ struct TaskPhase {
   double end = 0;    ///< [s]
 };
 
-/// The content of a task's block that all kinds have. Geometry is given for a right hand; a left hand gets
-/// its mirror image in the world's y-z plane.
+/// What every task's block has. Geometry is for a right hand; a left one has the mirror image in y-z.
 struct TaskSpec {
   virtual ~TaskSpec() = default;
   /// Plans the motion of the task's hand and the pose of its object.

@@ -5,14 +5,16 @@
 
 #include <Eigen/Dense>
 
+#include "handsim/core/index.h"
 #include "handsim/core/units.h"
+#include "handsim/engine/collision/ode_library.h"
+#include "handsim/scene/read/contact_groups.h"
 
 namespace handsim::scene {
 
 namespace {
 
-/// Step of the fastest joint on the way: a fingertip moves by 6 mm with three joints, less than a finger is
-/// thick.
+/// Step of the fastest joint on the way: with three joints a fingertip moves 6 mm, less than its thickness.
 constexpr double kStep = 2 * kDegree;
 /// A fingertip is then within 0.4 um.
 constexpr int kBisections = 14;
@@ -24,6 +26,52 @@ constexpr double kFarthest = 3;
 /// In the turn of a finger's joints as it is pressed: a turn of 1 rad counts as this error of its points [m];
 /// a squared error along the surface as this share of one into it.
 constexpr double kRidge = 3e-3, kSlideWeight = 0.2;
+
+using Owner = ContactGroups::Owner;
+
+/// @returns its body.
+int add_object_body(model::Model& model, const ObjectSpec& object, int group) {
+  model::Body body;
+  body.name = object.name;
+  body.mass = object.is_static ? 1 : object.body.mass;
+  body.inertia = object.is_static ? Mat3(Mat3::Identity()) : object.body.inertia;
+  const int index = static_cast<int>(model.bodies.size());
+  model.bodies.push_back(std::move(body));
+  const int material = static_cast<int>(model.materials.size());
+  model.materials.push_back(object.material);
+  for (model::Shape shape : object.shapes) {
+    shape.part = model::Part::object;
+    shape.group = group;
+    shape.material = material;
+    shape.body = index;
+    shape.pose = object.body_frame().inverse() * shape.pose;
+    model.shapes.push_back(std::move(shape));
+  }
+  return index;
+}
+
+/// The rules between this hand and the object, whatever effects are on.
+void add_rules(model::Model& model, const ContactsSpec& contacts, const ContactGroups& groups) {
+  const auto add = [&](const auto& a, const auto& b, int material) {
+    if (effect_of(a, b) == model::Effect::object_contact)
+      model.contact_rules.push_back({a.number, b.number, material});
+  };
+  if (!contacts.rules) {
+    for (const auto& a : groups.all)
+      for (const auto& b : groups.all)
+        if (a.owner == Owner::hand) add(a, b, model::kCombined);
+    return;
+  }
+  for (const ContactRuleSpec& rule : *contacts.rules) {
+    int material = model::kCombined;
+    for (const model::Material& named : contacts.materials)
+      if (rule.material == named.name) {
+        material = static_cast<int>(model.materials.size());
+        model.materials.push_back(named);
+      }
+    for_each_pair(groups, rule, [&](const auto& a, const auto& b) { add(a, b, material); });
+  }
+}
 
 }  // namespace
 
@@ -59,8 +107,8 @@ Closing::Closing(HandOnObject& hand, std::vector<double> open, std::vector<doubl
       open_(start_) {}
 
 bool Closing::moves(const FingerChain& chain) const {
-  return std::any_of(chain.axes.begin(), chain.axes.end(),
-                     [&](std::size_t i) { return std::abs(closed_[i] - start_[i]) > 1e-9; });
+  return std::ranges::any_of(chain.axes,
+                             [&](std::size_t i) { return std::abs(closed_[i] - start_[i]) > 1e-9; });
 }
 
 void Closing::oppose(double turn) {
@@ -84,8 +132,8 @@ std::vector<double> Closing::at(double share) const {
 
 bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
   const std::vector<double>& depths = hand_.depths(q, chain.watched);
-  return std::any_of(chain.bodies.begin(), chain.bodies.end(),
-                     [&](int body) { return depths[static_cast<std::size_t>(body)] > 0; });
+  return std::ranges::any_of(chain.bodies,
+                             [&](int body) { return depths[static_cast<std::size_t>(body)] > 0; });
 }
 
 bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
@@ -180,7 +228,7 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
   Eigen::MatrixXd a = kRidge * kRidge * Eigen::MatrixXd::Identity(n, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
   for (const TouchPoint& contact : contacts) {
-    if (std::find(chain.bodies.begin(), chain.bodies.end(), contact.body) == chain.bodies.end()) continue;
+    if (std::ranges::find(chain.bodies, contact.body) == chain.bodies.end()) continue;
     const Eigen::MatrixXd rows =
         hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
     const Mat3 into = contact.normal * contact.normal.transpose();
@@ -203,6 +251,93 @@ std::vector<double> Closing::press(const std::vector<double>& q, const std::vect
   for (const FingerChain& chain : chains_)
     if (moves(chain)) press(chain, contacts, deeper, moved, q, out);
   return out;
+}
+
+HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
+  engine::enter_ode();
+  hand::Placement placement;
+  placement.name = site.entry.placement.name;
+  ContactGroups groups;
+  groups.add_hand(placement.name, hand::add_hand(model_, site.built, placement));
+  const int group = model_.add_group("objects");
+  groups.add({group, Owner::object}, {"objects", site.object.name});
+  object_ = add_object_body(model_, site.object, group);
+  body_frame_ = site.object.body_frame();
+  add_rules(model_, site.scene.contacts, groups);
+  axes_ = control::hand_axes(model_, model_.hands.front());
+  parts_.assign(model_.bodies.size(), model::Part::palm);
+  for (const model::Shape& shape : model_.shapes) parts_[at(shape.body)] = shape.part;
+  collider_ = std::make_unique<engine::Collider>(model_, model::Effects{}, false);
+  q_.assign(at(model_.dof_count()), 0.0);
+  state_ = model::state_at(model_, q_);
+}
+
+/// Moves the bodies beyond joints whose angles have changed, and the object.
+void HandOnObject::move(std::span<const double> q) {
+  moved_.assign(model_.bodies.size(), false);
+  for (const model::Joint& joint : model_.joints) {
+    const auto first = q.begin() + joint.first_dof, end = first + model::dof_count(joint.kind);
+    const bool moves = moved_[at(joint.parent)] || !std::equal(first, end, q_.begin() + joint.first_dof);
+    moved_[at(joint.child)] = moves;
+    if (!moves) continue;
+    const Pose pose = state_.bodies[at(joint.parent)].pose() * joint.parent_frame *
+                      model::joint_transform(joint, {first, end}) * joint.child_frame.inverse();
+    state_.bodies[at(joint.child)].p = pose.p;
+    state_.bodies[at(joint.child)].q = pose.q;
+  }
+  q_.assign(q.begin(), q.end());
+  model::BodyState& object = state_.bodies[at(object_)];
+  const Pose x_HB = x_HO_ * body_frame_;
+  object.p = x_HB.p;
+  object.q = x_HB.q;
+}
+
+const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) {
+  move(q);
+  collider_->collide(state_, {});
+  touches_.clear();
+  for (const engine::Touch& touch : collider_->touches())
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+      const engine::Contact& contact = collider_->contacts()[i];
+      const int a = model_.shapes[at(contact.shape_a)].body;
+      const int b = model_.shapes[at(contact.shape_b)].body;
+      const bool hand_is_a = b == object_;
+      const double share = collider_->shares()[i];
+      touches_.push_back({hand_is_a ? a : b, contact.position,
+                          hand_is_a ? Vec3(-contact.normal) : contact.normal, contact.depth,
+                          touch.surface.friction, touch.surface.spinning_friction,
+                          touch.surface.compliance ? share * touch.surface.compliance->stiffness : 0});
+    }
+  return touches_;
+}
+
+std::size_t HandOnObject::watch(std::span<const int> bodies) {
+  auto watched = std::make_unique<Watched>();
+  watched->model = model_;
+  std::erase_if(watched->model.shapes, [&](const model::Shape& shape) {
+    return shape.body != object_ && std::ranges::find(bodies, shape.body) == bodies.end();
+  });
+  watched->collider = std::make_unique<engine::Collider>(watched->model, model::Effects{}, false);
+  watched_.push_back(std::move(watched));
+  return watched_.size() - 1;
+}
+
+const std::vector<double>& HandOnObject::depths(std::span<const double> q, std::size_t watched) {
+  move(q);
+  Watched& of = *watched_[watched];
+  of.collider->collide(state_, {});
+  depths_.assign(model_.bodies.size(), 0);
+  for (const engine::Contact& contact : of.collider->contacts())
+    for (const int shape : {contact.shape_a, contact.shape_b}) {
+      double& depth = depths_[at(of.model.shapes[at(shape)].body)];
+      depth = std::max(depth, contact.depth);
+    }
+  return depths_;
+}
+
+model::Jacobian HandOnObject::jacobian(std::span<const double> q, int body, const Vec3& point) {
+  move(q);
+  return model::jacobian(model_, state_, body, point);
 }
 
 }  // namespace handsim::scene

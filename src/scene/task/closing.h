@@ -3,11 +3,73 @@
 // it go on until the next part touches or the closed angles are reached.
 #pragma once
 
+#include <span>
 #include <vector>
 
-#include "handsim/scene/task/hand_on_object.h"
+#include "handsim/control/hand_axes.h"
+#include "handsim/engine/collision/collider.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
+
+/// The deepest point of a part of the hand on a part of the object, or one of several points of one depth.
+struct TouchPoint {
+  int body = 0;                ///< of the hand, in the model
+  Vec3 point = Vec3::Zero();   ///< hand frame [m]
+  Vec3 normal = Vec3::Zero();  ///< unit, out of the hand into the object
+  double depth = 0;            ///< [m]
+  double friction = 0;         ///< coefficient
+  double spinning = 0;         ///< moment about the normal over the normal force [m]
+  double stiffness = 0;        ///< of the point [N/m]; 0: rigid
+};
+
+/// A right hand at the world's origin and an object in it: where the two touch at given joint angles. Has the
+/// surfaces of the scene's contact rules, and the collision tests of its engines, so that what is planned is
+/// what a run finds.
+class HandOnObject {
+ public:
+  explicit HandOnObject(const TaskSite& site);
+  HandOnObject(const HandOnObject&) = delete;
+  HandOnObject& operator=(const HandOnObject&) = delete;
+
+  const model::Model& model() const { return model_; }
+  const control::HandAxes& axes() const { return axes_; }
+  int palm() const { return model_.hands.front().palm; }
+  model::Part part(int body) const { return parts_[static_cast<std::size_t>(body)]; }
+  /// Puts the object. @param x_HO its frame in the hand frame
+  void place(const Pose& x_HO) { x_HO_ = x_HO; }
+  /// All points at which the hand touches the object. @param q size model().dof_count() [rad]
+  const std::vector<TouchPoint>& touches(std::span<const double> q);
+  /// Bodies whose touches are asked for without those of the others. @returns their number for `depths`
+  std::size_t watch(std::span<const int> bodies);
+  /// Deepest of the points of each watched body, by body of the model [m]; 0: it does not touch.
+  const std::vector<double>& depths(std::span<const double> q, std::size_t watched);
+  /// Of a point of a body at q, by each coordinate.
+  model::Jacobian jacobian(std::span<const double> q, int body, const Vec3& point);
+
+ private:
+  /// The model with the shapes of a few bodies and of the object only.
+  struct Watched {
+    model::Model model;
+    std::unique_ptr<engine::Collider> collider;
+  };
+  void move(std::span<const double> q);
+
+  model::Model model_;
+  control::HandAxes axes_;
+  std::vector<model::Part> parts_;  ///< of the bodies
+  int object_ = 0;                  ///< its body
+  Pose body_frame_;                 ///< X_OB
+  Pose x_HO_;
+  std::unique_ptr<engine::Collider> collider_;
+  std::vector<std::unique_ptr<Watched>> watched_;
+  model::State state_;       ///< at the angles last asked for
+  std::vector<double> q_;    ///< these
+  std::vector<bool> moved_;  ///< bodies, by the last change of angles
+  std::vector<TouchPoint> touches_;
+  std::vector<double> depths_;
+};
 
 /// A chain of segments from the palm to a fingertip.
 struct FingerChain {
@@ -28,11 +90,9 @@ class Closing {
   const std::vector<FingerChain>& chains() const { return chains_; }
   /// True if the finger's closed angles differ from its open ones.
   bool moves(const FingerChain& chain) const;
-  /// Turns the thumb's first axis, of all poses, by this angle from the named ones [rad]: how far it stands
-  /// opposite the fingers.
+  /// Turns the thumb's first axis, of all poses, by this angle [rad]: how far it is opposite the fingers.
   void oppose(double turn);
-  /// Angles on the way from open (share 0) to closed (1), or on the way back beyond open (below 0), within
-  /// the joints' ranges.
+  /// Angles from open (share 0) to closed (1), or back beyond open (below 0), within the joints' ranges.
   std::vector<double> at(double share) const;
   /// Opens the fingers that touch the object anywhere on its way into the hand until they are clear of it.
   /// @param from start of the hand's approach, in the hand frame [m]; false: a finger cannot be opened so far

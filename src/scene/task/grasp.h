@@ -1,5 +1,4 @@
-// `grasps` of a scene: a hand grasps an object; one block per grasp. The wrist moves to the object, the
-// fingers close, and the hand lifts, holds and shakes it.
+// `grasps` of a scene, a block each: the wrist moves, the fingers close, the hand lifts, holds and shakes.
 #pragma once
 
 #include <memory>

@@ -6,6 +6,10 @@
 
 #include <Eigen/Dense>
 
+#include "handsim/hand/hand_spec.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/task/tasks.h"
+
 namespace handsim::scene {
 
 namespace {
@@ -14,9 +18,8 @@ constexpr int kEdges = 8;
 /// Weights of an asked force and of small forces; equilibrium has 1.
 constexpr double kAskedWeight = 0.1, kSmallWeight = 8e-3;
 
-/// min |D x - d|^2 + small^2 |x|^2 with x >= 0: Lawson and Hanson 1974, Solving Least Squares Problems,
-/// chapter 23. D has few rows, so that with the free columns F the solution is F^T y, (F F^T + small^2) y =
-/// d.
+/// min |D x - d|^2 + small^2 |x|^2 with x >= 0: Lawson & Hanson 1974, Solving Least Squares Problems, ch. 23.
+/// D has few rows: with the free columns F the solution is F^T y, (F F^T + small^2) y = d.
 Eigen::VectorXd solve_nonnegative(const Eigen::MatrixXd& rows, const Eigen::VectorXd& d, double small) {
   const Eigen::Index n = rows.cols(), m = rows.rows();
   Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
@@ -115,6 +118,28 @@ double load_share(const GripTask& task, const GripForces& forces, const std::vec
     most = std::max(most, wrench.dot(solver.solve(wrench)));
   }
   return std::sqrt(most);
+}
+
+GripSpec read_grip(MapReader reader) {
+  GripSpec out;
+  MapReader forces = reader.required_map("forces", "a mapping of fingers to forces");
+  for (const auto& [name, part] : hand::kFingers)
+    if (forces.has(name)) out.forces[part] = forces.number(name, {Dimension::force, 0, 1e3});
+  if (forces.sound() && out.forces.empty()) forces.problem("", "no finger", "a force of at least one finger");
+  forces.finish();
+  if (YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
+    out.strength = hand::read_grip_table(*table, reader.path_of("strength"), reader.diagnostics());
+  out.squeeze = reader.number("squeeze", kSpan, out.squeeze);
+  out.friction = reader.maybe_number("friction", {Dimension::none, 1e-3, 100});
+  out.search = reader.number("search", {Dimension::none, 0, 0.5}, out.search);
+  reader.finish();
+  return out;
+}
+
+std::string_view part_name(model::Part part) {
+  for (const auto& [name, finger] : hand::kFingers)
+    if (finger == part) return name;
+  return "palm";
 }
 
 }  // namespace handsim::scene

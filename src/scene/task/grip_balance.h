@@ -1,13 +1,34 @@
-// Forces of a hand on an object that keep it at rest: each finger presses with the force that is asked of it,
-// and palm and other fingers with what balances these.
+// Forces of a hand that keep an object at rest: fingers press as asked, palm and other fingers balance them.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <vector>
 
 #include "handsim/core/pose.h"
+#include "handsim/core/yaml_reader.h"
+#include "handsim/hand/grip_strength.h"
+#include "handsim/model/model.h"
 
 namespace handsim::scene {
+
+/// A `grip` block: fingers close until they touch and press with a force. Without it the hand follows poses.
+struct GripSpec {
+  /// Sum of the normal forces of fingers [N], of a person with the controller's grip strength; for others in
+  /// proportion to theirs. Fingers that move and are not named balance these.
+  std::map<model::Part, double> forces;
+  hand::GripTable strength;  ///< norms of grip strength
+  double squeeze = 0.3;      ///< time from touching to pressing [s]
+  /// Coefficient that the hand reckons with; absent: that of the surfaces that touch.
+  std::optional<double> friction;
+  double search = 0.2;  ///< the object may lie so far from its named place in the hand [hand lengths]
+};
+
+/// Reads a `grip` block.
+GripSpec read_grip(MapReader reader);
+
+/// `thumb`, `index`, ...; all other parts are `palm`.
+std::string_view part_name(model::Part part);
 
 struct GripContact {
   Vec3 point = Vec3::Zero();   ///< [m]
@@ -32,8 +53,7 @@ struct GripForces {
   double unbalanced = 0;
 };
 
-/// Least squares with forces within their friction cones (of 8 edges): equilibrium first, then the forces
-/// that are asked, then small forces.
+/// Least squares with forces within friction cones (8 edges): equilibrium, then asked, then small forces.
 GripForces balance(const GripTask& task);
 
 /// The share that the worst of several loads at the centre takes of what the contacts hold besides `forces`.

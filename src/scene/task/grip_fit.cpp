@@ -12,7 +12,6 @@
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/shape_extent.h"
-#include "handsim/scene/task/grip_balance.h"
 
 namespace handsim::scene {
 
@@ -26,8 +25,7 @@ constexpr double kFrictionShare = 0.6;
 constexpr double kUnbalanced = 0.1;
 /// Share of the pads' forces that may be others than planned.
 constexpr double kMostUnplanned = 0.5;
-/// Largest use() that forces are not raised for, and that is not refused: held were nearly all of 80 grasps
-/// of eight persons below 2, and few above.
+/// Largest use() that forces are not raised for: below 2 nearly all of 80 grasps were held, few above.
 constexpr double kUse = 1.9, kMostUse = 2.2;
 /// Forces within this share are near enough.
 constexpr double kEnough = 0.03;
@@ -38,14 +36,12 @@ constexpr int kRaises = 3;
 constexpr double kFarWeight = 2, kOffWeight = 0.4, kFrictionWeight = 0.6, kUseWeight = 0.1,
                  kUnplannedWeight = 0.1, kMostWrong = 5, kBesideWeight = 1.5, kEasyUse = 1.2,
                  kBadlyPlanned = 5, kEasyUnplanned = 0.4;
-/// First and last step on the way to a better place, in hand lengths, and turn of the thumb in a step of one
-/// hand length [rad].
+/// First and last step to a better place [hand lengths]; the thumb's turn in a step of one hand length [rad].
 constexpr double kFirstStep = 0.06, kLastStep = 6e-3, kTurnOfStep = 2;
 /// Turns of the thumb from its named pose, and places beyond the named one in hand lengths, tried first.
 constexpr std::array kTurns = {0.0, -15 * kDegree, -30 * kDegree, -45 * kDegree};
 constexpr std::array kShifts = {0.0, 0.06, 0.12};
-/// Rounds in which depths of pads and forces come to agree; most that a pad is pressed deeper in
-/// one [m].
+/// Rounds in which depths of pads and forces come to agree; most that one presses a pad deeper [m].
 constexpr int kRounds = 8;
 constexpr double kDeeper = 2e-3;
 /// Times the way from open to closed by which fingers open at most.
@@ -103,8 +99,7 @@ class Fit {
   /// A thumb whose force is named is turned to where it presses so.
   bool thumb_turns() const { return spec_.forces.contains(model::Part::thumb); }
 
-  /// Closes the hand on the object at a place, and finds the forces. @returns what is wrong with it, 0:
-  /// nothing
+  /// Closes the hand on the object at a place, and finds the forces. @returns what is wrong; 0: nothing
   double grasp_at(const Place& place) {
     const Vec3& p = place.p;
     x_HO_ = {p, place_.at.q};
@@ -143,8 +138,8 @@ class Fit {
       (is_thumb ? thumb : fingers) += normal_force(i) * contacts_[i].point.x();
       across += normal_force(i) * std::abs(contacts_[i].normal.x());
     }
-    const auto missing = std::count_if(spec_.forces.begin(), spec_.forces.end(),
-                                       [&](const auto& of) { return !out_.forces.contains(of.first); });
+    const auto missing =
+        std::ranges::count_if(spec_.forces, [&](const auto& of) { return !out_.forces.contains(of.first); });
     const double beside = std::abs(thumb / of_thumb - fingers / of_fingers) / site_.built.size.length;
     return static_cast<double>(missing) + kBesideWeight * (beside + across / (of_thumb + of_fingers)) +
            std::max(0.0, use() * worst_torque().first - kEasyUse) +
@@ -169,8 +164,7 @@ class Fit {
            kUseWeight * std::min(use(), kMostWrong) + (thumb_turns() ? wrong_of_wrap() : 0);
   }
 
-  /// From the place that the task names, in steps that become smaller, to where the forces balance. A thumb
-  /// whose force is named turns towards where it presses so.
+  /// From the named place, in smaller steps, to balanced forces; a thumb with a named force turns towards it.
   void search() {
     const double length = site_.built.size.length;
     best_ = {place_.at.p, 0};
@@ -239,8 +233,7 @@ class Fit {
     for (const TouchPoint& touch : hand_.touches(q_)) {
       std::size_t presser = chains.size();
       for (std::size_t i = 0; i < chains.size(); ++i)
-        if (std::find(chains[i].bodies.begin(), chains[i].bodies.end(), touch.body) != chains[i].bodies.end())
-          presser = i;
+        if (std::ranges::find(chains[i].bodies, touch.body) != chains[i].bodies.end()) presser = i;
       if (presser < chains.size() && !closing_.moves(chains[presser])) continue;
       contacts_.push_back(touch);
       const double friction = spec_.friction.value_or(touch.friction);
@@ -376,8 +369,7 @@ class Fit {
     const Vec3 edges = 1e3 * model::box_edges(site_.object.shapes);
     out_.problems.push_back({task_.place, task_.path,
                              fmt::format("a hand of {:.0f} mm, which opens to {:.0f} mm between thumb and "
-                                         "fingers, on {} of {:.0f} x {:.0f} x "
-                                         "{:.0f} mm: {}",
+                                         "fingers, on {} of {:.0f} x {:.0f} x {:.0f} mm: {}",
                                          1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name,
                                          edges.x(), edges.y(), edges.z(), why),
                              balances() ? "a larger hand, or a smaller object"

@@ -9,7 +9,7 @@
 
 #include "handsim/control/poses.h"
 #include "handsim/scene/task/closing.h"
-#include "handsim/scene/task/grip_spec.h"
+#include "handsim/scene/task/grip_balance.h"
 
 namespace handsim::scene {
 

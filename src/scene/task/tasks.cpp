@@ -72,8 +72,8 @@ class Planner {
   }
 
   void add_support(const TaskSpec& task, ObjectSpec support) {
-    const bool taken = std::any_of(plans_.objects.begin(), plans_.objects.end(),
-                                   [&](const ObjectSpec& object) { return object.name == support.name; });
+    const bool taken = std::ranges::any_of(
+        plans_.objects, [&](const ObjectSpec& object) { return object.name == support.name; });
     if (taken)
       problem(task, ".support", "an object named " + support.name,
               "another name: the task gives this one to its post");

@@ -1,5 +1,4 @@
-// Plans the tasks of a scene: start poses of hands and objects, motions of wrists, programs of the hands, and
-// the phases for figures. Does not change the scene.
+// Plans the tasks of a scene: start poses, motions of wrists, programs of hands, phases for figures.
 #pragma once
 
 #include <optional>

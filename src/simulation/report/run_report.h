@@ -9,9 +9,7 @@
 namespace handsim::simulation {
 
 /// Text of the page. A second run is drawn over the first one as a ghost.
-/// @param folders one or two folders of runs.
-/// @throws Error (input) if a folder has no run, if its tables are not those of its scene, or in a build
-///         without three.js.
+/// @param folders of one or two runs. @throws Error (input) for no run, other tables, a build without three.
 std::string run_report(const std::vector<std::filesystem::path>& folders);
 
 /// Name of the page in the folder of a run or study.

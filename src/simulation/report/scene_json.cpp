@@ -24,7 +24,7 @@ Json colour_json(const output::Colour& c) { return {c.r, c.g, c.b}; }
 /// The hand that a body is of; null for others.
 Json hand_of(const model::Model& model, int body) {
   for (const model::HandIndex& hand : model.hands)
-    if (std::find(hand.bodies.begin(), hand.bodies.end(), body) != hand.bodies.end()) return hand.name;
+    if (std::ranges::find(hand.bodies, body) != hand.bodies.end()) return hand.name;
   return nullptr;
 }
 

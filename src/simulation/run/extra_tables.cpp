@@ -128,8 +128,7 @@ std::string reaction_columns(const model::Model& model) {
   return out;
 }
 
-/// The wrist, every joint centre and every fingertip of all hands, in the order of keypoints: wrist, then
-/// finger by finger from the base to the tip.
+/// Wrist, joint centres and fingertips of all hands in the order of keypoints, by finger from base to tip.
 std::vector<model::Marker> table_markers(const model::Model& model) {
   std::vector<model::Marker> out;
   for (const model::HandIndex& hand : model.hands) {

@@ -1,5 +1,4 @@
-// Columns of the tables that a run records beside its trajectory and contacts, and an estimate of the size of
-// its output before the run, compared with the free space.
+// Columns of a run's tables beside trajectory and contacts; an estimate of its output against the free space.
 #pragma once
 
 #include <array>
@@ -41,14 +40,12 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
 std::optional<std::string> check_room(const scene::Scene& scene, const OutputSize& size,
                                       const std::filesystem::path& out);
 
-/// @param remedy what writes less. @throws Error (input) where so many bytes do not fit where `out` is or is
-/// to be.
+/// @param remedy what writes less. @throws Error (input) where so many bytes do not fit on the disk of `out`.
 void check_free(double bytes, const std::filesystem::path& out, const std::string& remedy);
 
 /// Columns of control.sto after the time: `.target[deg]`, `.angle[deg]`, `.torque[N_m]` of each driven axis.
 std::vector<std::string> control_columns(const scene::Scene& scene);
-/// Columns of muscles.sto after the time, of each muscle: excitation of the last step, activation, tension,
-/// length of the fibres and the rate at which they lengthen.
+/// Columns of muscles.sto of each muscle: excitation, activation, tension, fibre length and lengthening rate.
 inline constexpr std::array<const char*, 5> kMuscleColumns = {".excitation[]", ".activation[]", ".tendon[N]",
                                                               ".fibre[mm]", ".speed[mm/s]"};
 std::vector<std::string> muscle_columns(const scene::Scene& scene);

@@ -8,7 +8,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/output/render/renderer.h"
-#include "handsim/output/video/workers.h"
+#include "handsim/output/video/video.h"
 
 namespace handsim::simulation {
 
@@ -30,7 +30,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
   std::vector<bool> out(model.bodies.size(), false);
   if (model.hands.empty()) return out;
   for (std::size_t i = 1; i < out.size(); ++i)
-    out[i] = std::none_of(model.hands.begin(), model.hands.end(), [&](const model::HandIndex& hand) {
+    out[i] = std::ranges::none_of(model.hands, [&](const model::HandIndex& hand) {
       return (state.bodies[i].p - state.bodies[at(hand.palm)].p).norm() < kLost;
     });
   return out;
@@ -70,8 +70,7 @@ output::Framing framing(const scene::Scene& scene) {
 
 using Extents = output::Framing::Extents;
 
-/// Each value becomes the mean over its neighbours, up to `reach` before and after, of the largest values
-/// about each of them: no smaller than its own.
+/// The mean over neighbours, up to `reach` away, of the largest values about each: no smaller than its own.
 void smooth_out(std::vector<Extents>& values, std::size_t reach) {
   const auto windowed = [&](const auto& from, auto start, auto add, auto end) {
     std::vector<Extents> out(from.size());
@@ -96,6 +95,30 @@ void smooth_out(std::vector<Extents>& values, std::size_t reach) {
 
 bool follows(const scene::Scene& scene) {
   return !scene.model.hands.empty() && scene.spec.pictures.follow.value_or(!scene.plans.grasps.empty());
+}
+
+/// Cameras of the moments, one each, and the height of the lowest point of all [m].
+std::pair<std::vector<output::Camera>, double> views(const scene::Scene& scene,
+                                                     std::span<const Moment> moments,
+                                                     std::optional<double> scale, std::size_t smooth) {
+  double lowest = std::numeric_limits<double>::infinity();
+  output::Framing all = framing(scene);
+  std::vector<Extents> each;
+  for (const Moment& moment : moments) {
+    const output::DrawList list = shown(scene, moment, scale);
+    lowest = std::min(lowest, output::bounds(list).low.z());
+    all.add(list);
+    output::Framing one = framing(scene);
+    one.add(followed(scene, moment, list));
+    each.push_back(one.extents());
+  }
+  const auto& fixed = scene.spec.pictures.camera;
+  if (fixed || !follows(scene))
+    return {std::vector(moments.size(), fixed ? fixed_camera(*fixed) : all.camera()), lowest};
+  smooth_out(each, smooth);
+  std::vector<output::Camera> out;
+  for (const Extents& extents : each) out.push_back(all.camera(extents));
+  return {std::move(out), lowest};
 }
 
 }  // namespace
@@ -165,34 +188,6 @@ output::DrawList followed(const scene::Scene& scene, const Moment& moment, const
     if (in[at(drawn.shape)]) out.shapes.push_back(drawn);
   return out;
 }
-
-namespace {
-
-/// Cameras of the moments, one each, and the height of the lowest point of all [m].
-std::pair<std::vector<output::Camera>, double> views(const scene::Scene& scene,
-                                                     std::span<const Moment> moments,
-                                                     std::optional<double> scale, std::size_t smooth) {
-  double lowest = std::numeric_limits<double>::infinity();
-  output::Framing all = framing(scene);
-  std::vector<Extents> each;
-  for (const Moment& moment : moments) {
-    const output::DrawList list = shown(scene, moment, scale);
-    lowest = std::min(lowest, output::bounds(list).low.z());
-    all.add(list);
-    output::Framing one = framing(scene);
-    one.add(followed(scene, moment, list));
-    each.push_back(one.extents());
-  }
-  const auto& fixed = scene.spec.pictures.camera;
-  if (fixed || !follows(scene))
-    return {std::vector(moments.size(), fixed ? fixed_camera(*fixed) : all.camera()), lowest};
-  smooth_out(each, smooth);
-  std::vector<output::Camera> out;
-  for (const Extents& extents : each) out.push_back(all.camera(extents));
-  return {std::move(out), lowest};
-}
-
-}  // namespace
 
 std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
                                     std::size_t smooth) {

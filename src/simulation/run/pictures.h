@@ -28,7 +28,7 @@ Moment moment_of(const engine::Engine& engine);
 /// How pictures are drawn, apart from what the scene says.
 struct Drawing {
   std::optional<output::Gl> gl;  ///< absent: the default of this build
-  int processes = 1;             ///< that draw, see output/video/workers.h
+  int processes = 1;             ///< that draw, see output/video/video.h
   /// A camera that follows the hand moves as smoothly as a mean over so many pictures before and after; its
   /// picture holds what all of them hold. 0 for pictures that stand alone.
   std::size_t smooth = 0;
@@ -47,8 +47,7 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
 /// `pictures.follow` says so; otherwise one camera shows the whole motion.
 std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
                                     std::size_t smooth = 0);
-/// What a picture of the moment shows: without bodies that are lost, that is further than 1 m from every
-/// hand.
+/// What a picture of the moment shows: without lost bodies, further than 1 m from every hand.
 output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::optional<double> force_scale);
 /// The part of `shown` that a camera follows: hands and the shapes that they touch.
 output::DrawList followed(const scene::Scene& scene, const Moment& moment, const output::DrawList& shown);

@@ -18,13 +18,12 @@ struct PlotKind {
   const char* file;
   const char* title;
   const char* axis;
-  /// What is drawn of a joint axis: columns {0} target, {1} angle and {2} torque of control.sto (OpenSim's
-  /// header has six lines, then the labels), {3} colour, {4} title.
+  /// Columns {0} target, {1} angle, {2} torque of control.sto (six head lines); {3} colour, {4} title.
   const char* curve;
 };
 constexpr PlotKind kKinds[] = {{"angles", "joint angles; dashed: targets", "angle [deg]",
-                                "data skip 7 using 1:{1} with lines lw 1.6 lc rgb '{3}' title '{4}', "
-                                "data skip 7 using 1:{0} with lines dt 2 lw 1.2 lc rgb '#202020' notitle"},
+                                "data skip 7 using 1:{1} with lines lw 1.6 lc rgb '{3}' title '{4}', data "
+                                "skip 7 using 1:{0} with lines dt 2 lw 1.2 lc rgb '#202020' notitle"},
                                {"errors", "target minus angle", "error [deg]",
                                 "data skip 7 using 1:(${0}-${1}) with lines lw 1.2 lc rgb '{3}' title '{4}'"},
                                {"torques", "joint torques", "torque [N m]",
@@ -54,15 +53,13 @@ std::string script(const scene::Scene& scene, std::size_t hand, const PlotKind& 
   const std::string& name = plan.hands[hand].name;
   const std::vector<output::Panel> groups = panels(plan, hand, kind);
   std::string out = fmt::format(
-      "# gnuplot {0}_{1}.gp\n{8}"
-      "data = '../control.sto'\n"
+      "# gnuplot {0}_{1}.gp\n{8}data = '../control.sto'\n"
       "set datafile separator '\\t'\n"
       "set terminal pngcairo noenhanced size 1600,{2} font 'DejaVu Sans,10'\n"
       "set output place('{0}_{1}.png')\n"
       "set multiplot layout {3},1 title '{4} hand: {5} ({6})'\n"
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\nset rmargin "
-      "22\nset ylabel "
-      "'{7}'\n",
+      "22\nset ylabel '{7}'\n",
       name, kind.file, 60 + 250 * groups.size(), groups.size(), name, kind.title,
       output::plot_text(scene.spec.title), kind.axis, output::kPlotHead);
   for (const output::Panel& panel : groups)

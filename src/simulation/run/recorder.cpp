@@ -8,7 +8,6 @@
 #include "handsim/core/units.h"
 #include "handsim/model/energy.h"
 #include "handsim/output/table/csv_rows.h"
-#include "handsim/simulation/run/output_size.h"
 
 namespace handsim::simulation {
 
@@ -16,9 +15,9 @@ namespace {
 
 /// OpenSim tables cannot mix angles and lengths in degrees: models with sliders have none.
 bool all_angles(const model::Model& model) {
-  return model.dof_count() > 0 &&
-         std::none_of(model.joints.begin(), model.joints.end(),
-                      [](const model::Joint& joint) { return joint.kind == model::JointKind::slider; });
+  return model.dof_count() > 0 && std::ranges::none_of(model.joints, [](const model::Joint& joint) {
+           return joint.kind == model::JointKind::slider;
+         });
 }
 
 std::string caption(const std::string& name, double time) {
@@ -157,8 +156,8 @@ void Recorder::record_climb() {
 void Recorder::finish_climb() {
   const ClimbFigures figures = climb_->figures();
   if (!loaded_.empty()) {
-    const auto half = std::find_if(loaded_.begin(), loaded_.end(),
-                                   [&](const auto& moment) { return moment.first >= figures.carried / 2; });
+    const auto half = std::ranges::find_if(
+        loaded_, [&](const auto& moment) { return moment.first >= figures.carried / 2; });
     show(half->second, fmt::format("{:.0f} N", half->first));
     show(loaded_.back().second, fmt::format("{:.0f} N", loaded_.back().first));
   }

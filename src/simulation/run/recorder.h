@@ -22,8 +22,7 @@ class Recorder {
 
   /// Records the state after a step; the first call records the start, or the state of the snapshot.
   void record(long step);
-  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv, and those
-  /// of extra_tables.h.
+  /// Completes the tables: trajectory.csv and .mot, control.sto, contacts.csv, those of extra_tables.h.
   void finish();
   /// Moments of the pictures, with their captions.
   const std::vector<Moment>& moments() const { return moments_; }
@@ -57,8 +56,7 @@ class Recorder {
   std::optional<output::MotionTableWriter> control_, muscles_;
   std::optional<output::AtomicFile> contacts_;
   std::optional<output::AtomicFile> monitor_;
-  /// Largest residuals of joints [m/s] and [rad/s] and of contacts [m/s] since the last row; absent: not
-  /// measured.
+  /// Largest residuals of joints [m/s], [rad/s] and contacts [m/s] since the last row; absent: not measured.
   std::array<std::optional<double>, 3> residuals_;
   std::optional<ExtraTables> extra_;
   long every_;  ///< number of steps between two rows

@@ -12,7 +12,6 @@
 #include "handsim/output/child.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/video/video.h"
-#include "handsim/output/video/workers.h"
 #include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/recorder.h"
@@ -67,8 +66,7 @@ std::optional<std::string> failure_of(const Draw& draw) {
   return std::nullopt;
 }
 
-/// Draws what was asked for; what cannot be drawn is missing, and the run's other files are there all the
-/// same.
+/// Draws what was asked for; what cannot be drawn is missing, the run's other files are there.
 void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
               RunResult& result) {
   result.missing.clear();
@@ -199,16 +197,12 @@ bool over(const Simulation& simulation, bool stop_lost) {
 }
 
 bool RunResult::judged() const {
-  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.limit.has_value(); });
+  return std::ranges::any_of(verdicts, [](const Verdict& v) { return v.limit.has_value(); });
 }
 
-bool RunResult::failed() const {
-  return std::any_of(verdicts.begin(), verdicts.end(), std::mem_fn(&Verdict::failed));
-}
+bool RunResult::failed() const { return std::ranges::any_of(verdicts, std::mem_fn(&Verdict::failed)); }
 
-bool RunResult::missed() const {
-  return std::any_of(verdicts.begin(), verdicts.end(), std::mem_fn(&Verdict::missed));
-}
+bool RunResult::missed() const { return std::ranges::any_of(verdicts, std::mem_fn(&Verdict::missed)); }
 
 bool RunResult::passed() const { return !fault && hash_as_expected() && !failed() && !missed(); }
 

@@ -36,8 +36,7 @@ struct RunOptions {
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
   /// Writes snapshot.bin at this time [s], rounded to a step.
   std::optional<double> snapshot_at;
-  /// Continues from this snapshot file: tables and pictures are of the rest of the scene, the summary of the
-  /// whole.
+  /// Continues from this snapshot file: tables and pictures show the rest of it, the summary all of it.
   std::optional<std::filesystem::path> from_snapshot;
   /// Ends the run once a grasp is decided (GraspFigures::decided).
   bool stop_lost = false;
@@ -45,8 +44,7 @@ struct RunOptions {
   std::optional<std::uint64_t> expected_hash;
   std::optional<VideoSpec> video;  ///< of the run
   std::optional<output::Gl> gl;    ///< with which pictures are drawn; absent: the default of this build
-  /// Draws in a child process and its forks on all cores (output/child.h), so that a lack of memory ends only
-  /// the drawing.
+  /// Draws in a child process and forks on all cores (output/child.h): lack of memory ends only the drawing.
   bool draw_apart = false;
   /// Called repeatedly with the finished share, 0..1.
   std::function<void(double)> progress;
@@ -79,8 +77,7 @@ struct RunResult {
   bool missed() const;  ///< a criterion has no figure
 };
 
-/// Nothing is left to measure: every climb has failed, and the scene has no grasp; or, where asked for, a
-/// grasp is decided.
+/// Nothing is left to measure: every climb failed and no grasp, or, if asked for, a grasp is decided.
 bool over(const Simulation& simulation, bool stop_lost);
 
 /// Runs the scene and writes its files.
@@ -96,8 +93,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
 /// A run into a folder that is locked already; null: the run locks it.
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);
 
-/// The scene at a time [s], 0 to its duration. @throws Error (physics) if the simulation diverges before
-/// that.
+/// The scene at a time [s], 0 to its duration. @throws Error (physics) if the simulation diverges before.
 Moment moment_at(const scene::Scene& scene, double time);
 
 /// Text of summary.json, also of a run that a fault stopped (`result.fault`).

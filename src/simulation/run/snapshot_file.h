@@ -16,11 +16,9 @@ inline constexpr std::uint64_t kSnapshotVersion = 9;
 /// Largest file size that is accepted.
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
 
-/// Bytes of a snapshot file: `HANDSNAP`, the version, the fingerprint, the time, the snapshot's bytes, and
-/// the XXH64 of these.
+/// A snapshot file: `HANDSNAP`, version, fingerprint, time, the snapshot's bytes, and the XXH64 of these.
 std::string snapshot_text(const RunSnapshot& snapshot);
-/// @param name name of the file, for messages. @throws Error (input) for bytes that are not a complete
-/// snapshot.
+/// @param name of the file, for messages. @throws Error (input) for bytes that are no complete snapshot.
 RunSnapshot parse_snapshot(std::string_view text, const std::string& name);
 
 /// @throws Error (input) if the file cannot be written.

@@ -33,7 +33,7 @@ Json fingers_json(const std::vector<FingerLoad>& fingers) {
 
 /// The kept grip whose load is nearest.
 const LoadedGrip& nearest(const std::vector<LoadedGrip>& grips, double load) {
-  return *std::min_element(grips.begin(), grips.end(), [load](const LoadedGrip& a, const LoadedGrip& b) {
+  return *std::ranges::min_element(grips, [load](const LoadedGrip& a, const LoadedGrip& b) {
     return std::abs(a.load - load) < std::abs(b.load - load);
   });
 }
@@ -106,7 +106,7 @@ ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, 
   const model::HandIndex& hand = model.hands[plan.hand];
   dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
-    const bool mine = std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end();
+    const bool mine = std::ranges::find(hand.bodies, shape.body) != hand.bodies.end();
     part_of_shape_.push_back(mine ? hand_part(shape.part) : -1);
   }
   for (const std::optional<std::size_t> object : model.objects_of_shapes())
@@ -221,12 +221,11 @@ std::vector<ClimbFigures> Climbs::figures() const {
 }
 
 bool Climbs::over() const {
-  return std::all_of(climbs_.begin(), climbs_.end(),
-                     [&](const ClimbWatch& climb) { return climb.over(engine_.state().time); });
+  return std::ranges::all_of(climbs_,
+                             [&](const ClimbWatch& climb) { return climb.over(engine_.state().time); });
 }
 
-/// A climb that outlasts its largest load has carried that much. One that the run cuts short has carried what
-/// it has; of a limit above that nothing is known.
+/// A climb that outlasts its largest load carried that much; one that is cut short at least what it did.
 void Climbs::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
   for (const ClimbFigures& climb : figures()) {
     Verdict verdict{"climb_load", "N", climb.carried, criteria.climb_load, climb.carried_time, climb.name};

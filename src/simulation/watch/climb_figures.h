@@ -37,8 +37,7 @@ struct LoadedGrip {
   double travel = 0;             ///< of the palm since the start of the load [m]
   std::vector<PartForce> parts;  ///< parts in contact with the hold
   int contacts = 0;
-  /// Of hands with flexors FDP2 to FDP5 and FDS2 to FDS5: the muscles' tensions where they are in effect,
-  /// else those that would give the torques of DIP and PIP.
+  /// With flexors FDP2 to FDP5 and FDS2 to FDS5: muscle tensions, or those that give DIP and PIP torques.
   std::vector<FingerLoad> fingers;
 };
 

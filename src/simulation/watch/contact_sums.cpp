@@ -35,6 +35,12 @@ void end_step(Sums& sums, double time, double step) {
   }
 }
 
+template <class Archive, class T>
+void carry(Archive& archive, T& sum) {
+  carry_all(archive, sum.contacts, sum.force, sum.normal, sum.friction, sum.normal_time, sum.largest_normal,
+            sum.largest_at);
+}
+
 }  // namespace
 
 ContactSums::ContactSums(const Watched& watched) {
@@ -46,8 +52,8 @@ ContactSums::ContactSums(const Watched& watched) {
     // `right.index_distal` is of `right.index`.
     std::string name = objects[i] ? model.objects[*objects[i]].name : shape.name;
     if (part >= 0) name = shape.name.substr(0, shape.name.find('.') + 1) + kHandParts[at(part)];
-    const auto found = std::find(things_.begin(), things_.end(), name);
-    thing_.push_back(static_cast<std::size_t>(found - things_.begin()));
+    const auto found = std::ranges::find(things_, name);
+    thing_.push_back(at(found - things_.begin()));
     if (found != things_.end()) continue;
     things_.push_back(name);
     is_finger_.push_back(part >= 0);
@@ -82,16 +88,6 @@ std::vector<std::pair<std::string, ContactSum>> ContactSums::fingers() const {
   return out;
 }
 
-namespace {
-
-template <class Archive, class T>
-void carry(Archive& archive, T& sum) {
-  carry_all(archive, sum.contacts, sum.force, sum.normal, sum.friction, sum.normal_time, sum.largest_normal,
-            sum.largest_at);
-}
-
-}  // namespace
-
 void ContactSums::save(ArchiveWriter& out) const {
   out(time_);
   out(pairs_.size());
@@ -124,8 +120,7 @@ void ContactSums::restore(ArchiveReader& in, const model::State& /*state*/) {
   for (std::size_t n = in.size(); n > 0; --n) carry(in, fingers_[thing()]);
 }
 
-/// Sums of the points' normal and friction forces, and the vector of all: on the finger; on the first of a
-/// pair.
+/// Sums of the points' normal and friction forces, and their vector: on the finger; on the first of a pair.
 void ContactSums::add_summary(SummaryJson& out) const {
   const auto add = [&](Json& to, Json entry, const ContactSum& sum) {
     entry["contacts_at_end"] = sum.contacts;

@@ -23,8 +23,7 @@ struct ContactSum {
 
 class ContactSums final : public Watcher {
  public:
-  /// The things of the model are fingers and palm of each hand (`right.index`), objects, the ground, and
-  /// bodies of a mechanism.
+  /// Things: fingers and palm of each hand (`right.index`), objects, the ground, bodies of a mechanism.
   explicit ContactSums(const Watched& watched);
 
   std::string_view name() const override { return "contact_forces"; }

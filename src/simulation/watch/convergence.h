@@ -17,9 +17,8 @@ class Convergence final : public Watcher {
   void save(ArchiveWriter& out) const override;
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
-  /// One sentence for each problem: LCP failures, steps that the guard could not solve, and residuals that,
-  /// if they persisted, would open a joint by more than 0.1 mm or 5 mrad, or let a contact penetrate by 0.1
-  /// mm (residual times step over ERP).
+  /// A sentence for each problem: LCP failures, steps that the guard could not solve, residuals that would
+  /// open a joint by more than 0.1 mm or 5 mrad or let a contact sink by 0.1 mm (times step over ERP).
   void add_warnings(std::vector<std::string>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
@@ -30,9 +29,8 @@ class Convergence final : public Watcher {
   /// Number of steps that quick_step solved, or the articulated engine by relaxation.
   long iterative_steps() const { return iterative_; }
   /// Number of steps whose residual was measured: steps of quick_step with contact or with a change of active
-  /// stops, and every eighth of the others (engine::kResidualInterval); steps in which world_step's LCP
-  /// solver failed; and steps of the articulated engine with contact, whose contact solver reports its
-  /// residual.
+  /// stops, every eighth of the others (engine::kResidualInterval) and those in which world_step's LCP solver
+  /// failed; steps of the articulated engine with contact.
   long measured() const { return measured_; }
   /// Largest residuals of the measured steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }

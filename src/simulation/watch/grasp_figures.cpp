@@ -53,7 +53,7 @@ GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, 
   for (const model::ObjectIndex& object : model.objects)
     if (object.name == plan.object) object_ = static_cast<std::size_t>(object.body.value_or(model::kWorld));
   for (const model::Shape& shape : model.shapes) {
-    if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end())
+    if (std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
       part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.part);
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
@@ -228,17 +228,15 @@ std::vector<GraspFigures> Grasps::figures() const {
 }
 
 bool Grasps::failed() const {
-  return std::any_of(grasps_.begin(), grasps_.end(),
-                     [](const GraspWatch& grasp) { return grasp.figures().failed(); });
+  return std::ranges::any_of(grasps_, [](const GraspWatch& grasp) { return grasp.figures().failed(); });
 }
 
 bool Grasps::decided(double now) const {
-  return std::any_of(grasps_.begin(), grasps_.end(),
-                     [now](const GraspWatch& grasp) { return grasp.figures().decided(now); });
+  return std::ranges::any_of(grasps_,
+                             [now](const GraspWatch& grasp) { return grasp.figures().decided(now); });
 }
 
-/// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
-/// on.
+/// Movements of grasped objects are always judged. A lost object has failed, however the run goes on.
 void Grasps::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
   for (const GraspWatch& each : grasps_) {
     const GraspFigures& grasp = each.figures();

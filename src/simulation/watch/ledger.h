@@ -1,6 +1,5 @@
-// CPU time of a run's effects and phases. Phases are timed. Effects inside the solver cannot be timed
-// separately: they get a share of the solver's time in proportion to their constraint rows, and the entry
-// says so.
+// CPU time of a run's effects and phases. Phases are timed. Effects inside the solver get a share of its time
+// in proportion to their constraint rows, and the entry says so.
 #pragma once
 
 #include <optional>

@@ -48,8 +48,7 @@ class Monitor final : public Watcher {
   bool has_stops() const { return !stopped_.empty(); }
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
-  /// Largest overshoot of a stop, minus the motion of the step that crossed it (rate at the crossing times
-  /// step, plus 1e-6) [rad] or [m]; at least 0.
+  /// Overshoot of a stop less the step that crossed it (rate times step, plus 1e-6), >= 0 [rad] or [m].
   const Peak& stop_overshoot() const { return excess_; }
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;

@@ -1,5 +1,4 @@
-// The JSON object to which watchers add their part of summary.json. Not included by watcher.h, so that only
-// files that write or read the summary need the JSON library.
+// The JSON object of the watchers' parts of summary.json. Not in watcher.h: it needs the JSON library.
 #pragma once
 
 #include <vector>

@@ -91,8 +91,7 @@ bool Tunnelling::passes(std::size_t a, std::size_t b, const model::State& state)
 }
 
 Tunnelling::Event& Tunnelling::event(int a, int b, double time) {
-  const auto met =
-      std::find_if(events_.begin(), events_.end(), [&](const Event& e) { return e.a == a && e.b == b; });
+  const auto met = std::ranges::find_if(events_, [&](const Event& e) { return e.a == a && e.b == b; });
   if (met != events_.end()) return *met;
   Event& first = events_.emplace_back();
   first.a = a;

@@ -1,6 +1,5 @@
-// Measures penetration and detects tunnelling: a shape whose centre passes through another one within a step,
-// or that penetrates another one by more than its own smallest radius. Active in all scenes with contact;
-// takes some nanoseconds for each body.
+// Measures penetration and detects tunnelling: a shape whose centre passes through another one in a step, or
+// that penetrates one by more than its own smallest radius. In all scenes with contact; some ns a body.
 #pragma once
 
 #include <string>

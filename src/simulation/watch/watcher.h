@@ -1,6 +1,5 @@
-// The interface of watchers. A watcher measures each step of a simulation and reports figures; it never
-// changes the motion. A simulation has any number of watchers, or none; standard_watchers.h lists those of
-// `handsim run`.
+// The interface of watchers: each measures every step of a simulation and reports figures, never changing the
+// motion. A simulation may have none; standard_watchers.h lists those of `handsim run`.
 #pragma once
 
 #include <chrono>
@@ -66,14 +65,12 @@ class Watcher {
   virtual std::string_view name() const = 0;
   /// Called after each step.
   virtual void update(Step& step) = 0;
-  /// True if it uses Step::times. Then one step in 16 is timed, because on small scenes reading the clock
-  /// takes as long as a phase of the step.
+  /// True if it uses Step::times. One step in 16 is timed: on small scenes the clock costs as a phase.
   virtual bool wants_times() const { return false; }
 
   /// Saves its measurements.
   virtual void save(ArchiveWriter& out) const = 0;
-  /// Restores its measurements. @param state state from which the run continues. @throws Error (input) for
-  /// invalid data; the watcher then needs another restore.
+  /// Restores its measurements; the run goes on from `state`. @throws Error (input) for data that do not fit.
   virtual void restore(ArchiveReader& in, const model::State& state) = 0;
 
   /// Adds its figures so far, with the limits of the scene.

@@ -62,9 +62,8 @@ struct Hull {
   Hull& operator=(const Hull&) = delete;
 };
 
-/// The hull of points in six dimensions; null where Qhull fails. Qx merges facets of coplanar points and
-/// keeps the hull exact to rounding; QJ moves the points by some 1e-11 instead, where nearly coplanar ones
-/// defeat the merging.
+/// The hull of points in six dimensions; null where Qhull fails. Qx merges coplanar facets and is exact to
+/// rounding; QJ moves the points by some 1e-11, for nearly coplanar ones that defeat the merging.
 std::unique_ptr<Hull> hull_of(std::vector<double>& coordinates, std::string options) {
   auto hull = std::make_unique<Hull>();
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> quiet(std::fopen("/dev/null", "w"), &std::fclose);

@@ -15,7 +15,6 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/report.h"
-#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -306,8 +305,8 @@ void compare_all(const AccuracySpec& spec, std::vector<Job>& jobs, std::size_t f
   for (std::size_t i = first; i < end; ++i) {
     AccuracyRow& row = jobs[i].row;
     if (!row.fault && !reference.time.empty()) compare(row, reference, spec.early);
-    const bool plotted = std::any_of(spec.plot_steps.begin(), spec.plot_steps.end(),
-                                     [&](double step) { return std::abs(step - row.step) < 1e-12; });
+    const bool plotted =
+        std::ranges::any_of(spec.plot_steps, [&](double step) { return std::abs(step - row.step) < 1e-12; });
     if (!plotted || jobs[i].method->scene) row.series = {};
   }
 }
@@ -351,7 +350,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
         job.row.series = std::move(motion.series);
         job.row.gap = motion.gap;
         job.row.energy_error = motion.energy_error;
-        if (std::find(result.engines.begin(), result.engines.end(), motion.engine) == result.engines.end())
+        if (std::ranges::find(result.engines, motion.engine) == result.engines.end())
           result.engines.push_back(motion.engine);
       });
       report(job, true);
@@ -390,20 +389,20 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
   table.duration = reference.time.back();
   std::vector<scene::CostRow> all;
   for (const AccuracyRow& row : result.rows) {
-    const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
-                                     [&](const AccuracyMethod& each) { return each.name == row.method; });
+    const auto method = std::ranges::find_if(
+        spec.methods, [&](const AccuracyMethod& each) { return each.name == row.method; });
     if (row.fault || row.own_reference || row.is_reference || method->peer) continue;
     all.push_back(
         {row.rate_error / signal, row.cpu_per_second, make_job(spec, *method, row.step).scene.spec.solver});
   }
   for (const scene::CostRow& row : all)
-    if (std::none_of(all.begin(), all.end(), [&](const scene::CostRow& other) {
+    if (std::ranges::none_of(all, [&](const scene::CostRow& other) {
           return other.solver.engine() == row.solver.engine() && other.error <= row.error &&
                  other.cost <= row.cost && (other.error < row.error || other.cost < row.cost);
         }))
       table.rows.push_back(row);
-  std::sort(table.rows.begin(), table.rows.end(),
-            [](const scene::CostRow& a, const scene::CostRow& b) { return a.error > b.error; });
+  std::ranges::sort(table.rows,
+                    [](const scene::CostRow& a, const scene::CostRow& b) { return a.error > b.error; });
   return table;
 }
 

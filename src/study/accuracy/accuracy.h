@@ -1,5 +1,4 @@
-// The accuracy study: one scene, many methods and step sizes. Each row has the errors relative to a reference
-// and the CPU time, measured in the same process.
+// The accuracy study: errors relative to a reference, and CPU times, of many methods and steps on one scene.
 #pragma once
 
 #include <filesystem>
@@ -110,9 +109,8 @@ const AccuracyRow* cheapest(const AccuracyResult& result, double target);
 /// The rows as a table for the screen.
 std::string accuracy_table(const AccuracyResult& result, double early);
 
-/// A table of the cheapest row for each of a series of errors, from 0.1 down to the smallest that any row
-/// reaches. A row that is the cheapest for several errors is listed at the smallest one. Empty if no row
-/// reaches 0.1.
+/// A table of the cheapest row for each of a series of errors, from 0.1 down to the smallest that a row
+/// reaches; a row that is cheapest for several is at the smallest one. Empty if no row reaches 0.1.
 std::string cheapest_table(const AccuracyResult& result);
 
 /// Writes accuracy.csv, accuracy.json and, if gnuplot is installed, error_cost, cost_step, error_step and

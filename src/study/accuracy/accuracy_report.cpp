@@ -10,7 +10,6 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
-#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -20,8 +19,7 @@ std::string csv(const AccuracyResult& result) {
   const std::string& unit = result.unit;
   std::string out = fmt::format(
       "method,step[s],rate_error_rms[{0}/s],early_rate_error_rms[{0}/"
-      "s],position_error_rms[{0}],joint_gap[m],energy_error,"
-      "cpu_seconds_per_second,times_real_time,note\n",
+      "s],position_error_rms[{0}],joint_gap[m],energy_error,cpu_seconds_per_second,times_real_time,note\n",
       unit);
   for (const AccuracyRow& row : result.rows) {
     if (row.fault) {
@@ -74,8 +72,7 @@ struct Line {
   std::vector<const AccuracyRow*> rows;
 };
 
-/// The lines of plots of errors and costs. Methods with a scene of their own are left out, because they have
-/// another reference.
+/// The lines of plots of errors and costs, without methods whose own scene has another reference.
 std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& result) {
   std::vector<Line> lines;
   for (const AccuracyMethod& method : spec.methods) {
@@ -126,8 +123,7 @@ std::string plot_of(const std::vector<Line>& lines, const char* columns, bool ag
   return out + "\n";
 }
 
-/// Plots the rate of the first observed coordinate and the reference: for each plotted step one panel with
-/// handsim's methods and one with those of other engines.
+/// The rate of the first observed coordinate and the reference: by step, handsim's and others' panels.
 void add_velocity_plot(const AccuracySpec& spec, const AccuracyResult& result, Report& report) {
   std::string panels;
   int block = 0, count = 0;
@@ -186,6 +182,35 @@ Report report_of(const AccuracySpec& spec, const AccuracyResult& result) {
   return out;
 }
 
+/// The tables of costs in a file, which may be missing.
+std::vector<scene::CostTable> costs_in(const std::filesystem::path& path) {
+  if (!has_entry(path)) return {};
+  YamlNode root = load_yaml(path);
+  Diagnostics diagnostics;
+  std::vector<scene::CostTable> tables = scene::read_costs(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return tables;
+}
+
+/// Replaces or adds the study's part of a table of costs.
+void update_costs(const std::filesystem::path& path, const AccuracySpec& spec, const AccuracyResult& result) {
+  scene::CostTable table = cost_table(spec, result);
+  std::vector<scene::CostTable> tables = costs_in(path);
+  std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });
+  tables.push_back(std::move(table));
+  std::ranges::sort(tables,
+                    [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
+  output::write_file(
+      path,
+      "# Costs of accuracy by kind of scene: RMS error of the rates over their RMS, and CPU seconds per "
+      "simulated second\n"
+      "# of the scene measured. Engine auto uses this table. Each part is the result of its study:\n"
+      "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with "
+      "accuracy_two_hands.yaml,\n"
+      "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
+          emit_yaml(scene::write_costs(tables)));
+}
+
 }  // namespace
 
 std::string accuracy_table(const AccuracyResult& result, double early) {
@@ -232,39 +257,6 @@ bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
   return write_report(out, "accuracy", report_of(spec, result));
 }
 
-namespace {
-
-/// The tables of costs in a file, which may be missing.
-std::vector<scene::CostTable> costs_in(const std::filesystem::path& path) {
-  if (!has_entry(path)) return {};
-  YamlNode root = load_yaml(path);
-  Diagnostics diagnostics;
-  std::vector<scene::CostTable> tables = scene::read_costs(root, "", diagnostics);
-  diagnostics.throw_if_any();
-  return tables;
-}
-
-/// Replaces or adds the study's part of a table of costs.
-void update_costs(const std::filesystem::path& path, const AccuracySpec& spec, const AccuracyResult& result) {
-  scene::CostTable table = cost_table(spec, result);
-  std::vector<scene::CostTable> tables = costs_in(path);
-  std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });
-  tables.push_back(std::move(table));
-  std::sort(tables.begin(), tables.end(),
-            [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
-  output::write_file(path,
-                     "# Costs of accuracy by kind of scene: RMS error of the rates over their RMS, and CPU "
-                     "seconds per simulated second\n"
-                     "# of the scene measured. Engine auto uses this table. Each part is the result of its "
-                     "study:\n"
-                     "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with "
-                     "accuracy_two_hands.yaml,\n"
-                     "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
-                         emit_yaml(scene::write_costs(tables)));
-}
-
-}  // namespace
-
 StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
   AccuracySpec spec = load_accuracy(options.study);
   spec.peers = options.peers;
@@ -284,10 +276,10 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
     costs_in(*options.costs);
   }
   const AccuracyResult result = run_accuracy(spec, run.progress);
-  StudyEnd end{fmt::format(
-      "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the error over the whole run saturates "
-      "once the motions are out of phase.\n\n{}",
-      spec.title, result.unit, spec.early, accuracy_table(result, spec.early))};
+  StudyEnd end{
+      fmt::format("{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the error over the whole "
+                  "run saturates once the motions are out of phase.\n\n{}",
+                  spec.title, result.unit, spec.early, accuracy_table(result, spec.early))};
   if (result.reference) end.text += "\n" + cheapest_table(result);
   for (const std::string& text : result.left_out) end.text += "left out: " + text + "\n";
   end.text += "\n";

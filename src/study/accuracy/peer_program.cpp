@@ -1,12 +1,9 @@
 #include "handsim/study/accuracy/peer_program.h"
 
-#include <fcntl.h>
-#include <signal.h>
-#include <spawn.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <cstdio>
@@ -19,6 +16,7 @@
 
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/output/report/page.h"
 #include "handsim/study/report.h"
 
 namespace handsim::study {
@@ -37,19 +35,8 @@ Error failed(const std::filesystem::path& program, double time, std::string quan
 
 Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-const char* name(model::JointKind kind) {
-  switch (kind) {
-    case model::JointKind::hinge:
-      return "hinge";
-    case model::JointKind::universal:
-      return "universal";
-    case model::JointKind::ball:
-      return "ball";
-    case model::JointKind::slider:
-      return "slider";
-  }
-  return "";
-}
+/// In the order of model::JointKind.
+constexpr std::array kJointKinds = {"hinge", "universal", "ball", "slider"};
 
 Json describe(const model::Body& body, const model::BodyState& state) {
   Json inertia = Json::array();
@@ -74,7 +61,7 @@ Json describe(const model::Joint& joint, const model::Model& model, const model:
     forces.push_back(actuated ? joint.axes[a].torque : 0.0);
   }
   return {{"name", joint.name},
-          {"kind", name(joint.kind)},
+          {"kind", kJointKinds[static_cast<std::size_t>(joint.kind)]},
           {"parent", model.bodies[body(joint.parent)].name},
           {"child", model.bodies[body(joint.child)].name},
           {"closes_loop", joint.closes_loop},
@@ -100,46 +87,27 @@ Json request(const char* task, const PeerMethod& method, const scene::Scene& sce
   return out;
 }
 
-struct CloseFile {
-  void operator()(std::FILE* file) const { std::fclose(file); }
-};
-using File = std::unique_ptr<std::FILE, CloseFile>;
+using File = std::unique_ptr<std::FILE, int (*)(std::FILE*)>;
 
-/// A running program that got a request; its answer is read line by line.
+/// A running program that got a request; its answer is read line by line. Its own end comes at the latest
+/// when it writes after this object's.
 class PeerProcess {
  public:
   PeerProcess(std::filesystem::path program, const std::string& request)
-      : program_(std::move(program)), in_(std::tmpfile()), errors_(std::tmpfile()) {
-    int ends[2] = {-1, -1};
-    if (!in_ || !errors_ || pipe2(ends, O_CLOEXEC) != 0)
-      throw failed(program_, 0, "start", "no pipe or temporary file");
-    std::fwrite(request.data(), 1, request.size(), in_.get());
-    std::rewind(in_.get());
-    out_.reset(fdopen(ends[0], "r"));
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_adddup2(&actions, fileno(in_.get()), STDIN_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
-    posix_spawn_file_actions_adddup2(&actions, fileno(errors_.get()), STDERR_FILENO);
-    std::string name = program_.string();
-    char* arguments[] = {name.data(), nullptr};
-    const int status = posix_spawn(&child_, name.c_str(), &actions, nullptr, arguments, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    close(ends[1]);
-    if (status != 0) {
-      child_ = 0;
-      throw failed(program_, 0, "start", "the program cannot be run");
+      : program_(std::move(program)), in_(std::tmpfile(), std::fclose), errors_(std::tmpfile(), std::fclose) {
+    if (in_ && errors_) {
+      std::fwrite(request.data(), 1, request.size(), in_.get());
+      std::fflush(in_.get());
+      out_.reset(popen(fmt::format("exec {} </dev/fd/{} 2>/dev/fd/{}", output::shell_word(program_.string()),
+                                   fileno(in_.get()), fileno(errors_.get()))
+                           .c_str(),
+                       "r"));
     }
+    if (!out_) throw failed(program_, 0, "start", "no process or temporary file");
   }
   PeerProcess(const PeerProcess&) = delete;
   PeerProcess& operator=(const PeerProcess&) = delete;
-  ~PeerProcess() {
-    if (child_ > 0) {
-      kill(child_, SIGKILL);
-      waitpid(child_, nullptr, 0);
-    }
-    std::free(line_);
-  }
+  ~PeerProcess() { std::free(line_); }
 
   /// The next line, without its end.
   std::optional<std::string_view> line() {
@@ -150,9 +118,7 @@ class PeerProcess {
 
   /// Waits for the end of the program. @throws Error (physics) unless its status is 0.
   void finish(double time) {
-    int status = 0;
-    waitpid(child_, &status, 0);
-    child_ = 0;
+    const int status = pclose(out_.release());
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
     throw failed(program_, time, "failed",
                  WIFEXITED(status) ? last_message() : fmt::format("killed by signal {}", WTERMSIG(status)));
@@ -174,8 +140,7 @@ class PeerProcess {
   }
 
   std::filesystem::path program_;
-  File in_, errors_, out_;
-  pid_t child_ = 0;
+  File in_, errors_, out_{nullptr, pclose};
   char* line_ = nullptr;
   std::size_t capacity_ = 0;
 };

@@ -25,14 +25,12 @@ struct PeerName {
   std::string engine, version;
 };
 
-/// @throws Error (input) for scenes that the protocol cannot describe: contact, stops, tissue, drives and
-///         controllers.
+/// @throws Error (input) for what the protocol lacks: contact, stops, tissue, drives and controllers.
 void check_for_peers(const scene::Scene& scene);
 
 /// Simulates the scene's mechanism from the scene's start over its duration.
-/// @param update is called with the start and the state after every step.
-/// @throws Error (physics) if the program fails or diverges, or if its start state or kinetic energy differs
-///         from the scene's.
+/// @param update is called with the start and the state after every step. @throws Error (physics) if the
+///         program fails or diverges, or if its start or its kinetic energy differs from the scene's.
 PeerName simulate_with_peer(const std::filesystem::path& program, const PeerMethod& method,
                             const scene::Scene& scene,
                             const std::function<void(const model::State&)>& update);

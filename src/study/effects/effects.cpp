@@ -121,24 +121,11 @@ void attempt(EffectRow& row, const std::function<void()>& part) {
   }
 }
 
-/// Reports the finished share of the work.
-class ProgressMeter {
- public:
-  ProgressMeter(double steps, const std::function<void(double)>& progress)
-      : steps_(steps), progress_(progress) {}
-  void add(double steps) {
-    done_ += steps;
-    if (progress_) progress_(std::min(1.0, done_ / steps_));
-  }
-
- private:
-  double steps_;
-  const std::function<void(double)>& progress_;
-  double done_ = 0;
-};
+/// Reports steps that are done.
+using Work = std::function<void(double steps)>;
 
 /// Compares the motion of all variants with that of the complete scene, step by step, each until it fails.
-void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, ProgressMeter& work) {
+void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, const Work& work) {
   struct Runner {
     EffectRow& row;
     Simulation simulation;
@@ -158,25 +145,24 @@ void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, 
         runner.simulation.step();
         runner.comparison.update(whole.state(), runner.simulation.state());
       });
-    work.add(1 + static_cast<double>(runners.size()));
+    work(1 + static_cast<double>(runners.size()));
   }
 }
 
 /// CPU time of a step [ns]; the run records nothing.
-double time_per_step(const scene::Scene& scene, ProgressMeter& work) {
+double time_per_step(const scene::Scene& scene, const Work& work) {
   Simulation simulation(scene);
   const long steps = simulation.step_count();
   const double start = cpu_now();
   for (long i = 0; i < steps; ++i) simulation.step();
   const double taken = cpu_now() - start;
-  work.add(static_cast<double>(steps));
+  work(static_cast<double>(steps));
   return 1e9 * taken / static_cast<double>(steps);
 }
 
-/// Times the scene and its variants alternately, so that a slower machine affects all of them. The first
-/// round is the warm-up.
+/// Times the scene and its variants in turn, so that a slower machine affects all; the first round warms up.
 void time_all(const scene::Scene& scene, std::vector<Variant>& variants, EffectsResult& result,
-              ProgressMeter& work) {
+              const Work& work) {
   std::vector<double> whole;
   std::vector<std::vector<double>> without(variants.size());
   for (int round = 0; round <= result.repeats; ++round) {
@@ -195,7 +181,7 @@ void time_all(const scene::Scene& scene, std::vector<Variant>& variants, Effects
     std::vector<double> saved(whole.size());
     for (std::size_t k = 0; k < saved.size(); ++k) saved[k] = whole[k] - without[i][k];
     row.saved_ns = median(saved);
-    std::sort(saved.begin(), saved.end());
+    std::ranges::sort(saved);
     row.noise_ns = 0.5 * (saved[saved.size() * 3 / 4] - saved[saved.size() / 4]);
   }
 }
@@ -211,9 +197,13 @@ EffectsResult run_effects(const scene::Scene& scene, int repeats,
     result.has_angles = result.has_angles || joint.kind != model::JointKind::slider;
   std::vector<Variant> all = variants(scene);
   if (all.empty()) throw input_error("effects", "no effect", "a scene with at least one effect");
-  const auto possible = std::count_if(all.begin(), all.end(), [](const Variant& v) { return !v.row.fault; });
-  ProgressMeter work(static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible)),
-                     progress);
+  const auto possible = std::ranges::count_if(all, [](const Variant& v) { return !v.row.fault; });
+  const double total =
+      static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible));
+  const Work work = [&, done = 0.0](double steps) mutable {
+    done += steps;
+    if (progress) progress(std::min(1.0, done / total));
+  };
   compare_motions(scene, all, work);
   time_all(scene, all, result, work);
   for (Variant& variant : all) result.rows.push_back(std::move(variant.row));

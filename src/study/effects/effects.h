@@ -16,8 +16,7 @@ namespace handsim::study {
 
 /// Comparison of the scene without one effect with the complete scene.
 struct EffectRow {
-  /// Name of the effect, or of the solver setting that was turned off: `solver.projection`,
-  /// `solver.speculative`, `solver.guard`.
+  /// Name of the effect, or a setting turned off: `solver.projection`, `solver.speculative`, `solver.guard`.
   std::string name;
   /// Effects that were removed with it because they need it, e.g. friction with the last contact effect.
   std::vector<model::Effect> with = {};
@@ -46,8 +45,7 @@ struct EffectsResult {
 /// @param repeats timed rounds, each with one run of the complete scene and of each variant; one more round
 ///         warms up.
 /// @param progress is called with the finished share, 0..1.
-/// @throws Error (input) for a scene without effects or one that no engine accepts, Error (physics) if the
-///         complete scene fails.
+/// @throws Error (input) for a scene without effects or an engine, Error (physics) if the whole scene fails.
 EffectsResult run_effects(const scene::Scene& scene, int repeats,
                           const std::function<void(double)>& progress);
 

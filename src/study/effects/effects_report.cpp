@@ -9,7 +9,6 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
-#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -131,6 +130,19 @@ void add_plot(const scene::Scene& scene, const EffectsResult& result, Report& re
                    plots)});
 }
 
+StudyCommands effects_commands(const std::string& file, std::vector<std::string> overrides,
+                               const EffectsResult& result) {
+  StudyCommands out{command_text({"effects", file}, overrides)};
+  std::vector<std::string>& rows = out.rows["effects.csv"];
+  rows.push_back(command_text({"run", file}, overrides));
+  overrides.emplace_back();
+  for (const EffectRow& row : result.rows) {
+    overrides.back() = row.set;
+    rows.push_back(row.set.empty() || row.fault ? "" : command_text({"run", file}, overrides));
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string effects_table(const EffectsResult& result) {
@@ -190,23 +202,6 @@ bool write_effects(const scene::Scene& scene, const EffectsResult& result, const
   add_plot(scene, result, report);
   return write_report(out, "effects", report);
 }
-
-namespace {
-
-StudyCommands effects_commands(const std::string& file, std::vector<std::string> overrides,
-                               const EffectsResult& result) {
-  StudyCommands out{command_text({"effects", file}, overrides)};
-  std::vector<std::string>& rows = out.rows["effects.csv"];
-  rows.push_back(command_text({"run", file}, overrides));
-  overrides.emplace_back();
-  for (const EffectRow& row : result.rows) {
-    overrides.back() = row.set;
-    rows.push_back(row.set.empty() || row.fault ? "" : command_text({"run", file}, overrides));
-  }
-  return out;
-}
-
-}  // namespace
 
 StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const StudyRun& run) {
   const output::OutputFolder folder(run.out, report_files("effects", {"effects"}),

@@ -14,9 +14,8 @@ namespace {
 std::string csv(const std::vector<GraspRow>& rows) {
   std::string out =
       "scene,side,object,held,outcome,margin,turning,slip[um/"
-      "s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],"
-      "friction_used,force_closure,epsilon,wrench_volume,smallest_friction,criteria_held,wall[s],"
-      "outcome_half_step,margin_half_step,uncertain\n";
+      "s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],friction_used,force_closure,epsilon,"
+      "wrench_volume,smallest_friction,criteria_held,wall[s],outcome_half_step,margin_half_step,uncertain\n";
   for (const GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
     // Empty: not measured.
@@ -105,8 +104,8 @@ std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGra
 
 std::string climbs_csv(const std::vector<ClimbRow>& rows) {
   std::string out =
-      "scene,side,climb,failed,load[N],norm[N],norm_deviation[N],grip_strength[N],load_over_norm,"
-      "travel_at_load[mm],contacts,criteria_held,wall[s]\n";
+      "scene,side,climb,failed,load[N],norm[N],norm_deviation[N],grip_strength[N],load_over_norm,travel_at_"
+      "load[mm],contacts,criteria_held,wall[s]\n";
   for (const ClimbRow& row : rows) {
     const simulation::ClimbFigures& f = row.figures;
     out += fmt::format("{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.4g},{:.4g},{},{},{:.3g}\n", row.scene,

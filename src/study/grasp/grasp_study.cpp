@@ -22,23 +22,28 @@ bool has_grasps(const std::filesystem::path& file) {
   return root.kind == YamlNode::Kind::map && (root.find("grasps") || root.find("climbs"));
 }
 
-/// The scene files that are meant, folders opened.
+/// The file, or the YAML files of the folder, sorted.
+std::vector<std::filesystem::path> opened(const std::filesystem::path& path) {
+  if (!std::filesystem::is_directory(path)) return {path};
+  std::vector<std::filesystem::path> out;
+  for (const auto& entry : std::filesystem::directory_iterator(path))
+    if (entry.path().extension() == ".yaml") out.push_back(entry.path());
+  std::ranges::sort(out);
+  return out;
+}
+
+/// The scene files that are meant.
 std::vector<std::filesystem::path> files_of(const std::vector<std::filesystem::path>& given) {
   std::vector<std::filesystem::path> out;
   for (const std::filesystem::path& path : given) {
-    if (!std::filesystem::is_directory(path)) {
-      if (!has_grasps(path))
-        throw input_error("scenes", path.string() + ", which has no grasps",
-                          "scenes with a grasps or climbs block");
-      out.push_back(path);
-      continue;
-    }
     const std::size_t before = out.size();
-    for (const auto& entry : std::filesystem::directory_iterator(path))
-      if (entry.path().extension() == ".yaml" && has_grasps(entry.path())) out.push_back(entry.path());
-    if (out.size() == before)
+    for (const std::filesystem::path& file : opened(path))
+      if (has_grasps(file)) out.push_back(file);
+    if (out.size() > before) continue;
+    if (std::filesystem::is_directory(path))
       throw input_error("scenes", path.string() + ", a folder without grasp scenes", "a folder with some");
-    std::sort(out.begin() + static_cast<std::ptrdiff_t>(before), out.end());
+    throw input_error("scenes", path.string() + ", which has no grasps",
+                      "scenes with a grasps or climbs block");
   }
   return out;
 }
@@ -51,25 +56,19 @@ struct Work {
   scene::Scene scene;
 };
 
-/// Files of persons, folders opened; one without a value: the scene's own.
+/// Files of persons; one without a value: the scene's own.
 std::vector<std::optional<std::filesystem::path>> persons_of(const GraspStudy& study) {
   std::vector<std::optional<std::filesystem::path>> out;
-  for (const std::filesystem::path& path : study.persons) {
-    if (!std::filesystem::is_directory(path)) {
-      out.emplace_back(path);
-      continue;
-    }
-    for (const auto& entry : std::filesystem::directory_iterator(path))
-      if (entry.path().extension() == ".yaml") out.emplace_back(entry.path());
-  }
+  for (const std::filesystem::path& path : study.persons)
+    for (const std::filesystem::path& file : opened(path)) out.emplace_back(file);
   if (out.empty()) return {std::nullopt};
-  std::sort(out.begin(), out.end());
+  std::ranges::sort(out);
   return out;
 }
 
 /// True if all problems are that a grasp does not fit its hand.
 bool does_not_fit(const Error& error) {
-  return std::all_of(error.problems().begin(), error.problems().end(), [](const Problem& problem) {
+  return std::ranges::all_of(error.problems(), [](const Problem& problem) {
     return problem.key.starts_with("grasps.") && problem.key.find('.', 7) == std::string::npos;
   });
 }
@@ -159,7 +158,7 @@ void write_friction(YamlNode& node, double friction) {
 }
 
 bool all_held(const std::vector<simulation::GraspFigures>& grasps) {
-  return std::all_of(grasps.begin(), grasps.end(), [](const simulation::GraspFigures& g) { return g.held; });
+  return std::ranges::all_of(grasps, [](const simulation::GraspFigures& g) { return g.held; });
 }
 
 void scale_friction(scene::Scene& scene, double factor) {
@@ -264,7 +263,7 @@ std::optional<double> smallest_friction(const scene::Scene& scene, const std::fu
 
 bool GraspTables::passed() const {
   const auto held = [](const auto& row) { return row.passed; };
-  return std::all_of(grasps.begin(), grasps.end(), held) && std::all_of(climbs.begin(), climbs.end(), held);
+  return std::ranges::all_of(grasps, held) && std::ranges::all_of(climbs, held);
 }
 
 GraspTables run_grasps(const GraspStudy& study) {
@@ -301,7 +300,7 @@ GraspTables run_grasps(const GraspStudy& study) {
     auto found = rows_of<GraspRow>(work, result, result.grasps, work.scene.plans.grasps);
     const auto climbs = rows_of<ClimbRow>(work, result, result.climbs, work.scene.plans.climbs);
     if (study.margin && !found.empty()) {
-      const bool held = std::all_of(found.begin(), found.end(), [](const auto& r) { return r.figures.held; });
+      const bool held = std::ranges::all_of(found, [](const auto& r) { return r.figures.held; });
       const std::string what = turning(work.scene, held, tell(own, 1 - own));
       for (GraspRow& row : found) row.turning = what;
     }

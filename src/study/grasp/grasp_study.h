@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "handsim/simulation/run/run.h"
-#include "handsim/study/study_page.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
@@ -86,8 +86,7 @@ GraspTables run_grasps(const GraspStudy& study);
 /// The command that repeats the study, without its `--margin` and other further runs.
 StudyCommands grasp_commands(const GraspStudy& study);
 
-/// Gives every surface of a compiled scene one friction, in what resolved.yaml says of it as well; moments
-/// about contact normals go with it.
+/// Gives every surface of a scene, and of its resolved.yaml, one friction; moments about normals go with it.
 void set_friction(scene::Scene& scene, double friction);
 
 /// Gives the grasped objects of a compiled scene another mass and inertia, the same share of all.

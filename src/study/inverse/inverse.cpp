@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 
 #include <fmt/format.h>
 
-#include "handsim/control/motion_trajectory.h"
 #include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"
 #include "handsim/engine/muscles.h"
@@ -79,13 +77,10 @@ SampledMotion sample(const scene::Scene& scene, const InverseInput& input, Inver
       trajectory.at(out.start + static_cast<double>(n) * out.step, row);
       for (std::size_t i = 0; i < row.size(); ++i) out.angles[n][axes.axes[i].dof] = row[i];
     }
-    for (const control::HandAxis& axis : axes.axes)
-      result.axes.push_back({.name = axes.hand + "." + axis.name(),
-                             .dof = axis.dof,
-                             .rms_error = {},
-                             .largest_error = {},
-                             .largest_reserve = {},
-                             .rms_reserve = {}});
+    for (const control::HandAxis& axis : axes.axes) {
+      InverseAxis& out_axis = result.axes.emplace_back();
+      out_axis.name = axes.hand + "." + axis.name(), out_axis.dof = axis.dof;
+    }
   }
   diagnostics.throw_if_any();
   result.warnings = std::move(diagnostics.warnings);
@@ -104,8 +99,7 @@ void add_tissue(const model::Model& model, std::span<const double> q, std::span<
     }
 }
 
-/// Entries of the tendons' coupling that the scene's engine solves: of joints of which one carries the other,
-/// or of single joints.
+/// Entries of the tendons' coupling that the engine solves: of single joints, or where one carries the other.
 engine::TendonLayout::Solves solved(const scene::Scene& scene) {
   if (scene.spec.solver.engine() != engine::EngineKind::articulated) return std::equal_to<int>();
   const model::Model& model = scene.model;
@@ -168,9 +162,8 @@ class Recursion {
     return out;
   }
 
-  /// Adds tissue, and what muscles and bands pull in the step that leads to the next row: the law of
-  /// engine/muscles.h, which the engine solves. Activations and fibres go on from row to row: from the first
-  /// on.
+  /// Adds tissue, and what muscles and bands pull in the step to the next row, by the law of engine/muscles.h
+  /// that the engine solves. Activations and fibres go on from row to row.
   void add_passive(std::size_t n, std::span<const double> excitations, std::vector<double>& torques) {
     if (scene_.spec.solver.effects.has(model::Effect::passive_tissue))
       add_tissue(scene_.model, motion_.angles[n], motion_.angles[n + 1], motion_.step, torques);
@@ -366,9 +359,7 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
   std::optional<Loads> loads;
   if (input.loads) loads.emplace(*input.loads, scene.model);
   Recursion recursion(scene, motion, loads ? &*loads : nullptr);
-  for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) {
-    result.rows.push_back(recursion.row(n));
-  }
+  for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) result.rows.push_back(recursion.row(n));
   std::vector<model::State> starts;
   if (input.least_activation)
     starts = find_activations(scene, motion, *input.least_activation, recursion, result);

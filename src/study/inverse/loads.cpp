@@ -19,18 +19,7 @@ constexpr std::size_t kMostBytes = 1U << 30U;
 constexpr std::string_view kLoadHead = "time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]";
 constexpr std::string_view kContactHead =
     "time[s],a,b,x[m],y[m],z[m],normal.x,normal.y,normal.z,depth[m],normal_force[N],friction.x[N],friction.y["
-    "N],"
-    "friction.z[N]";
-
-std::vector<std::string_view> fields_of(std::string_view line) {
-  std::vector<std::string_view> out;
-  while (true) {
-    const std::size_t comma = line.find(',');
-    out.push_back(line.substr(0, comma));
-    if (comma == std::string_view::npos) return out;
-    line.remove_prefix(comma + 1);
-  }
-}
+    "N],friction.z[N]";
 
 /// Rows of one file.
 class LoadReader {
@@ -80,7 +69,7 @@ Loads::Loads(const std::filesystem::path& path, const model::Model& model) : cou
   if (!contacts_ && head != kLoadHead)
     reader.fail("", fmt::format("\"{}\"", printable(head)),
                 fmt::format("the header {}, or that of a contacts.csv", kLoadHead));
-  const std::size_t width = fields_of(head).size();
+  const std::size_t width = split(head, ',').size();
   const auto add = [&](std::size_t body, double time, const Vec3& point, const Vec3& force) {
     model::Wrench& wrench = courses_[body][time];
     wrench.force += force;
@@ -88,7 +77,7 @@ Loads::Loads(const std::filesystem::path& path, const model::Model& model) : cou
   };
   for (int line = 2; !rest.empty(); ++line) {
     reader.line(line);
-    const std::vector<std::string_view> fields = fields_of(take_line(rest));
+    const std::vector<std::string_view> fields = split(take_line(rest), ',');
     if (fields.size() == 1 && fields[0].empty()) continue;
     if (fields.size() != width)
       reader.fail("", fmt::format("{} values", fields.size()), fmt::format("{}, one for each column", width));
@@ -103,7 +92,7 @@ Loads::Loads(const std::filesystem::path& path, const model::Model& model) : cou
     add(reader.shape(fields[1]), time, point, force);
     add(reader.shape(fields[2]), time, point, -force);
   }
-  std::sort(times_.begin(), times_.end());
+  std::ranges::sort(times_);
   times_.erase(std::unique(times_.begin(), times_.end()), times_.end());
   if (contacts_) end_contacts();
 }

@@ -9,8 +9,7 @@ namespace handsim::study {
 namespace {
 
 /// ansur2: the US Army's survey of 2012 (Gordon et al. 2014, NATICK/TR-15/007, public release), 2861 men and
-/// 1386 women of its data. Skewness and excess kurtosis of stature and of the logarithm of mass are below
-/// 0.14.
+/// 1386 women. Skewness and excess kurtosis of stature and of the logarithm of mass are below 0.14.
 constexpr std::array kPopulations = {Population{
     "ansur2", {1.75606, 0.06899, 4.43364, 0.16444, 0.481}, {1.62870, 0.06405, 4.20428, 0.15922, 0.548}}};
 
@@ -19,8 +18,8 @@ constexpr std::array kPopulations = {Population{
 std::span<const Population> populations() { return kPopulations; }
 
 const Population* population(std::string_view name) {
-  const auto found = std::find_if(kPopulations.begin(), kPopulations.end(),
-                                  [&](const Population& each) { return each.name == name; });
+  const auto found =
+      std::ranges::find_if(kPopulations, [&](const Population& each) { return each.name == name; });
   return found == kPopulations.end() ? nullptr : &*found;
 }
 

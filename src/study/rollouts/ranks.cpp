@@ -9,6 +9,7 @@
 #ifdef HANDSIM_MPI
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 
@@ -36,8 +37,7 @@ namespace {
 enum Tag : int { kHello = 1, kRows, kFailed, kChunk };
 
 constexpr double kStopWait = 2;  ///< wait for ranks that compute when a run is stopped [s]
-/// Between two checks for messages [us]: a rank that waits without pause would use a core of those that
-/// compute.
+/// Between two checks for messages [us]: a rank that waits without pause takes a core of those that compute.
 constexpr useconds_t kPause = 50;
 
 }  // namespace
@@ -46,11 +46,7 @@ struct Ranks::Messages {
   std::vector<bool> busy;  ///< ranks that still expect chunks
   bool stopped = false;
 
-  bool any_busy() const {
-    for (const bool each : busy)
-      if (each) return true;
-    return false;
-  }
+  bool any_busy() const { return std::ranges::find(busy, true) != busy.end(); }
   static void send(const void* data, std::size_t bytes, int to, int tag) {
     MPI_Send(data, static_cast<int>(bytes), MPI_BYTE, to, tag, MPI_COMM_WORLD);
   }

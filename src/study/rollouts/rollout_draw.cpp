@@ -65,11 +65,7 @@ std::vector<double> own_value(const BoundKey& bound, const YamlNode& scene) {
   if (!node) return out;
   const SharedList<std::vector<YamlNode>> one = {*node};
   for (const YamlNode& item : node->kind == YamlNode::Kind::sequence ? node->items : one)
-    for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
-      if (const auto value = parse_quantity(item.text, static_cast<Dimension>(i))) {
-        out.push_back(*value);
-        break;
-      }
+    if (const auto value = any_quantity(item.text)) out.push_back(*value);
   return out;
 }
 
@@ -107,16 +103,9 @@ Drawn of_numbers(const std::vector<double>& values, bool list) {
   return out;
 }
 
-/// SI; nothing for a level that is no number.
-std::optional<double> number_of(const Level& level) {
-  for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
-    if (const auto value = parse_quantity(level.text, static_cast<Dimension>(i))) return value;
-  return std::nullopt;
-}
-
 Drawn of_level(const BoundKey& bound, std::size_t level) {
   const Level& chosen = bound.key.levels[level];
-  return {chosen.yaml, {bound.numbers ? Cell(*number_of(chosen)) : Cell(chosen.text)}};
+  return {chosen.yaml, {bound.numbers ? Cell(*any_quantity(chosen.text)) : Cell(chosen.text)}};
 }
 
 Drawn draw_numbers(const BoundKey& bound, environment::Draws& draws) {
@@ -155,8 +144,8 @@ void add_columns(BoundKey& bound) {
       return;
     case From::choice:
     case From::levels:
-      bound.numbers = std::all_of(key.levels.begin(), key.levels.end(),
-                                  [](const Level& level) { return number_of(level).has_value(); });
+      bound.numbers = std::ranges::all_of(
+          key.levels, [](const Level& level) { return any_quantity(level.text).has_value(); });
       return add(key.key, !bound.numbers);
     default:
       if (!key.list) return add(key.key, false);
@@ -169,9 +158,7 @@ std::string in_units(const std::vector<Given>& given, const std::vector<double>&
   std::vector<std::string> texts;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::string& unit = given[i].unit;
-    double one = 1;
-    for (int d = 0; d <= static_cast<int>(Dimension::force) && !unit.empty(); ++d)
-      if (const auto value = parse_quantity("1 " + unit, static_cast<Dimension>(d))) one = *value;
+    const double one = unit.empty() ? 1 : any_quantity("1 " + unit).value_or(1);
     texts.push_back(unit.empty() ? number_text(values[i])
                                  : fmt::format("\"{} {}\"", number_text(values[i] / one), unit));
   }
@@ -185,6 +172,12 @@ std::vector<double> values_of(const std::vector<Given>& given) {
 }
 
 }  // namespace
+
+std::optional<double> any_quantity(const std::string& text) {
+  for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
+    if (const auto value = parse_quantity(text, static_cast<Dimension>(i))) return value;
+  return std::nullopt;
+}
 
 BoundKey bind(const VariedKey& key, const YamlNode& scene) {
   BoundKey out;

@@ -10,6 +10,9 @@
 
 namespace handsim::study {
 
+/// A number with any unit that handsim knows, in SI; nothing for another text.
+std::optional<double> any_quantity(const std::string& text);
+
 /// A varied key in one scene.
 struct BoundKey {
   VariedKey key;
@@ -26,15 +29,13 @@ struct Drawn {
 };
 
 /// @param scene the resolved scene without any of the changes.
-/// @throws Error (input) at the key's place where its path leads to no list that `*` could stand for, or a
-///         normal distribution has no mean.
+/// @throws Error (input) at the key's place if its path has no list for `*`, or normal distribution no mean.
 BoundKey bind(const VariedKey& key, const YamlNode& scene);
 
 /// @param draw number of the draw. @param level of a key with levels.
 Drawn draw(const BoundKey& key, int seed, long draw, std::size_t level);
 
-/// Values that show whether the scene takes the key's range and units: the ends of ranges, every level (of
-/// more than fifty numbers the first and the last).
+/// Values that show whether the scene takes the key: ends of ranges, every level (of many numbers two).
 std::vector<std::string> probes(const BoundKey& key);
 
 }  // namespace handsim::study

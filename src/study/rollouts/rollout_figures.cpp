@@ -75,11 +75,11 @@ std::optional<bool> is_held(const Simulation& simulation, bool diverged) {
   if (diverged) return false;
   const auto grasps = simulation.figures<simulation::Grasps>();
   if (!grasps.empty())
-    return std::all_of(grasps.begin(), grasps.end(), [](const GraspFigures& grasp) { return grasp.held; });
+    return std::ranges::all_of(grasps, [](const GraspFigures& grasp) { return grasp.held; });
   const std::vector<Verdict> verdicts = simulation.verdicts();
-  if (std::none_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.limit.has_value(); }))
+  if (std::ranges::none_of(verdicts, [](const Verdict& v) { return v.limit.has_value(); }))
     return std::nullopt;
-  return std::all_of(verdicts.begin(), verdicts.end(), std::mem_fn(&Verdict::held));
+  return std::ranges::all_of(verdicts, std::mem_fn(&Verdict::held));
 }
 
 std::string ended(const Simulation& simulation) {

@@ -191,12 +191,12 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
   scene_hash_ = hash_bytes(emit_yaml(scene::standalone(scene.resolved, scene.inputs)), scene_hash_);
   for (const scene::InputFile& input : scene.inputs) scene_hash_ = hash_bytes(*input.bytes, scene_hash_);
   for (std::filesystem::path& file : scene::files_read(scene))
-    if (std::find(files_.begin(), files_.end(), file) == files_.end()) files_.push_back(std::move(file));
+    if (std::ranges::find(files_, file) == files_.end()) files_.push_back(std::move(file));
   try {
     for (const auto& [name, cell] : figures_of(Simulation(scene))) {
       const bool text = name.ends_with("outcome") || name.ends_with("last_touched_by");
       const Column column = {name, ColumnRole::figure, text};
-      if (std::find(figures_.begin(), figures_.end(), column) == figures_.end()) figures_.push_back(column);
+      if (std::ranges::find(figures_, column) == figures_.end()) figures_.push_back(column);
     }
     if (!sample_) sample_ = scene;
   } catch (const Error& error) {
@@ -218,8 +218,7 @@ void RolloutStudy::make_head() {
   for (const BoundKey& bound : keys_) add(bound.columns);
   add(kOutcome);
   const auto wanted = [&](const std::string& name) {
-    return spec_.figures.empty() ||
-           std::find(spec_.figures.begin(), spec_.figures.end(), name) != spec_.figures.end();
+    return spec_.figures.empty() || std::ranges::find(spec_.figures, name) != spec_.figures.end();
   };
   for (const Column& column : figures_)
     if (wanted(column.name)) columns.push_back(column);

@@ -7,11 +7,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/run/output_size.h"
-#include "handsim/study/report.h"
 
 namespace handsim::study {
 
@@ -38,13 +38,13 @@ class WorkQueue {
       : options_(options),
         journal_(journal),
         size_(shard_size(study.size(), options.shard)),
-        done_(static_cast<std::size_t>(size_)) {
+        done_(at(size_)) {
     for (const Row& row : rows) {
       if (row.rollout >= study.size() || row.rollout % options.shard.n != options.shard.k - 1)
         throw input_error(kJournalName, fmt::format("rollout {}", row.rollout), "those of this shard");
       done_[place(row.rollout)] = true;
     }
-    count_ = std::count(done_.begin(), done_.end(), true);
+    count_ = std::ranges::count(done_, true);
     before_ = count_;
   }
 
@@ -53,8 +53,7 @@ class WorkQueue {
     const std::lock_guard lock(mutex_);
     std::vector<long> out;
     for (; next_ < size_ && static_cast<int>(out.size()) < options_.chunk; ++next_)
-      if (!done_[static_cast<std::size_t>(next_)])
-        out.push_back(options_.shard.k - 1 + next_ * options_.shard.n);
+      if (!done_[at(next_)]) out.push_back(options_.shard.k - 1 + next_ * options_.shard.n);
     return out;
   }
   void take(const std::vector<Row>& rows) {
@@ -69,7 +68,7 @@ class WorkQueue {
   long computed() const { return count_ - before_; }
 
  private:
-  std::size_t place(long rollout) const { return static_cast<std::size_t>(rollout / options_.shard.n); }
+  std::size_t place(long rollout) const { return at(rollout / options_.shard.n); }
 
   const RolloutOptions& options_;
   Journal& journal_;
@@ -119,7 +118,7 @@ std::string parts_beyond(const TableHead& of, const TableHead& other) {
   if (of.seed != other.seed) out.push_back("seed " + of.seed);
   if (of.size != other.size) out.push_back(fmt::format("{} rollouts", of.size));
   for (const std::string& part : of.origin)
-    if (std::find(other.origin.begin(), other.origin.end(), part) == other.origin.end()) out.push_back(part);
+    if (std::ranges::find(other.origin, part) == other.origin.end()) out.push_back(part);
   return fmt::format("{}", fmt::join(out, ", "));
 }
 
@@ -242,7 +241,7 @@ Table merge_shards(const std::vector<fs::path>& folders) {
     if (files.size() == before)
       throw input_error(folder.string(), "a folder without a journal", "the folder of --shard runs");
   }
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   Table out;
   for (const fs::path& file : files) {
     JournalContent content = read_journal(file);
@@ -250,14 +249,12 @@ Table merge_shards(const std::vector<fs::path>& folders) {
     check_same(content.head, out.head, file.string(), "one of the same study, by the same build");
     std::move(content.rows.begin(), content.rows.end(), std::back_inserter(out.rows));
   }
-  std::stable_sort(out.rows.begin(), out.rows.end(),
-                   [](const Row& a, const Row& b) { return a.rollout < b.rollout; });
+  std::ranges::stable_sort(out.rows, [](const Row& a, const Row& b) { return a.rollout < b.rollout; });
   const auto same = [](const Row& a, const Row& b) { return a.rollout == b.rollout; };
   out.rows.erase(std::unique(out.rows.begin(), out.rows.end(), same), out.rows.end());
   if (static_cast<long>(out.rows.size()) < out.head.size) {
     long missing = 0;
-    while (missing < static_cast<long>(out.rows.size()) &&
-           out.rows[static_cast<std::size_t>(missing)].rollout == missing)
+    while (missing < static_cast<long>(out.rows.size()) && out.rows[at(missing)].rollout == missing)
       ++missing;
     throw input_error("shards",
                       fmt::format("{} of {} rollouts, of which {} is the first that is missing",

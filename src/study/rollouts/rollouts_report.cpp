@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -11,9 +12,8 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
-#include "handsim/study/rollouts/rollout_statistics.h"
+#include "handsim/study/rollouts/rollout_table.h"
 #include "handsim/study/rollouts/rollouts.h"
-#include "handsim/study/rollouts/table_file.h"
 
 namespace handsim::study {
 
@@ -60,8 +60,8 @@ struct Bin {
 std::vector<Bin> bins_of_numbers(const Judged<double>& rows) {
   std::vector<std::size_t> order(rows.values.size());
   for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return rows.values[a] < rows.values[b]; });
+  std::ranges::stable_sort(order,
+                           [&](std::size_t a, std::size_t b) { return rows.values[a] < rows.values[b]; });
   std::map<double, Count> each;
   for (std::size_t i = 0; i < order.size() && each.size() <= kFewValues; ++i)
     each[rows.values[order[i]]].add(rows.held[order[i]]);
@@ -182,8 +182,7 @@ std::vector<Plot> plots_of(const Table& table, const std::vector<KeyEffect>& eff
     } else if (effect.text) {
       commands += fmt::format(
           "  set xrange [-0.5:{}]\n  set xtics auto\n  plot $key{} using 1:4:5:6:xtic(7) with yerrorbars pt "
-          "7 lc rgb "
-          "'#1f5fa8'\n",
+          "7 lc rgb '#1f5fa8'\n",
           static_cast<double>(effect.bins.size()) - 0.5, k);
     } else {
       const double low = effect.bins.front().low, high = effect.bins.back().high;
@@ -204,6 +203,8 @@ std::string estimate_text(const std::optional<Estimate>& estimate) {
   return estimate ? fmt::format("{:.3f} ({:.3f} to {:.3f})", estimate->value, estimate->low, estimate->high)
                   : "-";
 }
+
+constexpr double kNormal95 = 1.959963984540054;  ///< quantile 0.975 of the standard normal distribution
 
 }  // namespace
 
@@ -274,10 +275,9 @@ bool write_rollouts(const Table& table, const std::filesystem::path& out) {
 
 StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const StudyRun& run) {
   constexpr std::size_t kMostCommands = 1UL << 20U;
-  const auto with_commands =
-      std::find_if(folders.begin(), folders.end(), [](const std::filesystem::path& folder) {
-        return std::filesystem::is_regular_file(folder / kStudyFile);
-      });
+  const auto with_commands = std::ranges::find_if(folders, [](const std::filesystem::path& folder) {
+    return std::filesystem::is_regular_file(folder / kStudyFile);
+  });
   // Read before the folder is cleared, which may be one of the shards'.
   const std::string commands =
       with_commands == folders.end()
@@ -300,6 +300,46 @@ StudyCommands rollouts_commands(const std::filesystem::path& file, const std::ve
       command_text({"rollouts", file.string()}, overrides) + seeded,
       {},
       {{"rollouts.csv", command_text({"run", file.string()}, overrides) + " --rollout {rollout}" + seeded}}};
+}
+
+std::optional<Estimate> share(long held, long of) {
+  if (of <= 0) return std::nullopt;
+  const auto n = static_cast<double>(of);
+  const double p = static_cast<double>(held) / n, zz = kNormal95 * kNormal95;
+  const double centre = (p + zz / (2 * n)) / (1 + zz / n);
+  const double half = kNormal95 / (1 + zz / n) * std::sqrt(p * (1 - p) / n + zz / (4 * n * n));
+  // The ends are 0 and 1 where none and all are held; rounding must not say otherwise.
+  return Estimate{p, held == 0 ? 0 : centre - half, held == of ? 1 : centre + half};
+}
+
+std::vector<double> ranks(std::span<const double> values) {
+  std::vector<std::size_t> order(values.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::sort(order, [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+  std::vector<double> out(values.size());
+  for (std::size_t from = 0, to = 0; from < order.size(); from = to) {
+    while (to < order.size() && values[order[to]] == values[order[from]]) ++to;
+    for (std::size_t i = from; i < to; ++i) out[order[i]] = 0.5 * static_cast<double>(from + 1 + to);
+  }
+  return out;
+}
+
+std::optional<Estimate> rank_correlation(std::span<const double> x, std::span<const double> y) {
+  if (x.size() < 4 || x.size() != y.size()) return std::nullopt;
+  const std::vector<double> a = ranks(x), b = ranks(y);
+  const auto n = static_cast<double>(a.size());
+  const double mean = 0.5 * (n + 1);
+  double ab = 0, aa = 0, bb = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    ab += (a[i] - mean) * (b[i] - mean);
+    aa += (a[i] - mean) * (a[i] - mean);
+    bb += (b[i] - mean) * (b[i] - mean);
+  }
+  if (aa == 0 || bb == 0) return std::nullopt;
+  const double r = std::clamp(ab / std::sqrt(aa * bb), -1.0, 1.0);
+  if (std::abs(r) == 1) return Estimate{r, r, r};
+  const double z = std::atanh(r), half = kNormal95 * std::sqrt((1 + 0.5 * r * r) / (n - 3));
+  return Estimate{r, std::tanh(z - half), std::tanh(z + half)};
 }
 
 }  // namespace handsim::study

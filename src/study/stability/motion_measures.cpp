@@ -1,5 +1,4 @@
-// Measures of hard cases: conserved quantities, motion of bodies, contact, figures of the simulation's
-// monitors, and the memory of the process.
+// Measures of hard cases: conserved quantities, motion, contact, figures of the monitors, memory.
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -16,12 +15,8 @@ namespace {
 using simulation::Peak;
 using simulation::Simulation;
 
-enum class Change {
-  gain,   ///< above the energy at the start
-  error,  ///< above or below it
-  loss,   ///< below it, at the end
-  rise,   ///< above the lowest energy so far
-};
+/// Above the energy at the start, above or below it, below it at the end, above the lowest so far.
+enum class Change { gain, error, loss, rise };
 
 /// Change of the energy over the largest kinetic energy of the run.
 template <Change change>
@@ -33,29 +28,16 @@ Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
         kinetic + model::potential_energy(now.model(), now.state(), now.engine().settings().effects);
     if (!start) start = lowest = energy;
     lowest = std::min(lowest, energy);
-    Figure out;
+    const double changes[] = {energy - *start, std::abs(energy - *start), *start - energy, energy - lowest};
     // Avoids a division by zero in scenes at rest.
-    out.scale = std::max(kinetic, std::numeric_limits<double>::min());
-    switch (change) {
-      case Change::gain:
-        out.value = energy - *start;
-        break;
-      case Change::error:
-        out.value = std::abs(energy - *start);
-        break;
-      case Change::loss:
-        out.value = *start - energy;
-        break;
-      case Change::rise:
-        out.value = energy - lowest;
-        break;
-    }
-    return out;
+    return Figure{changes[static_cast<std::size_t>(change)],
+                  {},
+                  {},
+                  std::max(kinetic, std::numeric_limits<double>::min())};
   };
 }
 
-/// Linear and angular momentum, and the sums of the amounts of their parts: m v; r x m v and I w. In the
-/// frame of a point and its velocity.
+/// Linear and angular momentum about a moving point, and the sums of the amounts of m v; of r x m v and I w.
 struct Momenta {
   Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();
   double shifts = 0, turns = 0, mass = 0;
@@ -184,8 +166,7 @@ Sampler mirror_error(const scene::Scene& scene, const MeasureSpec&) {
   };
 }
 
-/// Acceleration down an inclined ground [m/s^2]: g (sin a - mu cos a) with Coulomb friction, for a rolling
-/// body g sin a / (1 + I / (m r^2)).
+/// Acceleration down a slope [m/s^2]: g (sin a - mu cos a), of a rolling body g sin a / (1 + I / m r^2).
 double incline_acceleration(const model::Model& model, std::size_t index, bool rolls) {
   const model::Shape* ground = nullptr;
   const model::Shape* shape = nullptr;
@@ -215,8 +196,7 @@ Sampler incline_error(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// Speed of a body on the ground: distance over time since the start of the span, so that vibration does not
-/// count.
+/// Speed of a body on the ground: distance over time since the start of the span, without vibration.
 Sampler creep(const scene::Scene& scene, const MeasureSpec& spec) {
   const std::size_t body = body_of(scene, spec.body);
   incline_acceleration(scene.model, body, false);
@@ -314,7 +294,7 @@ const MeasureKind kMotionMeasures[] = {
     {"grasp_slip", D::speed, "m/s", R::at_end, at_end<of_grasps<&Grasp::slip>>},
     {"grasp_shift", D::length, "m", R::at_end, at_end<of_grasps<&Grasp::shift>>},
     {"grasp_turn", D::angle, "rad", R::at_end, at_end<of_grasps<&Grasp::turn>>},
-    {"grasp_epsilon", D::none, "", R::at_end, at_end<grasp_epsilon>, kNothing, true},
+    {"grasp_epsilon", D::none, "", R::at_end, at_end<grasp_epsilon>, {}, true},
     {"memory_growth", D::none, "", R::largest, memory_growth},
     {"energy_gain", D::none, "", R::largest, energy<Change::gain>},
     {"energy_error", D::none, "", R::largest, energy<Change::error>},
@@ -327,12 +307,12 @@ const MeasureKind kMotionMeasures[] = {
     {"drift", D::length, "m", R::largest, motion_since_start<Drift::distance>},
     {"turn", D::angle, "rad", R::largest, motion_since_start<Drift::angle>},
     {"slip_speed", D::speed, "m/s", R::last, motion_since_start<Drift::mean_speed>},
-    {"speed_error", D::none, "", R::last, speed_error, kBody},
+    {"speed_error", D::none, "", R::last, speed_error, "body"},
     {"acceleration", D::none, "rad/s2", R::largest, acceleration},
     {"mirror_error", D::length, "m", R::largest, mirror_error},
-    {"slide_error", D::none, "", R::last, incline_error<false>, kBody},
-    {"creep", D::speed, "m/s", R::last, creep, kBody},
-    {"roll_error", D::none, "", R::last, incline_error<true>, kBody},
+    {"slide_error", D::none, "", R::last, incline_error<false>, "body"},
+    {"creep", D::speed, "m/s", R::last, creep, "body"},
+    {"roll_error", D::none, "", R::last, incline_error<true>, "body"},
     {"penetration", D::length, "m", R::largest, penetration}};
 
 }  // namespace

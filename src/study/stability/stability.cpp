@@ -10,7 +10,6 @@
 #include <fmt/ranges.h>
 
 #include "handsim/study/report.h"
-#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -25,7 +24,7 @@ void append(std::vector<T>& to, const std::vector<T>& more) {
 
 template <class T>
 bool contains(const std::vector<T>& list, const T& item) {
-  return std::find(list.begin(), list.end(), item) != list.end();
+  return std::ranges::find(list, item) != list.end();
 }
 
 /// One run: a case, a way, a step and a variant.
@@ -49,20 +48,12 @@ std::vector<Job> jobs_of(const StabilityCase& of, std::size_t index, bool quick)
     const std::vector<double>& steps = quick && !of.quick_steps.empty() ? of.quick_steps : way.steps;
     for (const double step : steps)
       for (const Variant& variant : all) {
-        Job job;
-        job.of = index;
-        job.the_case = &of;
-        job.way = &way;
-        job.step = step;
-        job.scene = variant.scene;
-        job.variant = variant.name;
-        job.set = of.set;
+        Job& job = out.emplace_back(Job{index, &of, &way, step, variant.scene, of.set, variant.name, {}, {}});
         if (quick) append(job.set, of.quick_set);
         append(job.set, way.set);
         append(job.set, variant.set);
         // A way that must be rejected may set an invalid step.
         if (!way.refused) job.set.push_back("solver.step=" + number_text(step));
-        out.push_back(std::move(job));
       }
   }
   return out;
@@ -82,20 +73,6 @@ StabilityRow row_for(const Job& job, const MeasureSpec& spec) {
           .limit = spec.limit,
           .at_least = kind.at_least,
           .command = job.way->refused ? "" : command_text({"run", job.scene.string()}, job.set)};
-}
-
-void set_figure(StabilityRow& row, const std::optional<Figure>& figure) {
-  row.where = figure ? figure->where : "nothing to measure";
-  if (!figure) return;
-  row.value = figure->value;
-  row.time = figure->time;
-}
-
-/// @throws Error unless it is a fault of the physics.
-void set_fault(StabilityRow& row, const Error& error) {
-  if (!error.fault()) throw Error(error);
-  row.fault = error.what();
-  row.time = error.fault()->time;
 }
 
 /// One run with all measures.
@@ -119,9 +96,14 @@ void measure_run(Job& job, const std::atomic<bool>& stop) {
       simulation.step();
       update();
     }
-    for (std::size_t i = 0; i < measures.size(); ++i) set_figure(job.rows[i], measures[i].figure());
+    for (std::size_t i = 0; i < measures.size(); ++i) {
+      const std::optional<Figure> figure = measures[i].figure();
+      job.rows[i].where = figure ? figure->where : "nothing to measure";
+      if (figure) job.rows[i].value = figure->value, job.rows[i].time = figure->time;
+    }
   } catch (const Error& error) {
-    for (StabilityRow& row : job.rows) set_fault(row, error);
+    if (!error.fault()) throw;
+    for (StabilityRow& row : job.rows) row.fault = error.what(), row.time = error.fault()->time;
   }
 }
 
@@ -144,15 +126,9 @@ void check_rejection(Job& job) {
   job.rows.push_back(std::move(row));
 }
 
-void run(Job& job, const std::atomic<bool>& stop) {
-  if (job.way->refused) return check_rejection(job);
-  if (!job.the_case->measures.empty()) measure_run(job, stop);
-}
-
 void set_verdict(StabilityRow& row, const StabilityCase& of) {
-  const bool known = std::any_of(of.known.begin(), of.known.end(), [&](const KnownShort& entry) {
-    return entry.covers(row.way, row.measure, row.step);
-  });
+  const bool known = std::ranges::any_of(
+      of.known, [&](const KnownShort& entry) { return entry.covers(row.way, row.measure, row.step); });
   row.verdict = row.within() ? StabilityVerdict::held
                 : known      ? StabilityVerdict::known_short
                              : StabilityVerdict::fell_short;
@@ -192,8 +168,7 @@ void check(const std::vector<Job>& jobs) {
   if (!problems.empty()) throw Error(std::move(problems));
 }
 
-/// Runs the jobs in threads, then those of cases that run alone. The first input error ends all and is
-/// thrown.
+/// Runs the jobs in threads, then those that run alone. The first input error ends all and is thrown.
 void run_all(std::vector<Job>& jobs, const StabilityOptions& options) {
   std::mutex mutex;
   std::atomic<bool> stop = false;
@@ -201,7 +176,10 @@ void run_all(std::vector<Job>& jobs, const StabilityOptions& options) {
   const auto run_one = [&](Job& job) {
     const double start = cpu_now();
     try {
-      run(job, stop);
+      if (job.way->refused)
+        check_rejection(job);
+      else if (!job.the_case->measures.empty())
+        measure_run(job, stop);
     } catch (const Error& error) {
       throw in_case(job, error);
     }
@@ -226,18 +204,17 @@ void run_all(std::vector<Job>& jobs, const StabilityOptions& options) {
 /// Lists the known shortfalls that occurred, and marks rows of those that occurred in no variant.
 void check_known_shortfalls(CaseResult& result) {
   for (const KnownShort& known : result.of->known) {
-    bool occurred = false;
-    const auto covered = [&](const StabilityRow& row) {
-      return known.covers(row.way, row.measure, row.step);
+    const auto mark = [&](StabilityVerdict from, StabilityVerdict to) {
+      bool found = false;
+      for (StabilityRow& row : result.rows)
+        if (row.verdict == from && known.covers(row.way, row.measure, row.step))
+          row.verdict = to, found = true;
+      return found;
     };
-    for (const StabilityRow& row : result.rows)
-      occurred = occurred || (covered(row) && row.verdict == StabilityVerdict::known_short);
-    if (occurred) {
+    if (mark(StabilityVerdict::known_short, StabilityVerdict::known_short))
       result.known.push_back(known.way + ": " + known.why);
-      continue;
-    }
-    for (StabilityRow& row : result.rows)
-      if (covered(row) && row.verdict == StabilityVerdict::held) row.verdict = StabilityVerdict::better;
+    else
+      mark(StabilityVerdict::held, StabilityVerdict::better);
   }
 }
 
@@ -262,8 +239,7 @@ std::vector<const StabilityCase*> chosen_cases(const StabilitySpec& spec, const 
 
 bool KnownShort::covers(const std::string& of_way, const std::string& measure, double step) const {
   const auto here = [&](double known) { return std::abs(known - step) <= 1e-9 * step; };
-  return way == of_way && contains(measures, measure) &&
-         (steps.empty() || std::any_of(steps.begin(), steps.end(), here));
+  return way == of_way && contains(measures, measure) && (steps.empty() || std::ranges::any_of(steps, here));
 }
 
 double StabilityRow::severity() const {
@@ -274,9 +250,9 @@ double StabilityRow::severity() const {
 }
 
 bool StabilityResult::passed() const {
-  return std::all_of(cases.begin(), cases.end(), [](const CaseResult& result) {
-    return std::none_of(result.rows.begin(), result.rows.end(),
-                        [](const StabilityRow& row) { return row.verdict == StabilityVerdict::fell_short; });
+  return std::ranges::all_of(cases, [](const CaseResult& result) {
+    return std::ranges::none_of(
+        result.rows, [](const StabilityRow& row) { return row.verdict == StabilityVerdict::fell_short; });
   });
 }
 

@@ -1,6 +1,5 @@
-// The stability study: scenes that are hard for engines, each run with every engine, method and step that the
-// study names. Each figure of a run is compared with a limit from an oracle. Known shortfalls of an engine
-// are reported, but do not fail the study.
+// The stability study: scenes that are hard for engines, run with every engine, method and step that the
+// study names. Figures are compared with limits from oracles; known shortfalls of an engine do not fail it.
 #pragma once
 
 #include <filesystem>
@@ -43,12 +42,9 @@ struct KnownShort {
 
 /// A key of the scene with a random value in each variant of a case.
 struct DrawnKey {
-  enum class From {
-    person,    ///< 1.4 to 2.1 m, 40 to 150 kg, body mass index 14 to 50; all such keys have the same person
-    rotation,  ///< uniform over all rotations
-    range,     ///< uniform between two numbers
-    choices    ///< one of some texts
-  };
+  /// A person (1.4 to 2.1 m, 40 to 150 kg, body mass index 14 to 50; all such keys have the same), uniform
+  /// over all rotations, uniform between two numbers, one of some texts.
+  enum class From { person, rotation, range, choices };
   std::string key;  ///< dotted
   From from = From::range;
   double low = 0, high = 0;
@@ -113,8 +109,7 @@ struct StabilityRow {
   StabilityVerdict verdict = StabilityVerdict::held;
 
   bool within() const { return value && (at_least ? *value >= limit : *value <= limit); }
-  /// Figure over limit (inverse for a lower limit): 1 at the limit, larger beyond it, infinite without a
-  /// figure.
+  /// Figure over limit (inverse for a lower limit): above 1 beyond it, infinite without a figure.
   double severity() const;
 };
 
@@ -158,8 +153,7 @@ struct Variant {
 /// Every combination of the scenes, the dimensions and the random variants.
 std::vector<Variant> variants(const StabilityCase& of, bool quick);
 
-/// The spec must outlive the result. @throws Error (input) for an unknown case, and for invalid scenes and
-/// overrides.
+/// The spec must outlive the result. @throws Error (input) for unknown cases, invalid scenes and overrides.
 StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions& options);
 
 /// One row for each measure, way and step, in order: the worst of all variants.
@@ -175,8 +169,7 @@ std::string stability_table(const StabilityResult& result);
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out);
 
-/// Writes scene_CASE.png of every case of the result with a picture, and all of them on scenes.png, in a
-/// child process. @return why it failed; nothing if it succeeded.
+/// Draws scene_CASE.png of cases with a picture, and scenes.png, in a child. @return why it failed, if so.
 std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out);
 
 /// The whole study. @throws Error (input) as its parts

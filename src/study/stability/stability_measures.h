@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/core/units.h"
 #include "handsim/simulation/simulation.h"
 
@@ -43,18 +44,8 @@ using Sample = std::optional<Figure>;
 /// The value at the present step.
 using Sampler = std::function<Sample(const simulation::Simulation& now)>;
 
-/// The reduction of samples to the figure of a run.
-enum class Reduce {
-  largest,
-  last,
-  total,   ///< the last one, without a time, because it summarises the run
-  at_end,  ///< sampled only at the end; the sample has its own time
-};
-
-/// Settings that a measure requires.
-struct MeasureNeeds {
-  bool body = false, joint = false, crank = false;
-};
+/// How samples become a run's figure. `total`: the last, without a time; `at_end`: sampled once, with one.
+enum class Reduce { largest, last, total, at_end };
 
 struct MeasureKind {
   std::string_view name;
@@ -63,8 +54,8 @@ struct MeasureKind {
   Reduce reduce = Reduce::largest;
   /// Makes the sampler of a run. The scene outlives the sampler.
   Sampler (*make)(const scene::Scene& scene, const MeasureSpec& spec) = nullptr;
-  MeasureNeeds needs = {};
-  bool at_least = false;  ///< true for a lower limit
+  std::string_view needs = {};  ///< keys that it requires: `joint body crank rod`
+  bool at_least = false;        ///< true for a lower limit
 };
 
 /// A measure of one run.
@@ -91,9 +82,6 @@ std::span<const MeasureKind> measure_kinds();
 /// Null if there is none of this name.
 const MeasureKind* measure_kind(std::string_view name);
 
-// Within this folder: the measured time span, the bodies and the joint that a case names, the tables of
-// measures.
-
 /// True if the present time is within the measured span.
 bool within(const MeasureSpec& spec, const simulation::Simulation& now);
 
@@ -110,16 +98,13 @@ struct Coordinate {
   const model::Joint* joint = nullptr;
   std::size_t axis = 0;
 
-  double value(const model::State& state) const;
-  double rate(const model::State& state) const;
+  double value(const model::State& state) const { return state.q[at(joint->first_dof) + axis]; }
+  double rate(const model::State& state) const { return state.u[at(joint->first_dof) + axis]; }
 };
 
 /// @param name `joint` or `joint.axis`. @throws Error (input) if the scene has none of this name.
 Coordinate coordinate_of(const scene::Scene& scene, const std::string& name);
 
-inline constexpr MeasureNeeds kNothing = {}, kBody = {.body = true}, kJoint = {.joint = true};
-
-// The measures.
 std::span<const MeasureKind> motion_measures();
 std::span<const MeasureKind> joint_measures();
 

@@ -16,7 +16,6 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/report.h"
-#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -49,7 +48,7 @@ std::string place(const StabilityRow& row) {
     parts.push_back(row.where);
   if (row.time) parts.push_back(fmt::format("at {:.4g} s", *row.time));
   std::string out = fmt::format("{}", fmt::join(parts, "; "));
-  std::replace(out.begin(), out.end(), '\n', ' ');
+  std::ranges::replace(out, '\n', ' ');
   return out;
 }
 
@@ -146,7 +145,7 @@ void add_overview(const StabilityResult& result, Report& report) {
   for (int i = 0; i < count; ++i) {
     const CaseResult& of = result.cases[static_cast<std::size_t>(i)];
     std::string name = of.of->name;
-    std::replace(name.begin(), name.end(), '_', ' ');
+    std::ranges::replace(name, '_', ' ');
     ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", output::plot_text(name), count - i);
     for (const StabilityRow& row : worst_rows(of)) {
       const double x = std::clamp(row.severity(), kLeastSeverity, kMostSeverity);
@@ -176,6 +175,16 @@ void add_overview(const StabilityResult& result, Report& report) {
            kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks, fmt::join(curves, ", "))});
 }
 
+/// Names of all files of a study.
+std::vector<std::string> stability_files(const StabilitySpec& spec) {
+  std::vector<std::string> out = {"scenes.png"};
+  for (const StabilityCase& of : spec.cases)
+    if (of.picture) out.push_back("scene_" + of.name + ".png");
+  const std::vector<std::string> files = report_files("stability", {"stability"});
+  out.insert(out.end(), files.begin(), files.end());
+  return out;
+}
+
 }  // namespace
 
 std::vector<StabilityRow> worst_rows(const CaseResult& result) {
@@ -183,7 +192,7 @@ std::vector<StabilityRow> worst_rows(const CaseResult& result) {
   for (const MeasureSpec& measure : result.of->measures)
     for (const StabilityRow& row : result.rows) {
       if (row.measure != measure.name) continue;
-      const auto same = std::find_if(out.begin(), out.end(), [&](const StabilityRow& other) {
+      const auto same = std::ranges::find_if(out, [&](const StabilityRow& other) {
         return other.measure == row.measure && other.way == row.way && other.step == row.step;
       });
       if (same == out.end())
@@ -253,20 +262,6 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
   };
   return output::run_in_child(draw_all, {});
 }
-
-namespace {
-
-/// Names of all files of a study.
-std::vector<std::string> stability_files(const StabilitySpec& spec) {
-  std::vector<std::string> out = {"scenes.png"};
-  for (const StabilityCase& of : spec.cases)
-    if (of.picture) out.push_back("scene_" + of.name + ".png");
-  const std::vector<std::string> files = report_files("stability", {"stability"});
-  out.insert(out.end(), files.begin(), files.end());
-  return out;
-}
-
-}  // namespace
 
 StudyEnd stability(StabilityOptions options, const StudyRun& run) {
   const StabilitySpec spec = load_stability(options.study);

@@ -1,9 +1,13 @@
 #include <algorithm>
+#include <cmath>
+#include <random>
 #include <set>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/pose.h"
+#include "handsim/core/text.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/study/spec_reader.h"
 #include "handsim/study/stability/stability.h"
@@ -63,14 +67,11 @@ std::vector<Alternative> read_dimension(MapReader reader) {
 
 /// Reports missing keys that a measure requires.
 void check_needs(MapReader& reader, const MeasureKind& kind) {
-  const auto check = [&](const char* key, bool needed, const char* what) {
-    if (needed && !reader.has(key))
+  using Need = std::pair<const char*, const char*>;
+  for (const auto& [key, what] :
+       {Need{"joint", "a joint"}, Need{"body", "a body"}, Need{"crank", "a length"}, Need{"rod", "a length"}})
+    if (kind.needs.find(key) != std::string_view::npos && !reader.has(key))
       reader.problem(key, "nothing", fmt::format("{}, which {} requires", what, kind.name));
-  };
-  check("joint", kind.needs.joint, "a joint");
-  check("body", kind.needs.body, "a body");
-  check("crank", kind.needs.crank, "a length");
-  check("rod", kind.needs.crank, "a length");
 }
 
 MeasureSpec read_measure(MapReader reader) {
@@ -110,28 +111,21 @@ Way read_way(MapReader reader, const std::vector<double>& steps) {
   return way;
 }
 
-/// Names of the case's measures.
-void read_measure_names(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
-                        std::vector<std::string>& out) {
-  read_items(reader, key, true, [&](const YamlNode& node, const std::string& path) {
-    if (std::find(known.begin(), known.end(), node.text) == known.end())
-      reader.diagnostics().problems.push_back(
-          {node.place(), path, node.described(),
-           fmt::format("one of the case's measures: {}",
-                       known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", ")))});
-    out.push_back(node.text);
-  });
-}
-
 KnownShort read_known(MapReader reader, const StabilityCase& of) {
-  std::vector<std::string> ways, measures;
+  std::vector<std::string> ways;
+  std::string measures = of.measures.empty() ? "none" : "";
+  for (const MeasureSpec& each : of.measures) measures += (measures.empty() ? "" : ", ") + each.name;
   for (const Way& way : of.ways) ways.push_back(way.name);
-  for (const MeasureSpec& measure : of.measures) measures.push_back(measure.name);
   KnownShort out;
   out.way = reader.text("way");
-  if (reader.sound() && std::find(ways.begin(), ways.end(), out.way) == ways.end())
+  if (reader.sound() && std::ranges::find(ways, out.way) == ways.end())
     reader.problem("way", out.way, fmt::format("one of {}", fmt::join(ways, ", ")));
-  read_measure_names(reader, "measures", measures, out.measures);
+  read_items(reader, "measures", true, [&](const YamlNode& node, const std::string& at) {
+    if (std::ranges::find(of.measures, node.text, &MeasureSpec::name) == of.measures.end())
+      reader.diagnostics().problems.push_back(
+          {node.place(), at, node.described(), "one of the case's measures: " + measures});
+    out.measures.push_back(node.text);
+  });
   out.steps = read_steps(reader, "steps", false);
   out.why = reader.text("why");
   reader.finish();
@@ -183,11 +177,8 @@ Draws read_draws(MapReader reader) {
 
 void read_quick(MapReader& reader, StabilityCase& out) {
   const YamlNode* node = reader.child("quick");
-  if (!node) return;
-  if (node->kind == YamlNode::Kind::scalar) {
-    out.in_quick = reader.flag("quick", true);
-    return;
-  }
+  if (node && node->kind == YamlNode::Kind::scalar) out.in_quick = reader.flag("quick", true);
+  if (!node || node->kind == YamlNode::Kind::scalar) return;
   MapReader quick = reader.map("quick");
   out.quick_set = read_set(quick, "set");
   out.quick_steps = read_steps(quick, "steps", false);
@@ -201,19 +192,17 @@ void check_case(MapReader& reader, const StabilityCase& of) {
   for (const MeasureSpec& measure : of.measures) {
     if (!names.insert(measure.name).second)
       reader.problem("measures", measure.name + " a second time", "a unique name for each measure");
-    const bool held = std::any_of(of.ways.begin(), of.ways.end(), [&](const Way& way) {
-      return !way.refused && std::any_of(way.steps.begin(), way.steps.end(), [&](double step) {
-        return std::none_of(of.known.begin(), of.known.end(), [&](const KnownShort& known) {
-          return known.covers(way.name, measure.name, step);
-        });
+    const bool held = std::ranges::any_of(of.ways, [&](const Way& way) {
+      return !way.refused && std::ranges::any_of(way.steps, [&](double step) {
+        return std::ranges::none_of(
+            of.known, [&](const KnownShort& known) { return known.covers(way.name, measure.name, step); });
       });
     });
     if (!held)
       reader.problem("ways", "no way without a known shortfall of " + measure.name,
                      "a way and step whose run must hold " + measure.name);
   }
-  const bool refusals =
-      std::any_of(of.ways.begin(), of.ways.end(), [](const Way& way) { return way.refused.has_value(); });
+  const bool refusals = std::ranges::any_of(of.ways, [](const Way& way) { return way.refused.has_value(); });
   if (of.measures.empty() && !refusals)
     reader.problem("measures", "no measure", "a measure, or ways with `refused`");
   std::size_t variants = of.scenes.size();
@@ -249,6 +238,30 @@ StabilityCase read_case(MapReader reader) {
   return out;
 }
 
+/// Description and YAML of a random person.
+std::pair<std::string, std::string> drawn_person(std::mt19937& random) {
+  std::uniform_real_distribution<double> stature(1.4, 2.1), mass(40, 150);
+  double metres = 0, kilograms = 0, index = 0;
+  do {
+    metres = stature(random), kilograms = mass(random);
+    index = kilograms / (metres * metres);
+  } while (index < 14 || index > 50);
+  const char* sex = random() % 2 == 0 ? "male" : "female";
+  return {fmt::format("{:.2f} m, {:.0f} kg, {}", metres, kilograms, sex),
+          fmt::format("{{stature: {:.4f}, mass: {:.3f}, sex: {}}}", metres, kilograms, sex)};
+}
+
+/// Uniform over all rotations: the direction of four normally distributed numbers (Marsaglia 1972).
+std::string drawn_rotation(std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const double w = normal(random), x = normal(random), y = normal(random), z = normal(random);
+  const Vec3 turn = rotation_vector(Quat(w, x, y, z).normalized());
+  const double angle = turn.norm();
+  const Vec3 axis = angle > 0 ? Vec3(turn / angle) : Vec3(Vec3::UnitX());
+  return fmt::format("{{axis: [{:.6f}, {:.6f}, {:.6f}], angle: {:.6f}}}", axis.x(), axis.y(), axis.z(),
+                     angle);
+}
+
 }  // namespace
 
 StabilitySpec load_stability(const std::filesystem::path& path) {
@@ -272,6 +285,61 @@ StabilitySpec load_stability(const std::filesystem::path& path) {
   reader.finish();
   diagnostics.throw_if_any();
   return spec;
+}
+
+std::vector<Alternative> drawn_variants(const Draws& draws, int most) {
+  std::mt19937 random(static_cast<unsigned>(draws.seed));
+  std::vector<Alternative> out;
+  for (int i = 0; i < std::min(draws.count, most); ++i) {
+    Alternative& variant = out.emplace_back();
+    variant.name = fmt::format("draw {}", i + 1);
+    std::string person;
+    for (const DrawnKey& key : draws.keys) {
+      std::string value;
+      switch (key.from) {
+        case DrawnKey::From::person:
+          if (person.empty()) {
+            std::string described;
+            std::tie(described, person) = drawn_person(random);
+            variant.name += ": " + described;
+          }
+          value = person;
+          break;
+        case DrawnKey::From::rotation:
+          value = drawn_rotation(random);
+          break;
+        case DrawnKey::From::range:
+          value = number_text(std::uniform_real_distribution<double>(key.low, key.high)(random));
+          break;
+        case DrawnKey::From::choices:
+          value = key.choices[random() % key.choices.size()];
+          break;
+      }
+      variant.set.push_back(key.key + "=" + value);
+    }
+  }
+  return out;
+}
+
+std::vector<Variant> variants(const StabilityCase& of, bool quick) {
+  std::vector<Variant> out;
+  for (const std::filesystem::path& scene : of.scenes)
+    out.push_back({scene, of.scenes.size() > 1 ? scene.stem().string() : "", {}});
+  std::vector<std::vector<Alternative>> dimensions = of.varied;
+  if (of.draws)
+    dimensions.push_back(
+        drawn_variants(*of.draws, quick ? of.quick_draws.value_or(of.draws->count) : of.draws->count));
+  for (const std::vector<Alternative>& dimension : dimensions) {
+    std::vector<Variant> more;
+    for (const Variant& chosen : out)
+      for (const Alternative& alternative : dimension) {
+        Variant& both = more.emplace_back(chosen);
+        both.name += (both.name.empty() ? "" : ", ") + alternative.name;
+        both.set.insert(both.set.end(), alternative.set.begin(), alternative.set.end());
+      }
+    out = std::move(more);
+  }
+  return out;
 }
 
 }  // namespace handsim::study

@@ -77,8 +77,7 @@ void check_unit(const std::vector<Distance>& distances, const std::string& file)
   if (longest < 0.02 || longest > 0.3)
     throw input_error(
         file, fmt::format("a palm of {:.3g} m", longest),
-        "one of 0.02 to 0.3 m: the unit stands behind a column's name, [m] or [mm], in .json as "
-        "\"unit\"");
+        "one of 0.02 to 0.3 m: the unit stands behind a column's name, [m] or [mm], in .json as \"unit\"");
 }
 
 /// Distances of the hand that is built with these dimensions, at zero angles.
@@ -106,12 +105,11 @@ hand::Person fit_bones(const Recording& recording, const hand::HandSpec& spec, c
   std::vector<Distance> distances = distances_of(points, spec);
   for (Distance& each : distances) measure(recording, points, each);
   std::erase_if(distances, [](const Distance& each) { return each.weight < 3; });
-  if (std::none_of(distances.begin(), distances.end(), [](const Distance& each) { return !each.segment; }))
+  if (std::ranges::none_of(distances, [](const Distance& each) { return !each.segment; }))
     throw input_error(recording.file, "no three frames that show the palm",
                       "keypoints of the palm, or --keep-person");
   check_unit(distances, recording.file);
-  // The palm gives both dimensions, the bones then their own lengths. Distances are nearly linear in the
-  // dimensions: Gauss-Newton from the predicted hand.
+  // The palm gives both dimensions, then bones their lengths. Nearly linear: Gauss-Newton from predictions.
   const hand::HandSize predicted = hand::hand_size(spec.anthropometry, person);
   Eigen::Vector2d size(predicted.length, predicted.breadth);
   for (int round = 0; round < 20; ++round) {

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 
 namespace handsim::study {
 
@@ -61,7 +60,7 @@ std::vector<std::string> keypoint_names() {
 std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   const auto ends_in = [&](std::size_t row, const std::string& name) {
     return !spec.segments[row].has_child &&
-           std::any_of(hand.fingertips.begin(), hand.fingertips.end(), [&](const model::Fingertip& tip) {
+           std::ranges::any_of(hand.fingertips, [&](const model::Fingertip& tip) {
              return tip.name == name && tip.body == hand.segments[row].body;
            });
   };

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/hand/build.h"
 #include "handsim/model/kinematics.h"
 
@@ -58,9 +59,7 @@ class HandTree {
     int body = 0;
     Pose in_body;
   };
-  const Frame& frame(const Feature& feature) const {
-    return frames_[static_cast<std::size_t>(feature.segment + 1)];
-  }
+  const Frame& frame(const Feature& feature) const { return frames_[at(feature.segment + 1)]; }
   Pose pose(const Feature& feature) const;
 
   model::Side side_;

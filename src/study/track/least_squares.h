@@ -6,8 +6,7 @@
 
 namespace handsim::study {
 
-/// What is minimised: the sum of the squared residuals, which are functions of parameters within bounds.
-/// Plain types: it crosses to the module.
+/// Minimises the squared residuals of parameters within bounds. Plain types: they cross to the module.
 struct LeastSquares {
   /// Writes residuals and, where not null, their derivatives, row by residual.
   void (*evaluate)(const void* context, const double* x, double* residuals, double* jacobian) = nullptr;

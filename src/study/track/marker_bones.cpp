@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/index.h"
 
 namespace handsim::study {
 
@@ -18,9 +19,8 @@ constexpr double kLeastCoordinateNoise = 1e-7;  ///< of a coordinate [m]
 constexpr double kOutlier = 0.05;               ///< a marker farther from the fit is left out [m]
 constexpr double kStep = 1e-6;                  ///< of a size, to differentiate
 
-/// The sizes that markers can show: hand length, then hand breadth and every bone that carries another one,
-/// over those of a person with that length. The markers of a last segment are placed on it in metres, so that
-/// its own length does not move them.
+/// The sizes that markers show: hand length, then breadth and every bone that carries another, over those of
+/// a person of that length. Markers of a last segment are placed in metres: its length does not move them.
 struct Sizes {
   const hand::HandSpec* spec;
   const hand::Person* of;
@@ -67,7 +67,7 @@ std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
   std::vector<std::size_t> good;
   for (std::size_t k = 0; k < hand.size(); ++k) {
     const std::vector<MeasuredPoint> frame = hand.at(k);
-    const auto seen = std::count_if(frame.begin(), frame.end(), [](const MeasuredPoint& each) {
+    const auto seen = std::ranges::count_if(frame, [](const MeasuredPoint& each) {
       return each.point.has_value() || each.orientation.has_value();
     });
     if (seen >= 3 && 3 * seen >= 2 * static_cast<std::ptrdiff_t>(frame.size())) good.push_back(k);
@@ -116,7 +116,7 @@ Eigen::MatrixXd free_columns(const Eigen::MatrixXd& J, const HandPose& pose, con
   constexpr double kNear = 1e-9;
   std::vector<Eigen::Index> kept;
   for (Eigen::Index k = 0; k < J.cols(); ++k) {
-    const auto axis = static_cast<std::size_t>(k) - 6;
+    const auto axis = at(k) - 6;
     const bool held = k >= 6 && (pose.angles[axis] <= tree.axes()[axis].low + kNear ||
                                  pose.angles[axis] >= tree.axes()[axis].high - kNear);
     if (!held) kept.push_back(k);
@@ -266,11 +266,9 @@ hand::Person fit_bones_to_markers(const std::vector<HandFrames>& hands, const ha
                       "frames with two thirds of the markers of --markers, or --keep-person");
   hand::Person out = fit.run();
   if (!fit.shows_length())
-    warnings.push_back(
-        fmt::format("{}: the markers hardly show the length of the hand: {:.0f} mm are near those of "
-                    "the {}{}",
-                    recording, 1e3 * *out.hand_length, person.predicted.title,
-                    person.named ? "" : ", as no --person is given"));
+    warnings.push_back(fmt::format(
+        "{}: the markers hardly show the length of the hand: {:.0f} mm are near those of the {}{}", recording,
+        1e3 * *out.hand_length, person.predicted.title, person.named ? "" : ", as no --person is given"));
   out.title =
       person.predicted.title + ", hand measured from " + std::filesystem::path(recording).filename().string();
   return out;

@@ -48,7 +48,7 @@ std::vector<Feature> features_of(const MarkerSet& set, const hand::HandSpec& spe
   for (const hand::SegmentSpec& segment : spec.segments) known.push_back(segment.name);
   for (const MarkerSpec& marker : set.markers) {
     if (marker.hand != side) continue;
-    const auto found = std::find(known.begin(), known.end(), marker.segment);
+    const auto found = std::ranges::find(known, marker.segment);
     if (found == known.end()) {
       problems.push_back({marker.place, "segment", marker.segment + ", an unknown segment",
                           "palm, or a segment of the hand model" + nearest_hint(marker.segment, known)});

@@ -212,7 +212,7 @@ FitResult PoseFit::fit(const std::vector<MeasuredPoint>& frame, const HandPose& 
     parts.solve();
     out.pose = parts.pose(from.wrist.q);
     parts.measure(out);
-    const auto worst = std::max_element(out.distances.begin(), out.distances.end());
+    const auto worst = std::ranges::max_element(out.distances);
     // An absent distance is less than any other.
     if (round == kMostRejected || !*worst || **worst <= outlier) return out;
     out.rejected[static_cast<std::size_t>(worst - out.distances.begin())] = true;

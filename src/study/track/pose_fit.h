@@ -1,5 +1,4 @@
-// Fits the pose of a hand to measured features of one frame: least squares by Levenberg-Marquardt with the
-// stops as bounds.
+// Fits the pose of a hand to features of one frame: least squares (Levenberg-Marquardt), the stops as bounds.
 #pragma once
 
 #include <memory>
@@ -34,8 +33,7 @@ struct Rows {
   Eigen::MatrixXd jacobian;
 };
 
-/// Gradient and matrix of the squared residuals in [m^2] by the parameters (position, turn about world axes,
-/// angles), Gauss-Newton.
+/// Gradient and Gauss-Newton matrix of the squared residuals [m^2] by position, turn in world axes, angles.
 struct Linearised {
   Eigen::VectorXd gradient;
   Eigen::MatrixXd matrix;

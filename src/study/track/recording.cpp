@@ -1,6 +1,5 @@
 #include "handsim/study/track/recording.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <optional>
@@ -17,23 +16,6 @@
 namespace handsim::study {
 
 namespace {
-
-std::string_view bare(std::string_view text) {
-  constexpr std::string_view kBlank = " \t\r";
-  const std::size_t first = text.find_first_not_of(kBlank);
-  if (first == std::string_view::npos) return {};
-  return text.substr(first, text.find_last_not_of(kBlank) - first + 1);
-}
-
-std::vector<std::string_view> parts_of(std::string_view line, char separator) {
-  std::vector<std::string_view> out;
-  while (true) {
-    const std::size_t end = line.find(separator);
-    out.push_back(bare(line.substr(0, end)));
-    if (end == std::string_view::npos) return out;
-    line.remove_prefix(end + 1);
-  }
-}
 
 /// A recording being read, and the place in its file.
 class RecordingReader {
@@ -172,11 +154,11 @@ Recording read_csv(const std::filesystem::path& path) {
   LineReader reader(path);
   std::string_view line;
   if (!reader.next(line)) reader.fail("an empty file", "a line of column names, then rows");
-  const std::vector<std::string_view> labels = parts_of(line, ',');
+  const std::vector<std::string_view> labels = split(line, ',');
   const std::map<std::string, ChannelColumns> columns = read_head(reader, labels);
   while (reader.next(line)) {
-    if (bare(line).empty()) continue;
-    const std::vector<std::string_view> fields = parts_of(line, ',');
+    if (trimmed(line).empty()) continue;
+    const std::vector<std::string_view> fields = split(line, ',');
     if (fields.size() != labels.size())
       reader.fail(fmt::format("{} values", fields.size()),
                   fmt::format("{}, one for each column", labels.size()));
@@ -205,7 +187,7 @@ struct TrcHead {
   std::array<std::vector<std::string_view>, 5> lines;
 
   std::optional<std::string_view> find(std::string_view key) const {
-    const auto found = std::find(lines[1].begin(), lines[1].end(), key);
+    const auto found = std::ranges::find(lines[1], key);
     const auto index = static_cast<std::size_t>(found - lines[1].begin());
     return index < lines[1].size() && index < lines[2].size() ? std::optional(lines[2][index]) : std::nullopt;
   }
@@ -224,7 +206,7 @@ Recording read_trc(const std::filesystem::path& path) {
   TrcHead head;
   for (auto& each : head.lines) {
     if (!reader.next(line)) reader.fail("the end of the file", "the five lines of a .trc header");
-    each = parts_of(line, '\t');
+    each = split(line, '\t');
   }
   const std::string_view units = head.find("Units").value_or("none");
   if (units != "mm" && units != "m")
@@ -241,8 +223,8 @@ Recording read_trc(const std::filesystem::path& path) {
   if (markers.empty()) reader.fail("no marker", "names of markers after Frame# and Time");
   head.check(reader, "NumMarkers", markers.size());
   while (reader.next(line)) {
-    if (bare(line).empty()) continue;
-    std::vector<std::string_view> fields = parts_of(line, '\t');
+    if (trimmed(line).empty()) continue;
+    std::vector<std::string_view> fields = split(line, '\t');
     // Markers at the end of a row that were not seen may have no tabs.
     const std::size_t width = markers.back().second + 3;
     const bool within_marker = fields.size() % 3 != 2 && !fields.back().empty();

@@ -1,5 +1,4 @@
-// Smooths the fitted poses of consecutive frames: the most likely motion, given how well each frame
-// determines each angle and how strongly hands accelerate.
+// Smooths fitted poses of consecutive frames: the likeliest motion by how well a frame determines each angle.
 #pragma once
 
 #include <functional>
@@ -9,8 +8,7 @@
 
 namespace handsim::study {
 
-/// Spectral densities of the accelerations of a hand, taken as white noise. From accelerations of about 20
-/// rad/s^2 and 5 m/s^2 that last 50 ms; chosen.
+/// Spectral densities of a hand's accelerations as white noise: 20 rad/s^2 and 5 m/s^2 for 50 ms; chosen.
 struct MotionPrior {
   double angle = 40;      ///< of joint angles [rad^2/s^3]
   double position = 2.5;  ///< of the wrist [m^2/s^3]

@@ -110,7 +110,7 @@ class HandTracker {
   void track(std::size_t k) {
     TrackedFrame& frame = out_.frames[k];
     const std::vector<MeasuredPoint> measured = frames_.at(k);
-    const auto count = static_cast<std::size_t>(std::count_if(measured.begin(), measured.end(), seen));
+    const auto count = static_cast<std::size_t>(std::ranges::count_if(measured, seen));
     // A third of the points does not determine a hand.
     if (count < 3 || 3 * count < own_.features().size()) return;
     FitResult fit = follow(k, measured);
@@ -154,7 +154,7 @@ class HandTracker {
   }
 
   static bool rejects(const FitResult& fit) {
-    return std::find(fit.rejected.begin(), fit.rejected.end(), true) != fit.rejected.end();
+    return std::ranges::find(fit.rejected, true) != fit.rejected.end();
   }
 
   /// A hand whose mirror image fits much better has the points of the other hand.
@@ -165,7 +165,7 @@ class HandTracker {
       if (!rejects(mirrored) && mirrored.rms < kMuchBetter * fit.rms) return FrameStatus::swapped;
       if (rejects(fit) && !rejects(mirrored)) return FrameStatus::swapped;
     }
-    const auto left_out = std::count(fit.rejected.begin(), fit.rejected.end(), true);
+    const auto left_out = std::ranges::count(fit.rejected, true);
     return fit.rms <= input_.limit && left_out < 5 ? FrameStatus::tracked : FrameStatus::poor;
   }
 
@@ -189,7 +189,7 @@ class HandTracker {
 
   void estimate_noise() {
     double squares = 0, spare = 0;
-    const auto parameters = 6 + std::count(out_.determined.begin(), out_.determined.end(), true);
+    const auto parameters = 6 + std::ranges::count(out_.determined, true);
     for (const TrackedFrame& frame : out_.frames) {
       if (frame.status != FrameStatus::tracked) continue;
       double residuals = 0;
@@ -272,22 +272,14 @@ bool wrists_swapped(const HandTracker& a, const HandTracker& b, std::size_t k) {
 }  // namespace
 
 std::string_view name(FrameStatus status) {
-  switch (status) {
-    case FrameStatus::tracked:
-      return "tracked";
-    case FrameStatus::missing:
-      return "missing";
-    case FrameStatus::swapped:
-      return "swapped";
-    case FrameStatus::poor:
-      return "poor";
-  }
-  return {};
+  // In the order of FrameStatus.
+  constexpr std::string_view kNames[] = {"tracked", "missing", "swapped", "poor"};
+  return kNames[static_cast<std::size_t>(status)];
 }
 
 std::size_t TrackedHand::count(FrameStatus status) const {
   return static_cast<std::size_t>(
-      std::count_if(frames.begin(), frames.end(), [&](const auto& frame) { return frame.status == status; }));
+      std::ranges::count_if(frames, [&](const auto& frame) { return frame.status == status; }));
 }
 
 TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress) {

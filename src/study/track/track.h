@@ -1,5 +1,4 @@
-// Inverse kinematics of a recording of hands: joint angles and wrist poses over time of keypoints, markers or
-// sensors, for the person of the recording.
+// Inverse kinematics of recorded hands: joint angles and wrist poses of keypoints, markers or sensors.
 #pragma once
 
 #include <functional>

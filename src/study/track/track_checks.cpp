@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/index.h"
 #include "handsim/core/text.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
@@ -33,8 +34,7 @@ void find_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
       overlaps = overlaps || each.depth > kDepth;
       if (each.depth <= out.deepest) continue;
       out.deepest = each.depth;
-      out.where = model.shapes[static_cast<std::size_t>(each.shape_a)].name + " and " +
-                  model.shapes[static_cast<std::size_t>(each.shape_b)].name;
+      out.where = model.shapes[at(each.shape_a)].name + " and " + model.shapes[at(each.shape_b)].name;
     }
     ++out.tested;
     if (overlaps) ++out.frames;
@@ -45,15 +45,13 @@ void compare(const control::MotionTable& table, const std::vector<double>& times
   const model::CubicSpline known(table.times, table.values, table.names.size());
   std::vector<double> row(table.names.size());
   for (std::size_t i = 0; i < tracked.axes.size(); ++i) {
-    const auto column =
-        std::find(table.names.begin(), table.names.end(), tracked.name + "." + tracked.axes[i]);
+    const auto column = std::ranges::find(table.names, tracked.name + "." + tracked.axes[i]);
     if (column == table.names.end() || !tracked.determined[i]) continue;
     double squares = 0, count = 0;
     for (std::size_t k = 0; k < times.size(); ++k) {
       if (tracked.frames[k].status != FrameStatus::tracked) continue;
       known.at(times[k], row);
-      const double error =
-          tracked.frames[k].pose.angles[i] - row[static_cast<std::size_t>(column - table.names.begin())];
+      const double error = tracked.frames[k].pose.angles[i] - row[at(column - table.names.begin())];
       squares += error * error;
       count += 1;
     }
@@ -76,7 +74,7 @@ std::vector<std::string> recording_warnings(const TrackInput& input, const Recor
   std::size_t unused = 0;
   std::string names;
   for (const auto& [name, channel] : recording.channels) {
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    if (std::ranges::find(known, name) != known.end()) continue;
     if (++unused <= kMostNamed) names += (unused > 1 ? ", " : "") + name + nearest_hint(name, known);
   }
   if (unused > kMostNamed) names += ", ...";
@@ -91,8 +89,8 @@ std::vector<std::string> recording_warnings(const TrackInput& input, const Recor
                           static_cast<double>(std::max<std::size_t>(1, recording.times.size() - 1));
   if (interval > kLongestInterval)
     out.push_back(
-        fmt::format("{}: frames {:.3g} s apart: times in milliseconds? They are read as seconds, and "
-                    "no motion is followed over such gaps",
+        fmt::format("{}: frames {:.3g} s apart: times in milliseconds? They are read as seconds, and no "
+                    "motion is followed over such gaps",
                     recording.file, interval));
   return out;
 }
@@ -101,8 +99,7 @@ std::string swap_warning(const TrackedHand& tracked) {
   if (tracked.frames.empty() || 2 * tracked.count(FrameStatus::swapped) < tracked.frames.size()) return {};
   return fmt::format(
       "{}: most frames have the shape of the other hand: it is a {} hand under the wrong name, or the axes "
-      "of the "
-      "recording are left-handed (such as y down with z away: change the sign of one of them)",
+      "of the recording are left-handed (such as y down with z away: change the sign of one of them)",
       tracked.name, tracked.side == model::Side::right ? "left" : "right");
 }
 

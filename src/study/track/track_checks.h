@@ -1,5 +1,4 @@
-// Checks of a tracked hand: fingers that lie inside each other, and the difference from known angles; private
-// to this folder.
+// Checks of a tracked hand: fingers inside each other, difference from known angles; private to this folder.
 #pragma once
 
 #include "handsim/control/motion_file.h"
@@ -9,8 +8,7 @@ namespace handsim::study {
 
 /// Fills TrackedHand::overlaps. @param hand right hand as built.
 void find_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked);
-/// Fills TrackedHand::truth from the columns `HAND.joint.axis` of a table. @throws Error (input) for a table
-/// without them.
+/// Fills TrackedHand::truth from a table's columns `HAND.joint.axis`. @throws Error (input) if it has none.
 void compare(const control::MotionTable& table, const std::vector<double>& times, TrackedHand& tracked);
 /// What of a recording no hand uses, and times that look like milliseconds.
 /// @throws Error (input) where nothing in it is named as a keypoint or marker.

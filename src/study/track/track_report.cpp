@@ -105,7 +105,7 @@ std::string scene_text(const TrackInput& input, const TrackResult& result) {
         "    wrist: {{mount: driven, motion: {{table: {}_wrist.csv{}}}}}\n",
         std::filesystem::absolute(input.model_file).lexically_normal().string(), hand.name, hand.name,
         filter);
-    const TrackedFrame& first = *std::find_if(hand.frames.begin(), hand.frames.end(), is_tracked);
+    const TrackedFrame& first = *std::ranges::find_if(hand.frames, is_tracked);
     std::string pose;
     for (std::size_t i = 0; i < hand.axes.size(); ++i) {
       const std::string joint = hand.axes[i].substr(0, hand.axes[i].find('.'));
@@ -178,9 +178,8 @@ Plot residual_plot(const TrackResult& result) {
   for (const TrackedHand& hand : result.hands) {
     commands += fmt::format(
         "{0}'frames.csv' skip 1 using 1:(strcol({1}) eq 'tracked' ? ${2} : NaN) with lines lw 1.4 lc rgb "
-        "'{3}' "
-        "title '{4}', '' skip 1 using 1:(strcol({1}) eq 'tracked' ? NaN : 0) with points pt {5} lc rgb '{3}' "
-        "title '{4}: no hand'",
+        "'{3}' title '{4}', '' skip 1 using 1:(strcol({1}) eq 'tracked' ? NaN : 0) with points pt {5} lc rgb "
+        "'{3}' title '{4}: no hand'",
         ink > 0 ? ", " : "", column, column + 1, kInks[ink], hand.name, 5 + 2 * ink);
     column += 2 + hand.features.size();
     ++ink;

@@ -1,5 +1,4 @@
-// A person's hand as validation measures it: muscles, kinematics and isometric forces; private to this
-// folder.
+// A person's hand as validation measures it: muscles, kinematics, isometric forces; private to this folder.
 #pragma once
 
 #include <span>
@@ -60,8 +59,7 @@ class Subject {
 };
 
 /// The largest force along a direction that activations of 0 to 1 hold at a fingertip without a moment [N].
-/// @param of its `segment`: the force is at that segment's middle; its `friction` lets the force lean from
-/// the direction, as on a surface with that friction
+/// @param of: with a `segment` at its middle; its `friction` lets the force lean from the direction
 double largest_tip_force(const Subject& subject, const Measurement& of);
 
 /// The largest force between the round ends of the thumb and of a finger, along the line of their centres

@@ -1,6 +1,5 @@
-// The hand against measurements: quantities of a built hand (moment arms, tendon excursions, forces, moments,
-// masses) beside measured values with their spread. The measurements are data: a file of rows, of which the
-// shipped one is config/validate.yaml.
+// The hand against measurements: quantities of a built hand (arms, excursions, forces, moments, masses)
+// beside measured values and their spread, rows of a file such as config/validate.yaml.
 #pragma once
 
 #include <filesystem>
@@ -50,8 +49,7 @@ struct Measurement {
   Angles pose, from;
   std::filesystem::path scene;       ///< simulation
   std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
-  /// simulation: paths in summary.json whose numbers, or vectors, are added; a vector counts by its length,
-  /// `climbs.0.load_N`
+  /// simulation: paths in summary.json (`climbs.0.load_N`) whose numbers or vectors, by length, are added
   std::vector<std::string> figures;
   std::vector<std::string> over;      ///< simulation: figures whose sum divides it; empty: none
   double friction = 0;                ///< tip_force, pinch_force: of the surface; 0: force without shear

@@ -8,7 +8,6 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
-#include "handsim/study/study_page.h"
 #include "handsim/study/validate/validate.h"
 
 namespace handsim::study {
@@ -36,8 +35,7 @@ std::vector<Group> groups_of(const ValidateResult& result) {
   std::vector<Group> out;
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
-    auto found =
-        std::find_if(out.begin(), out.end(), [&](const Group& group) { return group.kind == row.of->kind; });
+    auto found = std::ranges::find_if(out, [&](const Group& group) { return group.kind == row.of->kind; });
     if (found == out.end()) found = out.insert(out.end(), Group{row.of->kind, {}, 0});
     found->rows.push_back(&row);
     found->within += row.within() ? 1 : 0;
@@ -68,7 +66,7 @@ Layout layout_of(const std::vector<Group>& groups) {
     for (const ValidateRow* row : group.rows) rows += row->within() ? kPointHeight : kTicHeight;
     const double height = std::max(rows, kGroupHeight) + 2 * kPointHeight;
     std::string name(kind_name(group.kind));
-    std::replace(name.begin(), name.end(), '_', ' ');
+    std::ranges::replace(name, '_', ' ');
     out.kinds.push_back(
         fmt::format("\"{}\\n{} of {}\" {}", name, group.within, group.rows.size(), out.height + height / 2));
     double at = out.height + (height - rows) / 2;
@@ -117,6 +115,18 @@ void add_plot(const ValidateSpec& spec, const ValidateResult& result, Report& re
            points(1, "pointtype 7 pointsize 0.6 linecolor rgb '#2e7d32'", "within"),
            points(2, "pointtype 7 pointsize 0.8 linecolor rgb '#c8553d'", "short"),
            points(3, "pointtype 13 pointsize 1.2 linecolor rgb '#c8553d'", "beyond"))});
+}
+
+StudyCommands validate_commands(const std::filesystem::path& file, bool runs, const ValidateResult& result) {
+  std::vector<std::string> words = {"validate", file.string()};
+  if (runs) words.emplace_back("--runs");
+  StudyCommands out{command_text(words)};
+  for (const ValidateRow& row : result.rows)
+    if (row.measured)
+      out.rows["validate.csv"].push_back(row.of->kind == Measured::simulation
+                                             ? command_text({"run", row.of->scene.string()}, row.of->changes)
+                                             : "");
+  return out;
 }
 
 }  // namespace
@@ -172,22 +182,6 @@ bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
   add_plot(spec, result, report);
   return write_report(out, "validate", report);
 }
-
-namespace {
-
-StudyCommands validate_commands(const std::filesystem::path& file, bool runs, const ValidateResult& result) {
-  std::vector<std::string> words = {"validate", file.string()};
-  if (runs) words.emplace_back("--runs");
-  StudyCommands out{command_text(words)};
-  for (const ValidateRow& row : result.rows)
-    if (row.measured)
-      out.rows["validate.csv"].push_back(row.of->kind == Measured::simulation
-                                             ? command_text({"run", row.of->scene.string()}, row.of->changes)
-                                             : "");
-  return out;
-}
-
-}  // namespace
 
 StudyEnd validate(const ValidateOptions& options, const StudyRun& run) {
   const std::filesystem::path file = options.file.value_or(data_folder() / "config/validate.yaml");

@@ -14,8 +14,7 @@ namespace handsim::study {
 
 namespace {
 
-/// What a kind of row is: the dimension, printed unit and scale of its values, the keys that it has beside
-/// those of all kinds, and its directions.
+/// A kind of row: dimension, printed unit and scale of its values, its own keys, and its directions.
 struct KindForm {
   std::string_view word;
   Measured kind;
@@ -122,7 +121,7 @@ class RowReader {
   }
   static void check(MapReader& reader, std::string_view key, const std::string& name,
                     const std::vector<std::string>& known, const char* need) {
-    if (!name.empty() && std::find(known.begin(), known.end(), name) == known.end())
+    if (!name.empty() && std::ranges::find(known, name) == known.end())
       reader.problem(key, name, need + nearest_hint(name, known));
   }
 

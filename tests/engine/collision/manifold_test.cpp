@@ -6,7 +6,6 @@
 #include <random>
 
 #include "engine/models.h"
-#include "handsim/engine/collision/geoms.h"
 #include "handsim/engine/collision/manifold.h"
 #include "handsim/engine/collision/ode_library.h"
 

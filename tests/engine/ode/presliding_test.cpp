@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/models.h"
-#include "handsim/engine/ode/presliding.h"
+#include "handsim/engine/ode/friction.h"
 
 namespace handsim::engine {
 namespace {

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <numeric>
 
-#include "handsim/control/gravity.h"
+#include "handsim/control/joint_space.h"
 #include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"

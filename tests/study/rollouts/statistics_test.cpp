@@ -1,5 +1,5 @@
 // Shares and rank correlations.
-#include "handsim/study/rollouts/rollout_statistics.h"
+#include "handsim/study/rollouts/rollouts.h"
 
 #include <cmath>
 #include <vector>

@@ -1,11 +1,12 @@
-// Joint-space inertia of a hand, and the stability limit of explicit gains. With torques -K x - D v taken at
-// the start of a step of length h and the new velocity moving the joint (symplectic Euler, which is what ODE
-// does), the hinge I x'' = tau has
+// Joint-space inertia of a hand, torques that balance its weight, and the stability limit of explicit gains.
+// With torques -K x - D v taken at the start of a step of length h and the new velocity moving the joint
+// (symplectic Euler, which is what ODE does), the hinge I x'' = tau has
 //   z^2 - (2 - a - b) z + 1 - a = 0,  a = D h / I, b = K h^2 / I,
 // whose roots are inside the unit circle for 2 a + b < 4 (Jury). For coupled joints the same limit applies to
 // the largest eigenvalue of M^-1 (2 h D + h^2 K), which is at least the value of each joint alone.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include <Eigen/Dense>
@@ -38,9 +39,38 @@ struct Stability {
   double largest_step = 0;      ///< with which these gains reach the limit [s]
 };
 
-/// @param inertia joint-space inertia of the axes [kg m^2]; @param proportional K [N m/rad] and @param
-/// derivative D [N m s/rad] of each; @param step h [s].
+/// @param inertia of the axes [kg m^2]; proportional K [N m/rad] and derivative D [N m s/rad]; step h [s].
 Stability explicit_stability(const Eigen::MatrixXd& inertia, const Eigen::VectorXd& proportional,
                              const Eigen::VectorXd& derivative, double step);
+
+class GravityLoad {
+ public:
+  /// For all hinges and universal joints of the model, which must outlive this. @param gravity [m/s^2].
+  GravityLoad(const model::Model& model, const Vec3& gravity);
+
+  /// Torque of each coordinate that balances the weight distal to its joint [N m], size model.dof_count():
+  ///   tau_j = -a_j . ((S_j - m_j p_j) x g)
+  /// with the axis a_j, anchor p_j, mass m_j and first moment S_j of all bodies beyond; until the next call.
+  std::span<const double> torques(const model::State& state);
+
+  /// A joint of a chain, children before parents.
+  struct Link {
+    const model::Joint* joint = nullptr;
+    std::size_t parent = 0, child = 0, dof = 0;
+    double mass = 0;               ///< of all bodies distal to it [kg]
+    bool adds_to_parent = false;   ///< its parent is the child of another joint
+    Vec3 first_axis, second_axis;  ///< in the parent body, in the child body
+    bool universal = false;
+  };
+  std::span<const Link> links() const { return links_; }
+  const Vec3& gravity() const { return gravity_; }
+
+ private:
+  const model::Model& model_;
+  Vec3 gravity_;
+  std::vector<Link> links_;
+  std::vector<Vec3> moments_;  ///< by body
+  std::vector<double> torques_;
+};
 
 }  // namespace handsim::control

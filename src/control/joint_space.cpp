@@ -1,4 +1,4 @@
-#include "handsim/control/stability.h"
+#include "handsim/control/joint_space.h"
 
 #include <algorithm>
 
@@ -8,8 +8,7 @@ namespace handsim::control {
 
 namespace {
 
-/// Largest eigenvalue of M^-1 A for a diagonal A >= 0, as that of the symmetric A^1/2 M^-1 A^1/2, and the
-/// eigenvector of the latter.
+/// Largest eigenvalue of M^-1 A, diagonal A >= 0, as that of A^1/2 M^-1 A^1/2, and the latter's eigenvector.
 std::pair<double, Eigen::VectorXd> largest(const Eigen::MatrixXd& inverse, const Eigen::VectorXd& a) {
   const Eigen::VectorXd root = a.cwiseSqrt();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(root.asDiagonal() * inverse *
@@ -62,6 +61,53 @@ Eigen::MatrixXd joint_inertia(const model::Model& model, const model::State& sta
 
 Eigen::VectorXd effective_inertia(const Eigen::MatrixXd& inertia) {
   return inertia.cwiseAbs().rowwise().sum();
+}
+
+GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
+    : model_(model),
+      gravity_(gravity),
+      moments_(model.bodies.size(), Vec3::Zero()),
+      torques_(static_cast<std::size_t>(model.dof_count()), 0.0) {
+  std::vector<double> distal_mass;
+  std::vector<bool> is_child(model.bodies.size(), false);
+  for (const model::Body& body : model.bodies) distal_mass.push_back(body.mass);
+  for (const model::Joint& joint : model.joints)
+    if (!joint.closes_loop) is_child[static_cast<std::size_t>(joint.child)] = true;
+  // Parents come before children: the reverse order sums from the fingertips.
+  for (std::size_t j = model.joints.size(); j-- > 0;) {
+    const model::Joint& joint = model.joints[j];
+    if (joint.closes_loop) continue;
+    Link link;
+    link.joint = &joint;
+    link.parent = static_cast<std::size_t>(joint.parent);
+    link.child = static_cast<std::size_t>(joint.child);
+    link.dof = static_cast<std::size_t>(joint.first_dof);
+    link.mass = distal_mass[link.child];
+    link.adds_to_parent = is_child[link.parent];
+    link.universal = joint.kind == model::JointKind::universal;
+    if (!joint.axes.empty()) link.first_axis = joint.parent_frame.q * joint.axes[0].axis;
+    if (link.universal) link.second_axis = joint.child_frame.q * joint.axes[1].axis;
+    distal_mass[link.parent] += link.mass;
+    links_.push_back(link);
+  }
+}
+
+std::span<const double> GravityLoad::torques(const model::State& state) {
+  for (const Link& link : links_) {
+    const model::BodyState& child = state.bodies[link.child];
+    moments_[link.child] = model_.bodies[link.child].mass * child.p;
+  }
+  for (const Link& link : links_) {
+    const model::BodyState& child = state.bodies[link.child];
+    const Vec3 moment = moments_[link.child];
+    if (link.adds_to_parent) moments_[link.parent] += moment;
+    if (link.joint->kind != model::JointKind::hinge && !link.universal) continue;
+    const Vec3 anchor = child.p + child.q * link.joint->child_frame.p;
+    const Vec3 torque = (moment - link.mass * anchor).cross(gravity_);
+    torques_[link.dof] = -torque.dot(state.bodies[link.parent].q * link.first_axis);
+    if (link.universal) torques_[link.dof + 1] = -torque.dot(child.q * link.second_axis);
+  }
+  return torques_;
 }
 
 }  // namespace handsim::control
