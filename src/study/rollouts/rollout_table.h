@@ -1,9 +1,7 @@
-// The one table of a rollout study: a row for each rollout, columns that are known before the first. As CSV,
-// and as an HDF5 file: `/rollouts` has a dataset for each column, `/trajectories` one for each recorded one.
+// The one table of a rollout study: a row for each rollout, columns that are known before the first.
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <optional>
 #include <string>
 #include <variant>
@@ -70,10 +68,5 @@ void save(ArchiveWriter& out, const Row& row);
 /// @throws Error (input) for bytes that are no such thing.
 TableHead read_head(ArchiveReader& in);
 Row read_row(ArchiveReader& in);
-
-/// The same table gives the same bytes. A missing number is NaN, a missing text is empty; units
-/// are written `[m per s]`, since a slash parts groups.
-/// @throws Error (output) where the file cannot be written; nothing has its name then.
-void write_hdf5(const Table& table, const std::filesystem::path& path);
 
 }  // namespace handsim::study

@@ -12,8 +12,8 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
-#include "handsim/study/rollouts/rollout_table.h"
 #include "handsim/study/rollouts/rollouts.h"
+#include "handsim/study/rollouts/table_file.h"
 
 namespace handsim::study {
 
