@@ -67,11 +67,12 @@ class Net:
 class Policy:
     """Gaussian actions about a net's output, and a net for the value; observations are normalised."""
 
-    def __init__(self, inputs, actions, hidden=(64, 64), random=np.random.default_rng(0)):
+    def __init__(self, inputs, actions, start, deviation, hidden=(64, 64), random=np.random.default_rng(0)):
         self.actor = Net([inputs, *hidden, actions], 0.01, random)
+        self.actor.weights[-1][:] = start
         self.critic = Net([inputs, *hidden, 1], 1.0, random)
         self.spread = Net([1, actions], 0, random)  # the logarithm of the deviation: a row of weights
-        self.spread.weights[0][:] = -0.5
+        self.spread.weights[0][:] = np.log(deviation)
         self.count, self.mean, self.square = 1e-4, np.zeros(inputs), np.ones(inputs)
 
     def see(self, observation):
@@ -117,7 +118,10 @@ def collect(episodes, policy, observation, options, random, ended):
         policy.see(observation)
         x = policy.normal(observation)
         mean, value = policy.actor(x), policy.critic(x)[:, 0]
-        noise = np.float32(random.normal(size=mean.shape))
+        # Noise that lasts moves a hand further than noise that turns about in every step.
+        fresh = np.float32(random.normal(size=mean.shape))
+        noise = fresh if collect.noise is None else options.lasting * collect.noise + np.sqrt(1 - options.lasting**2) * fresh
+        collect.noise = noise = np.float32(noise)
         action = mean + np.exp(policy.log_deviation) * noise
         after, reward, terminated, truncated = episodes.step(action)
         collect.total += reward
@@ -143,7 +147,7 @@ def advantages(value, reward, over, rest, last, discount, decay):
     return out
 
 
-def improve(policy, x, action, chance, advantage, target, rate, random, epochs, rows, clip=0.2, entropy=1e-3):
+def improve(policy, x, action, chance, advantage, target, rate, random, epochs, rows, clip=0.2, bound=0.3):
     advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
     for _ in range(epochs):
         order = random.permutation(len(x))
@@ -154,8 +158,10 @@ def improve(policy, x, action, chance, advantage, target, rate, random, epochs, 
             ratio = np.exp(np.clip(-0.5 * np.square(z).sum(axis=1) - spread.sum() - chance[i], -20, 20))
             acts = ~((advantage[i] > 0) & (ratio > 1 + clip) | (advantage[i] < 0) & (ratio < 1 - clip))
             slope = np.float32(-(advantage[i] * ratio * acts) / len(i))[:, None]
-            policy.actor.descend(policy.actor.gradients(slope * z / np.exp(spread)), rate)
-            of_spread = (slope * (np.square(z) - 1)).sum(axis=0) - entropy
+            # Beyond 1 an action changes nothing more, and noise that does not come back from there teaches nothing.
+            beyond = np.float32(bound / len(i)) * (mean - np.clip(mean, -1, 1))
+            policy.actor.descend(policy.actor.gradients(slope * z / np.exp(spread) + beyond), rate)
+            of_spread = (slope * (np.square(z) - 1)).sum(axis=0)
             policy.spread.descend([of_spread[None], 0 * of_spread], rate)
             value = policy.critic(x[i])[:, 0]
             policy.critic.descend(policy.critic.gradients(np.float32((value - target[i]) / len(i))[:, None]), rate)
@@ -166,8 +172,10 @@ def learn(options, folder, episodes, of_task):
     observation = episodes.reset(seed=options.seed)
     # Episodes of different ages, so that they do not all end together.
     episodes.steps[:] = random.integers(episodes.task.max_steps, size=options.environments)
-    policy = Policy(observation.shape[1], episodes.task.actions, random=random)
-    collect.total = np.zeros(options.environments)
+    # Muscles that all pull a little close a fist against its stops, where noise moves nothing: begin with muscles at rest.
+    start, deviation = (-0.6, 0.37) if options.drive == "muscles" else (0, 0.6)
+    policy = Policy(observation.shape[1], episodes.task.actions, start, deviation, random=random)
+    collect.total, collect.noise = np.zeros(options.environments), None
     start, rows, ended, steps = time.perf_counter(), [], [], 0
     while (minutes := (time.perf_counter() - start) / 60) < options.minutes:
         columns, observation = collect(episodes, policy, observation, options, random, ended)
@@ -214,6 +222,7 @@ def parsed(words=None):
     parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--scale", type=float, default=0.1, help="of the reward")
     parser.add_argument("--discount", type=float, default=0.97)
+    parser.add_argument("--lasting", type=float, default=0.7, help="share of a step's noise that is the last step's")
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args(words)
 
