@@ -156,3 +156,17 @@ def test_a_simulation_takes_objects_and_numbers():
     assert np.array_equal(simulation.q, twice.q[0])
     with pytest.raises(hs.Error, match="vary: got objects.0.size, need one of gravity"):
         simulation.set("objects.0.size", 1)
+
+
+# Oracle: the same hand alone. The hand that lanes were made from is replaced after they have been used.
+def test_lanes_outlive_the_environment_they_were_made_from():
+    scene, n = hand(wrist={"mount": "fixed", "position": [0, 0, 0.2]}), 8
+    other = hand(wrist={"mount": "fixed", "position": [0, 0, 0.2]}, title="another")
+    batch, rows = hs.Batch(scene, n, threads=1), 0.1 * drawn(n)
+    batch.step(excitations=rows, substeps=20)
+    batch.replace(0, other)
+    batch.step(excitations=rows, substeps=20)
+    for i, steps in ((0, 20), (1, 40)):
+        alone = hs.Simulation(scene)
+        alone.step(excitations=rows[i], substeps=steps)
+        assert np.array_equal(batch.q[i], alone.q)

@@ -23,13 +23,15 @@ std::vector<int> dofs_of_model(const model::Model& model, const Mechanism& mecha
 
 }  // namespace
 
-void TendonMemory::make(const std::vector<CoupledDof>& rows, const std::vector<CoupledEntry>& entries,
-                        const std::vector<int>& carrier, std::vector<int> from, std::size_t inertia,
+void TendonMemory::make(std::vector<CoupledDof> of, std::vector<CoupledEntry> entries,
+                        std::vector<int> carrier, std::vector<int> from, std::size_t inertia,
                         std::size_t width) {
-  dofs = rows;
+  dofs = std::move(of);
+  entries_ = std::move(entries);
+  carrier_ = std::move(carrier);
   from_ = std::move(from);
-  const std::size_t sizes[] = {inertia,     entries.size(), carrier.size(), carrier.size(),
-                               dofs.size(), dofs.size(),    dofs.size()};
+  const std::size_t sizes[] = {inertia,     entries_.size(), carrier_.size(), carrier_.size(),
+                               dofs.size(), dofs.size(),     dofs.size()};
   double** const pointers[] = {&rows_.inertia, &rows_.slope, &rows_.A,      &rows_.L,
                                &rows_.x,       &rows_.b,     &rows_.inverse};
   std::size_t lines = 0;
@@ -38,11 +40,11 @@ void TendonMemory::make(const std::vector<CoupledDof>& rows, const std::vector<C
   Line* next = memory_.data();
   for (std::size_t i = 0; i < std::size(sizes); next += (sizes[i++] * width + 7) / 8) *pointers[i] = next->x;
   rows_.dofs = static_cast<int>(dofs.size());
-  rows_.entries = static_cast<int>(entries.size());
-  rows_.numbers = static_cast<int>(carrier.size());
+  rows_.entries = static_cast<int>(entries_.size());
+  rows_.numbers = static_cast<int>(carrier_.size());
   rows_.dof = dofs.data();
-  rows_.entry = entries.data();
-  rows_.carrier = carrier.data();
+  rows_.entry = entries_.data();
+  rows_.carrier = carrier_.data();
   rows_.from = from_.data();
 }
 

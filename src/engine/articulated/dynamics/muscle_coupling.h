@@ -12,13 +12,13 @@
 
 namespace handsim::engine::articulated {
 
-/// Memory of TendonRows.
+/// TendonRows with all that they point to.
 class TendonMemory {
  public:
-  /// @param rows, entries, carrier that the coupling is of; must outlive this. `rows` have no pointers yet.
-  /// @param from place of each number of H among `inertia` numbers. @param width of numbers side by side
-  void make(const std::vector<CoupledDof>& rows, const std::vector<CoupledEntry>& entries,
-            const std::vector<int>& carrier, std::vector<int> from, std::size_t inertia, std::size_t width);
+  /// @param dofs without pointers yet. @param from place of each number of H among `inertia` numbers.
+  /// @param width of numbers side by side
+  void make(std::vector<CoupledDof> dofs, std::vector<CoupledEntry> entries, std::vector<int> carrier,
+            std::vector<int> from, std::size_t inertia, std::size_t width);
   const TendonRows& rows() const { return rows_; }
   std::vector<CoupledDof> dofs;  ///< pointers to be set
 
@@ -27,7 +27,8 @@ class TendonMemory {
     double x[8];
   };
   TendonRows rows_;
-  std::vector<int> from_;
+  std::vector<CoupledEntry> entries_;
+  std::vector<int> carrier_, from_;
   std::vector<Line> memory_;
 };
 

@@ -1,8 +1,6 @@
 // What the torques of tendons at a step's end change in the accelerations that were found without them.
 #pragma once
 
-#include <algorithm>
-
 #include "handsim/engine/articulated/kernels/lanes.h"
 
 namespace handsim::engine::articulated {
@@ -57,8 +55,8 @@ struct TendonCoupling : Lanes<V> {
 
   /// x = A^-1 b: L^T L as in joint_space.h, by rows of H.
   static void solve(const TendonRows& c, bool locks) {
-    std::copy_n(c.A, c.numbers * W, c.L);
-    std::copy_n(c.b, c.dofs * W, c.x);
+    for (int k = 0; k < c.numbers; ++k) store(c.L + k * W, load(c.A + k * W));
+    for (int i = 0; i < c.dofs; ++i) store(c.x + i * W, load(c.b + i * W));
     if (locks) lock(c);
     for (int k = c.dofs; k-- > 0;) {
       const CoupledDof& own = c.dof[k];
