@@ -696,6 +696,19 @@ def muscles():
                                      "at_rest": "rigid tendons, muscles at rest", "bands_alone": "the bands alone"}.items()])
 
 
+def learning():
+    path = OUT / "learning" / "learning.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    def reached(of):
+        minutes = of["minutes_to_80"]
+        return f"{100 * of['success']:.0f} %, " + (f"80 % after {minutes:.1f} min" if minutes else "never 80 %")
+    return table(["task, by muscles", "steps a second", "envpool's", "ratio", "success", "envpool's"],
+                 [[f"`{task}`, `{of['peer']}`", f"{of['steps_per_s']:,.0f}", f"{of['peer_steps_per_s']:,.0f}", f"{of['ratio']:.0f}",
+                   reached(of["handsim"]), reached(of["peer"])]
+                  for task, of in json.loads(path.read_text())["tasks"].items()])
+
+
 def validation():
     path = OUT / "validate" / "run" / "validate.csv"
     if not path.exists():
@@ -796,7 +809,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"validate": ("validate", validation), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

@@ -122,13 +122,14 @@ STUDIES = {
                       {"run/validate.png": "validate.png"}),
     "pinch": Study("2 min", {"test": None}),
     "export": Study("1 min", {"mujoco": None, "opensim": None}),
+    "learning": Study("10 min", {"run": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
 # Benchmarks of studies of their own; "speed" runs all others.
-BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
-# Studies that run only if they are named: ./dev peers builds their programs.
-ONLY_IF_NAMED = ("peers",)
+BENCHMARKS = {"environment": "^(batch_|muscles_in_lanes|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
+# Studies that run only if they are named: ./dev peers builds their programs; learning needs envpool and onnx (PyPI).
+ONLY_IF_NAMED = ("peers", "learning")
 
 
 # Running studies and writing pages.
@@ -149,6 +150,8 @@ def command_of(name, label, build):
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
     if name == "agreement":
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
+    if name == "learning":
+        return [python_of(build), "tests/peers/learning.py", "--minutes", "2", "--out", str(OUT / name)]
     if name == "contacts":
         return [str(build / "tests" / "contact_cost"), str(OUT / name / label)]
     if name == "export":

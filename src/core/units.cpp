@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/text.h"
+
 namespace handsim {
 
 namespace {

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/contact_groups.h"
 #include "handsim/scene/read/task_checks.h"
 
 namespace handsim::scene {
