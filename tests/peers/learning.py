@@ -82,7 +82,7 @@ def main():
         ours, theirs = Episodes(TASKS[task](drive="muscles"), OURS), Peer(PAIRS[task], THEIRS)
         rates = [(rate(ours, OURS, asked.seconds, random), rate(theirs, THEIRS, asked.seconds, random)) for _ in range(3)]
         mine, peer = np.median(rates, axis=0)
-        row = found["tasks"][task] = {"peer": PAIRS[task], "steps_per_s": mine, "peer_steps_per_s": peer,
+        row = found["tasks"][task] = {"beside": PAIRS[task], "steps_per_s": mine, "peer_steps_per_s": peer,
                                       "ratio": float(np.median([a / b for a, b in rates]))}
         print(f"{task}: {mine:.0f} steps/s; {PAIRS[task]}: {peer:.0f}; ratio {row['ratio']:.0f}", flush=True)
         for who, episodes, n in (("handsim", ours, OURS), ("peer", theirs, THEIRS)):
