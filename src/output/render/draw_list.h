@@ -96,7 +96,8 @@ struct DrawOptions {
 DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options);
 
 /// Adds the paths of muscles along the hands, thicker and redder the more a muscle is active. The model has
-/// moment arms, not places: a path passes each joint on the side, and on the surface, where its arms would be.
+/// moment arms, not places: a path passes each joint on the side, and on the surface, where its arms would
+/// be.
 void add_tendons(const model::Model& model, const model::State& state, DrawList& list);
 
 /// Radius of an arrow's head over that of its shaft, and length of the head over its radius.

@@ -42,7 +42,9 @@ class GroupOf final : public LaneGroup {
 
   bool fits(Engine& other, bool driven) const override {
     auto& engine = static_cast<ArticulatedEngine&>(other);
-    return engine.stands() && !engine.spins_beyond(coupled_ ? kPulledTurn : driven ? kDrivenTurn : kPassiveTurn);
+    return engine.stands() && !engine.spins_beyond(coupled_ ? kPulledTurn
+                                                   : driven ? kDrivenTurn
+                                                            : kPassiveTurn);
   }
 
   void set_constants(int lane, Engine& other, const LaneControlPlan* plan, std::uint64_t key) override {
