@@ -77,9 +77,6 @@ void Muscles::start(const model::State& state) {
 
 void Muscles::begin(std::span<const double> q, std::span<const double> u,
                     std::span<const double> excitations) {
-  auto to = before_.begin();
-  for (int i = 0; i < layout_.arrays().blocks; ++i)
-    to = std::copy_n(layout_.arrays().block[i].activation, kTendonLanes, to);
   kernel_->pull(layout_.arrays(),
                 {q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(), step_, goes_on_});
   goes_on_ = true;
@@ -87,6 +84,12 @@ void Muscles::begin(std::span<const double> q, std::span<const double> u,
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
   for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;
+}
+
+void Muscles::keep() {
+  auto to = before_.begin();
+  for (int i = 0; i < layout_.arrays().blocks; ++i)
+    to = std::copy_n(layout_.arrays().block[i].activation, kTendonLanes, to);
 }
 
 void Muscles::go_back() {

@@ -33,7 +33,8 @@ class Muscles {
   void start(const model::State& state);
   /// Activations at the end of a step, tensions at its start. @param q, u by Model::dof_count()
   void begin(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
-  /// Back to before `begin`, where the step is not made.
+  /// Before a `begin` that `go_back` may undo, where the step is not made.
+  void keep();
   void go_back();
   /// `start` of the torques, by Model::dof_count() [N m].
   std::span<const double> torques() const { return torques_; }
@@ -70,7 +71,7 @@ class Muscles {
   std::vector<Slope> slopes_;
   std::vector<double> torques_;
   std::vector<Part> torque_parts_, slope_parts_;
-  std::vector<double> before_;  ///< activations of all lanes before `begin`
+  std::vector<double> before_;  ///< activations of all lanes at `keep`
 };
 
 }  // namespace handsim::engine

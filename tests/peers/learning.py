@@ -77,6 +77,9 @@ def main():
     parser.add_argument("--tasks", nargs="+", default=list(PAIRS), choices=PAIRS)
     parser.add_argument("--out", type=Path, required=True)
     asked = parser.parse_args()
+    asked.out = asked.out.resolve()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    os.chdir(asked.out)  # MuJoCo leaves its log where it runs
     found, random = {"envpool": envpool.__version__, "cores": os.cpu_count(), "tasks": {}}, np.random.default_rng(0)
     for task in asked.tasks:
         ours, theirs = Episodes(TASKS[task](drive="muscles"), OURS), Peer(PAIRS[task], THEIRS)
@@ -94,7 +97,6 @@ def main():
             rows = ppo.learn(ppo.parsed(words), folder, episodes, {"drive": "muscles"})
             row[who] = {"steps": int(rows[-1][0]), "success": float(rows[-1][2]), "minutes_to_80": minutes_to(rows, 0.8)}
             print(f"  {who}: {row[who]}", flush=True)
-    asked.out.mkdir(parents=True, exist_ok=True)
     (asked.out / "learning.json").write_text(json.dumps(found, indent=2) + "\n")
 
 

@@ -45,7 +45,8 @@ class MuscleCoupling {
   /// The same from coordinates and rates by Model::dof_count().
   std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
   std::span<const double> given() const { return given_; }  ///< what `begin` returned
-  /// Back to before `begin`, where the step is not made.
+  /// Before a `begin` that `go_back` may undo, where the step is not made.
+  void keep() { muscles_.keep(); }
   void go_back() { muscles_.go_back(); }
   /// Changes the accelerations that the kernel found, and the reactions of its locks, to those with h B.
   void correct(double step);

@@ -26,9 +26,8 @@ class GroupOf final : public LaneGroup {
         lanes_(like.mechanism().topology(), like.model().bodies.size(), at(like.model().dof_count())) {
     const Topology& topology = like.mechanism().topology();
     lanes_.tree.erp = like.settings().erp();
-    q_.resize(at(like.model().dof_count()));
-    u_.resize(q_.size());
     slot_of_dof_.assign(at(like.model().dof_count()), 0);
+    q_ = u_ = std::vector<double>(slot_of_dof_.size());
     for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
       const Node& node = topology.nodes[i];
       if (node.joint) slot_of_dof_[at(like.model().joints[at(*node.joint)].first_dof + node.axis_index)] = i;
@@ -356,23 +355,21 @@ class GroupOf final : public LaneGroup {
       MuscleCoupling& muscles = *engine_[at(lane)]->muscles();
       for (std::size_t dof = 0; dof < q_.size(); ++dof) {
         const Batch<W>& b = lanes_.batches[slot_of_dof_[dof]];
-        if (!single(b.kind)) continue;
         q_[dof] = lanes_.tree.q[b.q + lane];
         u_[dof] = lanes_.tree.u[b.u + lane];
       }
-      set_tendons(lane, muscles.begin(q_, u_, input_[at(lane)]), muscles.slopes());
+      muscles.keep();
+      muscles.begin(q_, u_, input_[at(lane)]);
+      set_tendons(lane, muscles);
     }
     for (int lane = 0; lane < W && like < W; ++lane)
-      if (!engine_[at(lane)]) {
-        const MuscleCoupling& muscles = *engine_[at(like)]->muscles();
-        set_tendons(lane, muscles.given(), muscles.slopes());
-      }
+      if (!engine_[at(lane)]) set_tendons(lane, *engine_[at(like)]->muscles());
   }
-  void set_tendons(int lane, std::span<const double> torques, std::span<const double> slopes) {
+  void set_tendons(int lane, const MuscleCoupling& muscles) {
+    const std::span<const double> torques = muscles.given(), slopes = muscles.slopes();
     for (std::size_t dof = 0; dof < torques.size(); ++dof)
       if (single(lanes_.batches[slot_of_dof_[dof]].kind)) axis(slot_of_dof_[dof]).tau[lane] = torques[dof];
-    double* out = memory_.rows().slope + lane;
-    for (std::size_t k = 0; k < slopes.size(); ++k) out[k * W] = slopes[k];
+    for (std::size_t k = 0; k < slopes.size(); ++k) memory_.rows().slope[k * W + at(lane)] = slopes[k];
   }
 
   /// What a step changes, as f(first, second) of equal ranges of numbers: as it is, and as it was saved.
