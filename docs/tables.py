@@ -114,6 +114,8 @@ STUDIES = {
         "free_fall": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--count", "1000"],
         "free_fall_articulated": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--engine", "articulated"]},
         {"power_can/rollouts.png": "rollouts_power_can.png"}),
+    "handle": Study("8 min", {"run": ["rollouts", "config/rollouts_handle.yaml", "--out", "{out}"]},
+                    {"run/rollouts.png": "rollouts_handle.png"}),
     "speed": Study("16 min", {"bench": None}),
     "environment": Study("1 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "handsim/simulation/watch/summary_json.h"
+
 namespace handsim::study {
 
 namespace {
@@ -33,6 +35,48 @@ void add_verdicts(const Simulation& simulation, NamedCells& out) {
   }
 }
 
+/// Of a part of the hand on the object [N].
+double force_of(const simulation::Grip& grip, std::string_view part) {
+  const auto found = std::ranges::find(grip.parts, part, &simulation::PartForce::part);
+  return found == grip.parts.end() ? 0 : found->normal;
+}
+
+void add_muscles(const Simulation& simulation, NamedCells& out) {
+  const std::vector<double>& activation = simulation.state().activation;
+  double effort = 0;
+  for (std::size_t i = 0; i < activation.size(); ++i) {
+    effort += activation[i] * activation[i] / static_cast<double>(activation.size());
+    out.emplace_back("activation." + simulation.model().muscles[i].name, activation[i]);
+  }
+  if (!activation.empty()) out.emplace_back("effort", effort);
+}
+
+/// Times of the machine, not of the motion.
+bool is_cost(const std::string& key) { return key == "ledger" || key == "time" || key == "share_of_step"; }
+
+/// @param path with a dot at its end, or empty.
+void add_numbers(const simulation::Json& node, const std::string& path, std::map<std::string, double>& out) {
+  const auto add = [&](const std::string& name, const simulation::Json& value) {
+    if (value.is_structured())
+      add_numbers(value, path + name + ".", out);
+    else if (value.is_number())
+      out[path + name] = value.get<double>();
+    else if (value.is_boolean())
+      out[path + name] = value.get<bool>() ? 1 : 0;
+  };
+  const auto name_of = [](const simulation::Json& item, std::size_t index) {
+    for (const char* key : {"name", "part"})
+      if (item.contains(key)) return item[key].get<std::string>();
+    if (item.contains("a")) return item["a"].get<std::string>() + "." + item["b"].get<std::string>();
+    return std::to_string(index);
+  };
+  if (node.is_array())
+    for (std::size_t i = 0; i < node.size(); ++i) add(name_of(node[i], i), node[i]);
+  else
+    for (const auto& [key, value] : node.items())
+      if (!is_cost(key)) add(key, value);
+}
+
 void add_grasp(const GraspFigures& grasp, const std::string& head, double now, NamedCells& out) {
   const auto add = [&](const char* name, Cell cell) { out.emplace_back(head + name, std::move(cell)); };
   const bool lost = grasp.lost(now);
@@ -49,6 +93,8 @@ void add_grasp(const GraspFigures& grasp, const std::string& head, double now, N
   add_grip("contacts", [](const simulation::Grip& of) { return of.contacts; });
   add_grip("normal_force[N]", [](const simulation::Grip& of) { return of.normal; });
   add_grip("friction_used", [](const simulation::Grip& of) { return of.friction_used; });
+  for (const char* part : simulation::kHandParts)
+    add(fmt::format("force.{}[N]", part).c_str(), grip ? Cell(force_of(*grip, part)) : Cell());
   add_grip("force_closure", [](const simulation::Grip& of) { return of.wrenches.force_closure; });
   add_grip("epsilon", [](const simulation::Grip& of) { return of.wrenches.epsilon; });
   add_grip("wrench_volume", [](const simulation::Grip& of) { return of.wrenches.volume; });
@@ -68,6 +114,15 @@ NamedCells figures_of(const Simulation& simulation) {
     out.emplace_back(head + "carried[N]", climb.begun() ? number(climb.carried) : Cell());
     out.emplace_back(head + "carried_of_norm", climb.begun() ? number(climb.share()) : Cell());
   }
+  add_muscles(simulation, out);
+  return out;
+}
+
+std::map<std::string, double> summary_figures(const Simulation& simulation) {
+  simulation::SummaryJson summary;
+  for (const auto& watcher : simulation.watchers()) watcher->add_summary(summary);
+  std::map<std::string, double> out;
+  add_numbers(summary.json, "", out);
   return out;
 }
 

@@ -1,6 +1,7 @@
 // What a rollout's row says of its run.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -13,8 +14,13 @@ namespace handsim::study {
 
 using NamedCells = std::vector<std::pair<std::string, Cell>>;
 
-/// Figures and verdicts up to now: `joint_gap[m]`, `joint_gap.held`, and those of grasps and climbs.
+/// Figures and verdicts up to now: `joint_gap[m]`, `joint_gap.held`, those of grasps (forces by part) and climbs, and the
+/// activations of muscles, also as the mean of their squares, `effort`.
 NamedCells figures_of(const simulation::Simulation& simulation);
+
+/// The numbers of summary.json that the motion alone decides, by their path: items of lists by their `name`,
+/// `part` or pair (`contact_forces.fingers.right.index.mean_normal_force_N`); true is 1.
+std::map<std::string, double> summary_figures(const simulation::Simulation& simulation);
 
 /// Every grasp is held; without a grasp, every criterion. Nothing where nothing is judged.
 std::optional<bool> is_held(const simulation::Simulation& simulation, bool diverged);

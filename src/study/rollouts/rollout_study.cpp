@@ -113,6 +113,9 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
       add_at_set(error, key_of(assignment), diagnostics);
     }
   diagnostics.throw_if_any();
+  // Sums of contact forces are measured only where they are recorded.
+  if (std::ranges::any_of(spec_.outcomes, [](const std::string& of) { return of.starts_with("contact_forces"); }))
+    apply_override(root_, "record.contacts=true", diagnostics.budget);
   scene::Scene base;
   try {
     base = scene::compile_scene(root_);
@@ -204,10 +207,44 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
   }
 }
 
+/// The columns of the study's outcomes: figures, or those of summary.json, which the end of a run shows.
+void RolloutStudy::find_outcomes() {
+  std::vector<std::string> known;
+  for (const Column& column : figures_)
+    if (!column.text) known.push_back(column.name);
+  const std::string need = list_of(known) + ", or the path of a number in summary.json";
+  std::map<std::string, double> summary;
+  Diagnostics diagnostics;
+  for (const std::string& name : spec_.outcomes) {
+    const auto found = std::ranges::find_if(figures_, [&](const Column& column) {
+      return !column.text && (column.name == name || column.name.starts_with(name + "["));
+    });
+    if (name == "held") continue;  // is one in any case
+    if (found != figures_.end()) {
+      found->role = ColumnRole::asked;
+      continue;
+    }
+    if (!reads_summary_) {
+      Simulation simulation(*sample_);
+      std::optional<Trajectory> none;
+      run_to_end(simulation, spec_.stop_lost, false, none);
+      summary = summary_figures(simulation);
+      for (const auto& [path, value] : summary) known.push_back(path);
+      reads_summary_ = true;
+    }
+    if (summary.contains(name))
+      figures_.push_back({name, ColumnRole::asked, false});
+    else
+      diagnostics.problems.push_back({spec_.outcome_place, "outcome", name, need + nearest_hint(name, known)});
+  }
+  diagnostics.throw_if_any();
+}
+
 void RolloutStudy::make_head() {
   // An object may start within the hand of some persons, but not of all.
   if (refused_ && figures_.empty()) throw *refused_;
   check_record_and_stop();
+  find_outcomes();
   head_.title = spec_.title;
   head_.seed = std::to_string(spec_.seed);
   std::vector<Column>& columns = head_.columns;
@@ -221,7 +258,7 @@ void RolloutStudy::make_head() {
     return spec_.figures.empty() || std::ranges::find(spec_.figures, name) != spec_.figures.end();
   };
   for (const Column& column : figures_)
-    if (wanted(column.name)) columns.push_back(column);
+    if (column.role == ColumnRole::asked || wanted(column.name)) columns.push_back(column);
   add(kLast);
   std::string study = fmt::format("{} {}\n", spec_.count, spec_.seed) + emit_yaml(spec_.resolved);
   for (const std::string& assignment : spec_.set) study += "\n" + assignment;
@@ -263,6 +300,8 @@ std::optional<Row> RolloutStudy::run(long rollout, const std::atomic<bool>& stop
   try {
     Simulation simulation(compile(choice.overrides));
     outcome = run_to_end(simulation, spec_.stop_lost, stop, row.trajectory);
+    if (reads_summary_)
+      for (const auto& [path, value] : summary_figures(simulation)) outcome.cells.emplace(path, value);
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input) throw;
     row.trajectory.reset();

@@ -54,6 +54,7 @@ class RolloutStudy {
   std::vector<Problem> idle_keys();
   void check_record_and_stop() const;
   void take_sample(const scene::Scene& scene);
+  void find_outcomes();
   void make_head();
 
   RolloutsSpec spec_;
@@ -64,6 +65,7 @@ class RolloutStudy {
   std::vector<std::filesystem::path> files_;
   std::optional<scene::Scene> sample_;
   std::vector<Column> figures_;                             ///< of all samples
+  bool reads_summary_ = false;                              ///< an outcome is a figure of summary.json
   std::uint64_t scene_hash_ = 0;                            ///< of all samples
   std::optional<Error> refused_;                            ///< why one cannot be run
   std::optional<std::vector<scene::Overruled>> overruled_;  ///< in all samples

@@ -67,7 +67,7 @@ TableHead read_head(ArchiveReader& in) {
   in(out.seed);
   in.list(out.columns, [](ArchiveReader& from, Column& column) {
     from(column.name);
-    column.role = static_cast<ColumnRole>(from.count(3));
+    column.role = static_cast<ColumnRole>(from.count(4));
     from(column.text);
   });
   in(out.origin);

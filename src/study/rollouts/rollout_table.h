@@ -19,6 +19,7 @@ enum class ColumnRole {
   drawn,    ///< what was varied
   outcome,  ///< held, how and when it ended, error, state hash
   figure,
+  asked,  ///< a figure that the study names as an outcome
 };
 
 struct Column {

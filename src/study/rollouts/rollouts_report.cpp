@@ -1,8 +1,7 @@
-// The files of a rollout study, and what its varied keys do to the verdict.
+// The files of a rollout study.
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numeric>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -12,117 +11,13 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
+#include "handsim/study/rollouts/outcome_effects.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/rollouts/table_file.h"
 
 namespace handsim::study {
 
 namespace {
-
-constexpr std::size_t kBins = 10;
-/// Numbers that take at most so many values are plotted value by value.
-constexpr std::size_t kFewValues = 12;
-
-/// Rows that were judged, with what stands in one column.
-template <class T>
-struct Judged {
-  std::vector<T> values;
-  std::vector<double> held;
-};
-
-template <class T>
-Judged<T> judged(const Table& table, std::size_t column) {
-  Judged<T> out;
-  const std::size_t verdict = table.head.column("held");
-  for (const Row& row : table.rows) {
-    const double* held = std::get_if<double>(&row.cells[verdict]);
-    const T* value = std::get_if<T>(&row.cells[column]);
-    if (!held || !value) continue;
-    out.values.push_back(*value);
-    out.held.push_back(*held);
-  }
-  return out;
-}
-
-struct Count {
-  long held = 0, of = 0;
-
-  void add(double verdict) { held += verdict != 0, ++of; }
-};
-
-/// The share held of the rows with a value, or with one in a range.
-struct Bin {
-  std::string label;
-  double low = 0, middle = 0, high = 0;  ///< of the values in it
-  Count count;
-};
-
-std::vector<Bin> bins_of_numbers(const Judged<double>& rows) {
-  std::vector<std::size_t> order(rows.values.size());
-  for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
-  std::ranges::stable_sort(order,
-                           [&](std::size_t a, std::size_t b) { return rows.values[a] < rows.values[b]; });
-  std::map<double, Count> each;
-  for (std::size_t i = 0; i < order.size() && each.size() <= kFewValues; ++i)
-    each[rows.values[order[i]]].add(rows.held[order[i]]);
-  std::vector<Bin> out;
-  if (each.size() <= kFewValues) {
-    for (const auto& [value, count] : each) out.push_back({"", value, value, value, count});
-    return out;
-  }
-  for (std::size_t b = 0; b < kBins; ++b) {
-    const std::size_t from = b * order.size() / kBins, to = (b + 1) * order.size() / kBins;
-    Bin bin;
-    bin.low = rows.values[order[from]], bin.high = rows.values[order[to - 1]];
-    bin.middle = rows.values[order[(from + to) / 2]];
-    for (std::size_t i = from; i < to; ++i) bin.count.add(rows.held[order[i]]);
-    out.push_back(bin);
-  }
-  return out;
-}
-
-std::vector<Bin> bins_of_texts(const Judged<std::string>& rows) {
-  std::map<std::string, Count> each;
-  for (std::size_t i = 0; i < rows.values.size(); ++i) each[rows.values[i]].add(rows.held[i]);
-  std::vector<Bin> out;
-  for (const auto& [value, count] : each) {
-    const auto at = static_cast<double>(out.size());
-    out.push_back({value, at, at, at, count});
-  }
-  return out;
-}
-
-/// What one varied column does to the verdict.
-struct KeyEffect {
-  std::string name;
-  bool text = false;
-  std::optional<Estimate> correlation;  ///< of numbers
-  std::vector<Bin> bins;
-};
-
-std::vector<KeyEffect> key_effects(const Table& table) {
-  std::vector<KeyEffect> out;
-  for (std::size_t i = 0; i < table.head.columns.size(); ++i) {
-    const Column& column = table.head.columns[i];
-    if (column.role != ColumnRole::drawn) continue;
-    KeyEffect& effect = out.emplace_back(KeyEffect{column.name, column.text, {}, {}});
-    if (column.text) {
-      effect.bins = bins_of_texts(judged<std::string>(table, i));
-    } else {
-      const auto rows = judged<double>(table, i);
-      effect.correlation = rank_correlation(rows.values, rows.held);
-      effect.bins = bins_of_numbers(rows);
-    }
-  }
-  return out;
-}
-
-Count held_of(const Table& table) {
-  Count out;
-  const auto rows = judged<double>(table, table.head.column("held"));
-  for (const double held : rows.held) out.add(held);
-  return out;
-}
 
 /// How many rows ended in each way.
 std::map<std::string, long> endings(const Table& table) {
@@ -137,8 +32,54 @@ Json json_of(const std::optional<Estimate>& estimate) {
   return {{"value", estimate->value}, {"low", estimate->low}, {"high", estimate->high}};
 }
 
-Json json_of(const Count& count) {
-  return {{"held", count.held}, {"of", count.of}, {"share", json_of(share(count.held, count.of))}};
+Json json_of(const std::vector<double>& verdicts) {
+  const auto held = std::ranges::count_if(verdicts, [](double verdict) { return verdict != 0; });
+  return {{"held", held}, {"of", verdicts.size()}, {"share", json_of(share(held, std::ssize(verdicts)))}};
+}
+
+/// Means of figures, shares of verdicts.
+Json json_of(const OutcomeEffects& of, const std::vector<double>& values, const std::optional<Estimate>& all) {
+  return of.verdict ? json_of(values) : Json{{"of", values.size()}, {"mean", json_of(all)}};
+}
+
+Json keys_json(const OutcomeEffects& of) {
+  Json out;
+  for (const KeyEffect& effect : of.keys) {
+    Json& key = out[effect.name];
+    if (!effect.text) key["rank_correlation"] = json_of(effect.correlation);
+    for (const Bin& bin : effect.bins) {
+      Json entry = json_of(of, bin.outcomes, bin.estimate);
+      if (effect.text)
+        entry["value"] = bin.label;
+      else
+        entry["from"] = bin.low, entry["to"] = bin.high;
+      key[of.verdict ? "shares" : "means"].push_back(std::move(entry));
+    }
+  }
+  return out;
+}
+
+Json variance_json(const OutcomeEffects& of) {
+  Json out = Json::object();
+  for (const VarianceShare& each : of.variance) out[each.of] = each.share;
+  return out;
+}
+
+/// The 5th and the 95th percentile.
+std::pair<double, double> middle_90(std::vector<double> values) {
+  std::ranges::sort(values);
+  return {quantile(values, 0.05), quantile(values, 0.95)};
+}
+
+Json outcome_json(const OutcomeEffects& of) {
+  Json out = json_of(of, of.values, of.all);
+  if (!of.verdict && !of.values.empty()) {
+    const auto [low, high] = middle_90(of.values);
+    out["percentile_5"] = low, out["percentile_95"] = high;
+  }
+  out["keys"] = keys_json(of);
+  out["variance_shares"] = variance_json(of);
+  return out;
 }
 
 std::string csv_of(const Table& table) {
@@ -147,16 +88,19 @@ std::string csv_of(const Table& table) {
   return out;
 }
 
-std::string plot_data(const std::vector<KeyEffect>& effects) {
+std::string plot_data(const std::vector<OutcomeEffects>& outcomes) {
   std::string out;
-  for (std::size_t k = 0; k < effects.size(); ++k) {
-    out += fmt::format("$key{} << EOD\n", k);
-    for (const Bin& bin : effects[k].bins)
-      if (const auto estimate = share(bin.count.held, bin.count.of))
-        out += fmt::format("{} {} {} {} {} {} \"{}\"\n", bin.middle, bin.low, bin.high, estimate->value,
-                           estimate->low, estimate->high, output::plot_text(bin.label));
-    out += "EOD\n";
-  }
+  int block = 0;
+  for (const OutcomeEffects& of : outcomes)
+    for (const KeyEffect& effect : of.keys) {
+      out += fmt::format("$key{} << EOD\n", block++);
+      for (const Bin& bin : effect.bins)
+        if (bin.estimate)
+          out += fmt::format("{} {} {} {} {} {} \"{}\"\n", bin.middle, bin.low, bin.high,
+                             bin.estimate->value, bin.estimate->low, bin.estimate->high,
+                             output::plot_text(bin.label));
+      out += "EOD\n";
+    }
   return out;
 }
 
@@ -168,32 +112,40 @@ double tick(double span) {
   return power;
 }
 
-std::vector<Plot> plots_of(const Table& table, const std::vector<KeyEffect>& effects) {
-  const auto panels = static_cast<int>(effects.size());
-  const int columns = panels == 1 ? 1 : panels <= 4 ? 2 : 3, rows = (panels + columns - 1) / columns;
-  std::string commands = fmt::format("  set multiplot layout {},{} title '{}' noenhanced\n", rows, columns,
-                                     output::plot_text(table.head.title));
-  commands += "  set ylabel 'share held'\n  set yrange [-0.03:1.03]\n  set grid ytics\n  unset key\n";
-  for (std::size_t k = 0; k < effects.size(); ++k) {
-    const KeyEffect& effect = effects[k];
-    commands += fmt::format("  set xlabel '{}' noenhanced\n", output::plot_text(effect.name));
-    if (effect.bins.empty()) {
-      commands += "  set multiplot next\n";
-    } else if (effect.text) {
-      commands += fmt::format(
-          "  set xrange [-0.5:{}]\n  set xtics auto\n  plot $key{} using 1:4:5:6:xtic(7) with yerrorbars pt "
-          "7 lc rgb '#1f5fa8'\n",
-          static_cast<double>(effect.bins.size()) - 0.5, k);
-    } else {
-      const double low = effect.bins.front().low, high = effect.bins.back().high;
-      const double margin = high > low ? 0.03 * (high - low) : 1;
-      commands += fmt::format("  set xrange [{}:{}]\n  set xtics {}\n", low - margin, high + margin,
-                              tick(2 * margin + high - low));
-      commands += fmt::format(
-          "  plot $key{0} using 1:4:2:3:5:6 with xyerrorbars pt 7 lc rgb '#1f5fa8', $key{0} using 1:4 with "
-          "lines lc rgb '#1f5fa8'\n",
-          k);
-    }
+/// One panel: an outcome over a varied key.
+std::string panel(const OutcomeEffects& of, const KeyEffect& effect, int block) {
+  if (effect.bins.empty()) return "  set multiplot next\n";
+  std::string out = fmt::format(
+      "  set xlabel '{}' noenhanced\n  set ylabel '{}' noenhanced\n  set yrange {}\n",
+      output::plot_text(effect.name),
+      of.name == "held" ? "share held" : output::plot_text((of.verdict ? "share " : "mean ") + of.name),
+      of.verdict ? "[-0.03:1.03]" : "[*:*]");
+  if (effect.text)
+    return out + fmt::format(
+                     "  set xrange [-0.5:{}]\n  set xtics auto\n  plot $key{} using 1:4:5:6:xtic(7) with "
+                     "yerrorbars pt 7 lc rgb '#1f5fa8'\n",
+                     static_cast<double>(effect.bins.size()) - 0.5, block);
+  const double low = effect.bins.front().low, high = effect.bins.back().high;
+  const double margin = high > low ? 0.03 * (high - low) : 1;
+  return out + fmt::format(
+                   "  set xrange [{1}:{2}]\n  set xtics {3}\n  plot $key{0} using 1:4:2:3:5:6 with "
+                   "xyerrorbars pt 7 lc rgb '#1f5fa8', $key{0} using 1:4 with lines lc rgb '#1f5fa8'\n",
+                   block, low - margin, high + margin, tick(2 * margin + high - low));
+}
+
+/// A row of panels, or several, for each outcome.
+std::vector<Plot> plots_of(const Table& table, const std::vector<OutcomeEffects>& outcomes) {
+  const auto keys = static_cast<int>(outcomes.front().keys.size());
+  const bool wide = outcomes.size() > 1 && keys <= 6;
+  const int columns = keys == 1 || wide ? keys : keys <= 4 ? 2 : 3, each = (keys + columns - 1) / columns;
+  const int rows = each * static_cast<int>(outcomes.size());
+  std::string commands =
+      fmt::format("  set multiplot layout {},{} title '{}' noenhanced\n  set grid ytics\n  unset key\n", rows,
+                  columns, output::plot_text(table.head.title));
+  int block = 0;
+  for (const OutcomeEffects& of : outcomes) {
+    for (const KeyEffect& effect : of.keys) commands += panel(of, effect, block++);
+    for (int left = keys; left < each * columns; ++left) commands += "  set multiplot next\n";
   }
   return {
       {"rollouts", fmt::format("size {},{}", 480 * columns, 360 * rows), commands + "  unset multiplot\n"}};
@@ -204,7 +156,39 @@ std::string estimate_text(const std::optional<Estimate>& estimate) {
                   : "-";
 }
 
-constexpr double kNormal95 = 1.959963984540054;  ///< quantile 0.975 of the standard normal distribution
+/// What each varied key does to an outcome, as a table.
+std::string keys_text(const OutcomeEffects& of) {
+  std::string out = fmt::format("  {:<44} {:<26} {}\n", "varied", "rank correlation",
+                                of.verdict ? "share held" : "mean");
+  for (const KeyEffect& effect : of.keys) {
+    std::vector<std::string> bins;
+    for (const Bin* bin : effect.telling())
+      bins.push_back(fmt::format("{}: {:.3g}",
+                                 effect.text               ? bin->label
+                                 : bin->low == bin->high ? fmt::format("{:.3g}", bin->low)
+                                                         : fmt::format("{:.3g} to {:.3g}", bin->low, bin->high),
+                                 bin->estimate->value));
+    out += fmt::format("  {:<44} {:<26} {}\n", effect.name, estimate_text(effect.correlation),
+                       fmt::join(bins, ", "));
+  }
+  return out;
+}
+
+/// The inputs that explain most of an outcome's variance.
+std::string variance_text(const OutcomeEffects& of) {
+  constexpr std::size_t kTold = 3;
+  constexpr double kLeast = 0.01;
+  double all = 0;
+  std::vector<std::string> told;
+  for (const VarianceShare& each : of.variance) {
+    all += each.share;
+    if (told.size() < kTold && each.share >= kLeast)
+      told.push_back(fmt::format("{} {:.0f} %", each.of, 100 * each.share));
+  }
+  if (of.variance.empty()) return "";
+  return fmt::format("  variance of {}: {} ({:.0f} % explained)\n", of.name,
+                     told.empty() ? "no key has 1 %" : fmt::format("{}", fmt::join(told, ", ")), 100 * all);
+}
 
 }  // namespace
 
@@ -219,55 +203,47 @@ std::string rollouts_summary(const Table& table) {
   out["title"] = table.head.title;
   out["rollouts"] = table.head.size;
   out["seed"] = table.head.seed;
-  out["held"] = json_of(held_of(table));
+  const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
+  out["held"] = json_of(outcomes.front().values);
   for (const auto& [word, count] : endings(table)) out["ended"][word] = count;
-  for (const KeyEffect& effect : key_effects(table)) {
-    Json& key = out["keys"][effect.name];
-    if (!effect.text) key["rank_correlation"] = json_of(effect.correlation);
-    for (const Bin& bin : effect.bins) {
-      Json entry = json_of(bin.count);
-      if (effect.text)
-        entry["value"] = bin.label;
-      else
-        entry["from"] = bin.low, entry["to"] = bin.high;
-      key["shares"].push_back(std::move(entry));
-    }
-  }
+  out["keys"] = keys_json(outcomes.front());
+  out["variance_shares"] = variance_json(outcomes.front());
+  for (std::size_t i = 1; i < outcomes.size(); ++i)
+    out["outcomes"][outcomes[i].name] = outcome_json(outcomes[i]);
   out["table_hash"] = fmt::format("{:016x}", hash_bytes(csv_of(table)));
   out["origin"] = table.head.origin;
   return out.dump(2) + "\n";
 }
 
 std::string rollouts_screen(const Table& table) {
-  const Count held = held_of(table);
-  std::string out = fmt::format("{}\n  {} rollouts: ", table.head.title, table.head.size);
   std::vector<std::string> parts;
   for (const auto& [word, count] : endings(table)) parts.push_back(fmt::format("{} {}", count, word));
-  out += fmt::format("{}\n  held: {} of {} judged, share {} with its 95 % interval\n", fmt::join(parts, ", "),
-                     held.held, held.of, estimate_text(share(held.held, held.of)));
-  out += fmt::format("  {:<44} {:<26} {}\n", "varied", "rank correlation with held", "share held");
-  for (const KeyEffect& effect : key_effects(table)) {
-    std::vector<std::string> shares;
-    for (const Bin& bin : effect.bins)
-      if (effect.text)
-        shares.push_back(fmt::format("{} {:.3f}", bin.label, share(bin.count.held, bin.count.of)->value));
-    if (!effect.text && !effect.bins.empty())
-      for (const Bin* bin : {&effect.bins.front(), &effect.bins.back()})
-        shares.push_back(fmt::format("{:.3g} to {:.3g}: {:.3f}", bin->low, bin->high,
-                                     share(bin->count.held, bin->count.of)->value));
-    out += fmt::format("  {:<44} {:<26} {}\n", effect.name, estimate_text(effect.correlation),
-                       fmt::join(shares, ", "));
+  std::string out = fmt::format("{}\n  {} rollouts: {}\n", table.head.title, table.head.size, fmt::join(parts, ", "));
+  for (const OutcomeEffects& of : outcome_effects(table)) {
+    if (of.verdict) {
+      out += fmt::format("  {}: {} of {} judged, share {} with its 95 % interval\n", of.name,
+                         std::ranges::count(of.values, 1.0), of.values.size(), estimate_text(of.all));
+    } else {
+      out += fmt::format("\n  {}: mean {} with its 95 % interval, of {} rollouts", of.name,
+                         estimate_text(of.all), of.values.size());
+      if (!of.values.empty()) {
+        const auto [low, high] = middle_90(of.values);
+        out += fmt::format("; nine in ten from {:.4g} to {:.4g}", low, high);
+      }
+      out += "\n";
+    }
+    out += keys_text(of) + variance_text(of);
   }
   return out;
 }
 
 bool write_rollouts(const Table& table, const std::filesystem::path& out) {
   write_hdf5(table, out / "rollouts.h5");
-  const std::vector<KeyEffect> effects = key_effects(table);
+  const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
   Report report;
   report.csv = csv_of(table);
-  report.data = plot_data(effects);
-  report.plots = plots_of(table, effects);
+  report.data = plot_data(outcomes);
+  report.plots = plots_of(table, outcomes);
   const bool plotted = write_report(out, "rollouts", report);
   output::write_file(out / "summary.json", rollouts_summary(table));
   return plotted;
@@ -300,46 +276,6 @@ StudyCommands rollouts_commands(const std::filesystem::path& file, const std::ve
       command_text({"rollouts", file.string()}, overrides) + seeded,
       {},
       {{"rollouts.csv", command_text({"run", file.string()}, overrides) + " --rollout {rollout}" + seeded}}};
-}
-
-std::optional<Estimate> share(long held, long of) {
-  if (of <= 0) return std::nullopt;
-  const auto n = static_cast<double>(of);
-  const double p = static_cast<double>(held) / n, zz = kNormal95 * kNormal95;
-  const double centre = (p + zz / (2 * n)) / (1 + zz / n);
-  const double half = kNormal95 / (1 + zz / n) * std::sqrt(p * (1 - p) / n + zz / (4 * n * n));
-  // The ends are 0 and 1 where none and all are held; rounding must not say otherwise.
-  return Estimate{p, held == 0 ? 0 : centre - half, held == of ? 1 : centre + half};
-}
-
-std::vector<double> ranks(std::span<const double> values) {
-  std::vector<std::size_t> order(values.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::sort(order, [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
-  std::vector<double> out(values.size());
-  for (std::size_t from = 0, to = 0; from < order.size(); from = to) {
-    while (to < order.size() && values[order[to]] == values[order[from]]) ++to;
-    for (std::size_t i = from; i < to; ++i) out[order[i]] = 0.5 * static_cast<double>(from + 1 + to);
-  }
-  return out;
-}
-
-std::optional<Estimate> rank_correlation(std::span<const double> x, std::span<const double> y) {
-  if (x.size() < 4 || x.size() != y.size()) return std::nullopt;
-  const std::vector<double> a = ranks(x), b = ranks(y);
-  const auto n = static_cast<double>(a.size());
-  const double mean = 0.5 * (n + 1);
-  double ab = 0, aa = 0, bb = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    ab += (a[i] - mean) * (b[i] - mean);
-    aa += (a[i] - mean) * (a[i] - mean);
-    bb += (b[i] - mean) * (b[i] - mean);
-  }
-  if (aa == 0 || bb == 0) return std::nullopt;
-  const double r = std::clamp(ab / std::sqrt(aa * bb), -1.0, 1.0);
-  if (std::abs(r) == 1) return Estimate{r, r, r};
-  const double z = std::atanh(r), half = kNormal95 * std::sqrt((1 + 0.5 * r * r) / (n - 3));
-  return Estimate{r, std::tanh(z - half), std::tanh(z + half)};
 }
 
 }  // namespace handsim::study

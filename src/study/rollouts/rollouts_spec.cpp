@@ -184,6 +184,15 @@ VariedKey read_varied(MapReader reader, const std::string& key) {
   return out;
 }
 
+void read_outcomes(MapReader& reader, RolloutsSpec& out) {
+  const YamlNode* node =
+      reader.value("outcome", {{Kind::scalar, Kind::sequence}, "a figure, or a list of figures", false});
+  if (!node) return;
+  out.outcome_place = node->place();
+  if (node->kind == Kind::scalar) out.outcomes = {node->text};
+  for (const YamlNode& item : node->items) out.outcomes.push_back(item.text);
+}
+
 void read_record(MapReader reader, RolloutsSpec& out) {
   const ValueForm form = {{Kind::scalar, Kind::sequence}, "all, or a list of columns", false};
   if (const YamlNode* figures = reader.value("figures", form)) {
@@ -246,6 +255,7 @@ RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics) {
   MapReader stop = reader.map("stop");
   out.stop_lost = stop.flag("lost", false);
   stop.finish();
+  read_outcomes(reader, out);
   read_record(reader.map("record"), out);
   reader.finish();
   return out;

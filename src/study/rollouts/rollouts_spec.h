@@ -48,6 +48,9 @@ struct RolloutsSpec {
   int count = 1;                 ///< draws; each is run with every combination of levels
   int seed = 1;
   std::vector<VariedKey> vary;
+  /// Figures that are analysed beside the verdict: columns, or paths in summary.json.
+  std::vector<std::string> outcomes;
+  std::optional<Place> outcome_place;
   bool stop_lost = false;
   std::vector<std::string> figures;  ///< columns that are written; empty: all
   int trajectories = 0;              ///< of the first rollouts, which are written whole

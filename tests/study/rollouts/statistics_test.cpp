@@ -1,5 +1,5 @@
-// Shares and rank correlations.
-#include "handsim/study/rollouts/rollouts.h"
+// Shares, rank correlations and shares of variance.
+#include "handsim/study/statistics.h"
 
 #include <cmath>
 #include <vector>
@@ -61,6 +61,63 @@ TEST(RankCorrelation, HasTheIntervalOfBonettAndWright) {
   const double r = estimate->value, half = 1.959963984540054 * std::sqrt((1 + r * r / 2) / 100);
   EXPECT_NEAR(std::atanh(estimate->high) - std::atanh(r), half, 1e-12);
   EXPECT_NEAR(std::atanh(r) - std::atanh(estimate->low), half, 1e-12);
+}
+
+/// A lattice in the cube from -1 to 1, by the golden numbers of Roberts.
+std::vector<Input> lattice(std::size_t rows) {
+  std::vector<Input> out = {{"a", {}}, {"b", {}}, {"c", {}}};
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      out[k].values.push_back(
+          2 * std::fmod(static_cast<double>(i + 1) / std::pow(1.22074408460575947536, k + 1), 1.0) - 1);
+  return out;
+}
+
+double share_of(const std::vector<VarianceShare>& shares, const std::string& of) {
+  for (const VarianceShare& each : shares)
+    if (each.of == of) return each.share;
+  return NAN;
+}
+
+// Oracle: Sobol's indices in closed form. For a, b, c even from -1 to 1 the variances of 3a, 2ab and 4c^2 are 3,
+// 4/9 and 64/45; c^2 is an inverted U without rank correlation.
+TEST(VarianceShares, AreSobolsIndicesOfIndependentInputs) {
+  std::vector<Input> inputs = lattice(5000);
+  std::vector<double> y;
+  for (std::size_t i = 0; i < 5000; ++i) {
+    const double a = inputs[0].values[i], b = inputs[1].values[i], c = inputs[2].values[i];
+    y.push_back(3 * a + 2 * a * b - 4 * c * c);
+    // Ranks do not see the scale.
+    inputs[0].values[i] = std::exp(a);
+  }
+  const std::vector<VarianceShare> shares = variance_shares(inputs, y);
+  const double all = 3 + 4.0 / 9 + 64.0 / 45;
+  EXPECT_EQ(shares.front().of, "a");
+  EXPECT_NEAR(share_of(shares, "a"), 3 / all, 2e-3);
+  EXPECT_NEAR(share_of(shares, "c"), 64.0 / 45 / all, 2e-3);
+  EXPECT_NEAR(share_of(shares, "a x b"), 4.0 / 9 / all, 2e-3);
+  EXPECT_NEAR(share_of(shares, "b"), 0, 2e-3);
+  EXPECT_NEAR(share_of(shares, "b x c"), 0, 2e-3);
+  EXPECT_NEAR(rank_correlation(inputs[2].values, y)->value, 0, 0.03);
+}
+
+// Oracle: of categories the share is that between their means (eta squared); of an outcome that depends on
+// nothing, no share is above what chance leaves.
+TEST(VarianceShares, OfCategoriesAndOfNothing) {
+  std::vector<Input> inputs = lattice(3000);
+  inputs.push_back({"kind", {}, true});
+  std::vector<double> y, noise;
+  for (std::size_t i = 0; i < 3000; ++i) {
+    inputs[3].values.push_back(static_cast<double>(i % 3));
+    noise.push_back(std::fmod(static_cast<double>(i + 1) * 0.7548776662466927, 1.0));
+    // Means 0, 1 and 5: variance 14/3. The noise has 1/12 on 4 times its range.
+    y.push_back((i % 3 == 2 ? 5.0 : static_cast<double>(i % 3)) + 4 * noise.back());
+  }
+  EXPECT_NEAR(share_of(variance_shares(inputs, y), "kind"), 14.0 / 3 / (14.0 / 3 + 16.0 / 12), 5e-3);
+  double sum = 0;
+  for (const VarianceShare& each : variance_shares(inputs, noise)) sum += each.share;
+  EXPECT_NEAR(sum, 0, 0.01);
+  EXPECT_TRUE(variance_shares(inputs, std::vector<double>(3000, 1)).empty());
 }
 
 }  // namespace
