@@ -99,9 +99,9 @@ STUDIES = {
     "climb": Study("1 min", climb_runs()),
     "contacts": Study("1.5 min", {"contacts": None},
                       {"contacts/contacts_cost.png": "contacts_cost.png"}),
-    "accuracy": Study("1.5 min", {"run": ["accuracy", "config/accuracy_slider_crank.yaml", "--out", "{out}"]},
+    "accuracy": Study("1.5 min", {"run": None},
                       {"run/error_cost.png": "accuracy.png"}),
-    "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}", "--no-peers"]}),
+    "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}"]}),
     "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}"]}),
     "effects": Study("30 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"],
                                 "muscles": ["effects", "config/muscle_poses.yaml", "--set", "duration=2", "--out", "{out}"]},
@@ -161,12 +161,14 @@ def command_of(name, label, build):
                 "opensim": [str(build / "tests" / "test_osim"), "--gtest_filter=*InOpenSim*"]}[label]
     if name == "pinch":
         return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]
+    if name == "accuracy":
+        return [str(build / "tests" / "peers" / "peer_accuracy"), "tests/peers/accuracy_slider_crank.yaml", "--out", str(OUT / name / label)]
     if name == "peers":
         newest = build / "tests" / "peers" / "newest"
         out = OUT / name
         if label.startswith("cases_"):
             return [str(newest / "peer_cases"), "config/stability.yaml", str(out / f"{label}.json"), label.removeprefix("cases_")]
-        return {"accuracy": [str(build / "src" / "handsim"), "accuracy", "config/accuracy_peers.yaml", "--out",
+        return {"accuracy": [str(build / "tests" / "peers" / "peer_accuracy"), "tests/peers/accuracy_newest.yaml", "--out",
                              str(out / label), "--peers", str(newest)],
                 "pinch": [str(newest / "test_pinch")],
                 "bench": [str(newest / "bench_peers"), "--benchmark_filter=mujoco|pinocchio|hand_to_engine|two_threads",

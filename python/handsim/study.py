@@ -138,14 +138,10 @@ def _folder(out: Out) -> Iterator[Path]:
         yield Path(folder)
 
 
-def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, peers: Optional[PathText] = None,
-             progress: Progress = None) -> Study:
-    """Errors against a reference and CPU time of every method and step of an accuracy study.
-
-    :param peers: folder with the programs of other engines; None: their rows are left out
-    """
+def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, progress: Progress = None) -> Study:
+    """Errors against a reference and CPU time of every method and step of an accuracy study."""
     with _folder(out) as folder, bar(progress, "accuracy") as told:
-        text = _core.accuracy(find_file(study), folder, None if peers is None else Path(peers), told)
+        text = _core.accuracy(find_file(study), folder, told)
         return Study("accuracy", folder, text)
 
 

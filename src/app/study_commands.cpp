@@ -73,7 +73,6 @@ int accuracy_command(const Asked<study::AccuracyOptions>& asked) {
 
 void add_accuracy(CommandLine& line) {
   const auto asked = std::make_shared<Asked<study::AccuracyOptions>>();
-  asked->peers = HANDSIM_BUILT_PEERS;
   CLI::App& accuracy =
       line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
                "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
@@ -85,15 +84,9 @@ void add_accuracy(CommandLine& line) {
                   "name the cheapest method and step that reaches this error; exit 1 if none does")
       ->check(number_from(std::numeric_limits<double>::min(), std::numeric_limits<double>::max(), false,
                           "an error above 0, such as 1e-3"));
-  CLI::Option* peers = accuracy.add_option(
-      "--peers", asked->peers, "folder of other engines' programs (default: where the build puts them)");
   accuracy.add_option("--costs", asked->costs,
                       "table of costs for engine auto: replaces its part on this kind of scene");
   add_report_flag(accuracy, asked->run);
-  accuracy
-      .add_flag_callback(
-          "--no-peers", [asked] { asked->peers.reset(); }, "omit the rows of other engines")
-      ->excludes(peers);
 }
 
 int validate_command(const Asked<study::ValidateOptions>& asked) {

@@ -20,10 +20,9 @@ using std::filesystem::path;
 // Each study writes the files of its command into a folder, and returns the text that the command prints: the
 // Python side reads its tables from the files.
 
-std::string accuracy(const path& study, const path& out, const std::optional<path>& peers,
-                     const py::object& progress) {
+std::string accuracy(const path& study, const path& out, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
-    return study::accuracy({study, {}, peers, {}}, {out, false, hooks.told}).text;
+    return study::accuracy({study, {}, {}}, {out, false, hooks.told}).text;
   });
 }
 
@@ -189,7 +188,7 @@ void bind_motion(py::module_& module) {
 
 void bind_studies(py::module_& module) {
   module.def("draw_persons", &draw_persons, py::arg("population"), py::arg("count"), py::arg("seed"));
-  module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("peers"), py::arg("progress"));
+  module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("progress"));
   module.def("effects", &effects_study, py::arg("scene"), py::arg("file"), py::arg("overrides"),
              py::arg("out"), py::arg("repeats"), py::arg("progress"));
   module.def("stability", &stability, py::arg("study"), py::arg("out"), py::arg("cases"), py::arg("quick"),

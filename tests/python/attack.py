@@ -166,7 +166,7 @@ class World:
             (hs.study.rollouts, {"study": "nowhere", "count": 2, "seed": 1, "threads": 1, "overrides": {"a": 1}}),
             (hs.study.effects, {"scene": "nowhere", "repeats": 1}), (hs.study.stability, {"study": "nowhere", "cases": ["a"]}),
             (hs.study.grasps, {"scenes": ["nowhere"], "sides": ["left"], "friction": 0.5}),
-            (hs.study.merge, {"folders": [here]}), (hs.study.accuracy, {"study": "nowhere", "peers": here}),
+            (hs.study.merge, {"folders": [here]}), (hs.study.accuracy, {"study": "nowhere", "out": here}),
             (hs.study.track, {"recording": here / "none.csv", "person": here, "noise": 0.1, "seed": 1}),
             (hs.study.inverse, {"scene": self.scenes[0], "motion": here / "none.csv", "cutoff": 6.0, "clamp": True}),
             (hs.study.read_csv, {"path": here / "none.csv"}),

@@ -1,7 +1,5 @@
 #include "handsim/study/accuracy/accuracy.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -164,13 +162,9 @@ struct Job {
   std::vector<double> costs;  ///< CPU seconds for a simulated second, of each round
 };
 
-std::filesystem::path program_of(const AccuracySpec& spec, const AccuracyMethod& method) {
-  return spec.peers.value_or("") / method.peer->program;
-}
-
 Motion record_job(const AccuracySpec& spec, const Job& job) {
   const std::optional<std::string>& observe = job.method->observe ? job.method->observe : spec.observe;
-  if (!job.method->peer) return record_motion(job.scene, observe, spec.sample_every);
+  if (!job.method->outside) return record_motion(job.scene, observe, spec.sample_every);
   simulation::Monitor monitor(job.scene.model, job.scene.spec.solver.step, false);
   std::optional<MotionRecorder> recorder;
   const auto update = [&](const model::State& state) {
@@ -181,20 +175,18 @@ Motion record_job(const AccuracySpec& spec, const Job& job) {
       recorder->update(state);
     }
   };
-  const PeerName name =
-      simulate_with_peer(program_of(spec, *job.method), *job.method->peer, job.scene, update);
+  const std::string engine = job.method->outside->simulate(job.scene, update);
   Motion motion = recorder->finish(monitor.joint_gap().value);
-  motion.engine = name.engine + " " + name.version;
+  motion.engine = engine;
   return motion;
 }
 
 /// CPU seconds per simulated second of the simulation loop alone.
-double cost(const AccuracySpec& spec, const Job& job) {
+double cost(const Job& job) {
   const double h = job.scene.spec.solver.step;
   const long steps = std::max(1L, std::lround(std::min(job.scene.spec.duration, kTimedSpan) / h));
   const double simulated = static_cast<double>(steps) * h;
-  if (job.method->peer)
-    return peer_cpu_seconds(program_of(spec, *job.method), *job.method->peer, job.scene, steps) / simulated;
+  if (job.method->outside) return job.method->outside->cpu_seconds(job.scene, steps) / simulated;
   simulation::Simulation warm_up(job.scene), simulation(job.scene);
   for (long i = 0; i < std::min(steps, kWarmUpSteps); ++i) warm_up.step();
   const double start = cpu_now();
@@ -264,9 +256,7 @@ Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step
   Job job;
   job.method = &method;
   job.scene = scene::load_scene(method.scene.value_or(spec.scene), set);
-  if (method.peer)
-    check_for_peers(job.scene);
-  else
+  if (!method.outside)
     job.row.command = command_text({"run", method.scene.value_or(spec.scene).string()}, set);
   job.row.method = method.name;
   job.row.step = step;
@@ -282,21 +272,6 @@ void attempt(AccuracyRow& row, const std::function<void()>& part) {
     if (!error.fault()) throw;
     row.fault = error.what();
   }
-}
-
-/// The methods that can run; the result lists the others with the reason.
-std::vector<const AccuracyMethod*> available_methods(const AccuracySpec& spec, AccuracyResult& result) {
-  std::vector<const AccuracyMethod*> out;
-  std::map<std::string, std::vector<std::string>> left_out;
-  for (const AccuracyMethod& method : spec.methods)
-    if (!method.peer || (spec.peers && access(program_of(spec, method).c_str(), X_OK) == 0))
-      out.push_back(&method);
-    else
-      left_out[spec.peers ? "there is no " + program_of(spec, method).string() : "without other engines"]
-          .push_back(method.name);
-  for (const auto& [why, names] : left_out)
-    result.left_out.push_back(fmt::format("{} ({})", fmt::join(names, "; "), why));
-  return out;
 }
 
 /// Compares the rows of one method with the reference, and drops motions that no plot shows.
@@ -332,9 +307,9 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   result.reference = make_reference(spec);
   std::vector<Job> jobs;
   double total = 0, done = 0;
-  for (const AccuracyMethod* method : available_methods(spec, result))
-    for (const double step : method->steps) {
-      jobs.push_back(make_job(spec, *method, step));
+  for (const AccuracyMethod& method : spec.methods)
+    for (const double step : method.steps) {
+      jobs.push_back(make_job(spec, method, step));
       total += work(jobs.back(), true) + spec.repeats * work(jobs.back(), false);
     }
   const auto report = [&](const Job& job, bool motion) {
@@ -362,7 +337,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   }
   for (int round = 0; round < spec.repeats; ++round)
     for (Job& job : jobs) {
-      attempt(job.row, [&] { job.costs.push_back(cost(spec, job)); });
+      attempt(job.row, [&] { job.costs.push_back(cost(job)); });
       report(job, false);
     }
   for (Job& job : jobs) {
@@ -391,7 +366,7 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
   for (const AccuracyRow& row : result.rows) {
     const auto method = std::ranges::find_if(
         spec.methods, [&](const AccuracyMethod& each) { return each.name == row.method; });
-    if (row.fault || row.own_reference || row.is_reference || method->peer) continue;
+    if (row.fault || row.own_reference || row.is_reference || method->outside) continue;
     all.push_back(
         {row.rate_error / signal, row.cpu_per_second, make_job(spec, *method, row.step).scene.spec.solver});
   }

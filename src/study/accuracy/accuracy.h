@@ -8,8 +8,9 @@
 #include <vector>
 
 #include "handsim/core/yaml.h"
+#include "handsim/model/state.h"
+#include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/engine_choice.h"
-#include "handsim/study/accuracy/peer_program.h"
 #include "handsim/study/study_run.h"
 
 namespace handsim::study {
@@ -22,6 +23,15 @@ enum class Reference {
   smallest_step,        ///< each method's run with its smallest step
 };
 
+/// An engine that is not handsim's, as tests/peers runs some.
+struct OutsideEngine {
+  /// Simulates the scene's mechanism from its start over its duration; the second is called with the start and the
+  /// state after every step. @return name and version
+  std::function<std::string(const scene::Scene&, const std::function<void(const model::State&)>&)> simulate;
+  /// CPU seconds of a number of steps from the start, after a warm-up and without output.
+  std::function<double(const scene::Scene&, long)> cpu_seconds;
+};
+
 /// A method of the study: overrides of the scene, as `key.path=value`.
 struct AccuracyMethod {
   std::string name;
@@ -30,7 +40,7 @@ struct AccuracyMethod {
   /// Replaces the study's scene; then the reference is the method's run with its smallest step.
   std::optional<std::filesystem::path> scene;
   std::optional<std::string> observe;  ///< replaces the study's
-  std::optional<PeerMethod> peer;      ///< a method of another engine, used instead of the scene's solver
+  std::optional<OutsideEngine> outside;  ///< used instead of the scene's solver
   /// Title of the line of the error-cost plot that shows this method together with others that differ only in
   /// their tolerance; such methods are left out of plots over the step. Absent: a line of its own.
   std::optional<std::string> line;
@@ -49,8 +59,6 @@ struct AccuracySpec {
   std::vector<double> plot_steps;  ///< steps whose motion is plotted [s]
   std::vector<AccuracyMethod> methods;
   std::optional<scene::SceneKind> kind;  ///< of the scene, for the cost table of engine `auto`
-  /// Folder of the programs of other engines; absent: their rows are left out.
-  std::optional<std::filesystem::path> peers;
 };
 
 /// Motion at the sample times.
@@ -73,7 +81,7 @@ struct AccuracyRow {
   double cpu_per_second = 0;         ///< CPU seconds for a simulated second
   std::optional<std::string> fault;  ///< why the row has no figures
   Series series;                     ///< only for steps in plot_steps
-  std::string command;               ///< repeats the run; empty: the program of another engine has its own
+  std::string command;               ///< repeats the run; empty: of an outside engine
 
   double times_real_time() const { return 1 / cpu_per_second; }
 };
@@ -81,9 +89,8 @@ struct AccuracyRow {
 struct AccuracyResult {
   std::vector<AccuracyRow> rows;
   std::optional<Series> reference;    ///< absent for Reference::smallest_step
-  std::string unit;                   ///< of the coordinates: `m` or `rad`
-  std::vector<std::string> left_out;  ///< methods of other engines without a row, with the reason
-  std::vector<std::string> engines;   ///< engines of the rows, with their versions
+  std::string unit;                 ///< of the coordinates: `m` or `rad`
+  std::vector<std::string> engines; ///< engines of the rows, with their versions
 };
 
 /// @throws Error (input) with every problem of the file.
@@ -121,10 +128,10 @@ bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result, cons
 
 struct AccuracyOptions {
   std::filesystem::path study;
-  std::optional<double> target;                ///< whole-run error that the cheapest row must reach
-  std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: no such rows
+  std::optional<double> target;  ///< whole-run error that the cheapest row must reach
   /// Table of costs in which the part on the study's kind of scene is replaced or added.
   std::optional<std::filesystem::path> costs;
+  std::vector<AccuracyMethod> more = {};  ///< beside those of the study file
 };
 /// The whole study. @throws Error (input) as its parts
 StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run);

@@ -59,7 +59,6 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
   Json out = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
   add_origin(out);
   out["versions"]["engines"] = result.engines;
-  out["left_out"] = result.left_out;
   out["rows"] = std::move(rows);
   return out.dump(2) + "\n";
 }
@@ -79,7 +78,7 @@ std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& resul
     if (method.scene) continue;
     const std::string title = method.line.value_or(method.name);
     if (lines.empty() || lines.back().title != title)
-      lines.push_back({title, method.peer.has_value(), !method.line, {}});
+      lines.push_back({title, method.outside.has_value(), !method.line, {}});
     for (const AccuracyRow& row : result.rows)
       if (row.method == method.name && !row.fault && !row.is_reference) lines.back().rows.push_back(&row);
   }
@@ -140,7 +139,7 @@ void add_velocity_plot(const AccuracySpec& spec, const AccuracyResult& result, R
     std::size_t colour = 0;
     for (const AccuracyMethod& method : spec.methods)
       for (const AccuracyRow& row : result.rows)
-        if (method.peer.has_value() == peer && row.method == method.name && !row.series.time.empty() &&
+        if (method.outside.has_value() == peer && row.method == method.name && !row.series.time.empty() &&
             std::abs(row.step - step) < 1e-12)
           lines += (lines.empty() ? "plot " : ", ") + add(row.series, row.method, style(colour++, false));
     if (lines.empty()) return;
@@ -205,7 +204,7 @@ void update_costs(const std::filesystem::path& path, const AccuracySpec& spec, c
       "# Costs of accuracy by kind of scene: RMS error of the rates over their RMS, and CPU seconds per "
       "simulated second\n"
       "# of the scene measured. Engine auto uses this table. Each part is the result of its study:\n"
-      "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with "
+      "# handsim accuracy STUDY --out DIR --costs accuracy_costs.yaml, with "
       "accuracy_two_hands.yaml,\n"
       "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
           emit_yaml(scene::write_costs(tables)));
@@ -259,7 +258,7 @@ bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
 
 StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
   AccuracySpec spec = load_accuracy(options.study);
-  spec.peers = options.peers;
+  spec.methods.insert(spec.methods.end(), options.more.begin(), options.more.end());
   const std::vector<std::string> files =
       report_files("accuracy", {"error_cost", "cost_step", "error_step", "velocity"});
   const output::OutputFolder folder(run.out, files, [&] {
@@ -281,7 +280,6 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
                   "run saturates once the motions are out of phase.\n\n{}",
                   spec.title, result.unit, spec.early, accuracy_table(result, spec.early))};
   if (result.reference) end.text += "\n" + cheapest_table(result);
-  for (const std::string& text : result.left_out) end.text += "left out: " + text + "\n";
   end.text += "\n";
   tell(run, end);
   folder.clear();

@@ -9,34 +9,12 @@ namespace handsim::study {
 
 namespace {
 
-/// `{accuracy: 1e-4}` as numbers.
-std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
-  std::vector<std::pair<std::string, double>> settings;
-  const YamlNode* map = reader.child("set");
-  if (!map) return settings;
-  if (map->kind != YamlNode::Kind::map)
-    reader.problem("set", map->described(), "a mapping of names to numbers");
-  for (const YamlEntry& entry : map->entries)
-    if (const auto value =
-            read_number(entry.value, reader.path_of("set") + "." + entry.key, {}, reader.diagnostics()))
-      settings.emplace_back(entry.key, *value);
-  return settings;
-}
-
-/// A method of handsim, or of another engine.
-AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps, bool of_peer) {
+AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
   AccuracyMethod method;
   method.name = reader.text("name");
-  if (of_peer) {
-    PeerMethod& peer = method.peer.emplace();
-    peer.program = reader.name("program");
-    peer.method = reader.name("method");
-    peer.settings = read_settings(reader);
-  } else {
-    method.set = read_set(reader, "set");
-    method.scene = read_scene_path(reader, false);
-    if (reader.has("observe")) method.observe = reader.text("observe");
-  }
+  method.set = read_set(reader, "set");
+  method.scene = read_scene_path(reader, false);
+  if (reader.has("observe")) method.observe = reader.text("observe");
   if (reader.has("line")) method.line = reader.text("line");
   method.steps = read_steps(reader, "steps", false);
   if (method.steps.empty()) method.steps = steps;
@@ -78,13 +56,10 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   spec.repeats = reader.integer("repeats", 1, 1000, 5);
   const std::vector<double> steps = read_steps(reader, "steps", true);
   spec.plot_steps = read_steps(reader, "plot_steps", false);
-  for (const char* key : {"methods", "peers"}) {
-    const bool peers = key == std::string_view("peers");
-    YamlNode* list = reader.list(key, !peers, kMostMethods);
-    for (std::size_t i = 0; list && i < list->items.size(); ++i)
-      spec.methods.push_back(
-          read_method(MapReader(list->items[i], fmt::format("{}.{}", key, i), diagnostics), steps, peers));
-  }
+  YamlNode* list = reader.list("methods", true, kMostMethods);
+  for (std::size_t i = 0; list && i < list->items.size(); ++i)
+    spec.methods.push_back(
+        read_method(MapReader(list->items[i], fmt::format("methods.{}", i), diagnostics), steps));
   if (spec.methods.empty()) reader.problem("methods", "no method", "at least one method");
   reader.finish();
   diagnostics.throw_if_any();

@@ -1,4 +1,4 @@
-#include "handsim/study/accuracy/peer_program.h"
+#include "peers/peer_program.h"
 
 #include <sys/wait.h>
 
@@ -207,8 +207,6 @@ void check_start(const std::filesystem::path& program, const scene::Scene& scene
         fmt::format("{:.12g} J, the scene's is {:.12g} J: the mechanisms differ", their_energy, energy));
 }
 
-}  // namespace
-
 void check_for_peers(const scene::Scene& scene) {
   const model::Effects& effects = scene.spec.solver.effects;
   std::vector<Problem> problems;
@@ -226,9 +224,10 @@ void check_for_peers(const scene::Scene& scene) {
   if (!problems.empty()) throw Error(std::move(problems));
 }
 
-PeerName simulate_with_peer(const std::filesystem::path& program, const PeerMethod& method,
-                            const scene::Scene& scene,
-                            const std::function<void(const model::State&)>& update) {
+/// @return name and version of the engine that answered.
+std::string simulate(const std::filesystem::path& program, const PeerMethod& method,
+                     const scene::Scene& scene, const std::function<void(const model::State&)>& update) {
+  check_for_peers(scene);
   const double h = scene.spec.solver.step;
   const long steps = std::lround(scene.spec.duration / h);
   PeerProcess peer(program, request("motion", method, scene, steps).dump());
@@ -249,16 +248,26 @@ PeerName simulate_with_peer(const std::filesystem::path& program, const PeerMeth
     update(state);
   }
   peer.finish(scene.spec.duration);
-  return {answer["engine"].get<std::string>(), answer["version"].get<std::string>()};
+  return answer["engine"].get<std::string>() + " " + answer["version"].get<std::string>();
 }
 
-double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
-                        const scene::Scene& scene, long steps) {
+double cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
+                   const scene::Scene& scene, long steps) {
   PeerProcess peer(program, request("cost", method, scene, steps).dump());
   const Json answer = head(peer);
   peer.finish(0);
   if (!answer.contains("cpu_seconds")) throw failed(program, 0, "answer", "has no cpu_seconds");
   return answer["cpu_seconds"].get<double>();
+}
+
+}  // namespace
+
+OutsideEngine outside_engine(const std::filesystem::path& folder, const PeerMethod& method) {
+  const std::filesystem::path program = folder / method.program;
+  return {[=](const scene::Scene& scene, const std::function<void(const model::State&)>& update) {
+            return simulate(program, method, scene, update);
+          },
+          [=](const scene::Scene& scene, long steps) { return cpu_seconds(program, method, scene, steps); }};
 }
 
 }  // namespace handsim::study

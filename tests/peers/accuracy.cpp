@@ -1,0 +1,88 @@
+// The accuracy study with rows of other engines: `peer_accuracy PEERS.yaml --out DIR [--peers FOLDER]`. PEERS.yaml names a
+// study and has a row for each method of a program of this folder: `name`, `program`, `method`, `set`, `steps`, `line`.
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+
+#include <fmt/format.h>
+
+#include "handsim/core/yaml_reader.h"
+#include "handsim/study/spec_reader.h"
+#include "peers/peer_program.h"
+
+namespace {
+
+using namespace handsim;
+using study::AccuracyMethod;
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostRows = 100;
+
+/// `{accuracy: 1e-4}` as numbers.
+std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
+  std::vector<std::pair<std::string, double>> settings;
+  const YamlNode* map = reader.child("set");
+  for (const YamlEntry& entry : map ? map->entries : decltype(map->entries)())
+    if (const auto value = read_number(entry.value, "set." + entry.key, {}, reader.diagnostics()))
+      settings.emplace_back(entry.key, *value);
+  return settings;
+}
+
+/// @param steps of methods that have none of their own.
+std::optional<AccuracyMethod> read_method(MapReader reader, const std::vector<double>& steps,
+                                          const fs::path& folder) {
+  AccuracyMethod method;
+  method.name = reader.text("name");
+  study::PeerMethod peer;
+  peer.program = reader.name("program");
+  peer.method = reader.name("method");
+  peer.settings = read_settings(reader);
+  if (reader.has("line")) method.line = reader.text("line");
+  method.steps = study::read_steps(reader, "steps", false);
+  if (method.steps.empty()) method.steps = steps;
+  reader.finish();
+  method.outside = study::outside_engine(folder, peer);
+  if (access((folder / peer.program).c_str(), X_OK) == 0) return method;
+  std::printf("left out: %s (there is no %s)\n", method.name.c_str(), (folder / peer.program).c_str());
+  return std::nullopt;
+}
+
+study::AccuracyOptions read(const fs::path& file, const fs::path& folder) {
+  YamlNode root = load_yaml(file);
+  Diagnostics diagnostics;
+  MapReader reader(root, "", diagnostics);
+  study::AccuracyOptions options;
+  options.study = file.parent_path() / reader.text("study");
+  const study::AccuracySpec spec = study::load_accuracy(options.study);
+  YamlNode* rows = reader.list("peers", true, kMostRows);
+  for (std::size_t i = 0; rows && i < rows->items.size(); ++i)
+    if (auto method = read_method(MapReader(rows->items[i], fmt::format("peers.{}", i), diagnostics),
+                                  spec.methods.at(0).steps, folder))
+      options.more.push_back(std::move(*method));
+  reader.finish();
+  diagnostics.throw_if_any();
+  return options;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  fs::path file, out, folder = fs::path(argv[0]).parent_path();
+  for (int i = 1; i < argc; ++i) {
+    const bool option = std::strncmp(argv[i], "--", 2) == 0 && i + 1 < argc;
+    (!option ? file : std::strcmp(argv[i], "--out") == 0 ? out : folder) = argv[option ? ++i : i];
+  }
+  if (file.empty() || out.empty()) {
+    std::fprintf(stderr, "usage: peer_accuracy PEERS.yaml --out DIR [--peers FOLDER]\n");
+    return 2;
+  }
+  try {
+    const study::StudyEnd end = study::accuracy(read(file, folder), {out, false, {}, {}});
+    std::printf("%s", end.text.c_str());
+    return 0;
+  } catch (const Error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+}
