@@ -22,6 +22,7 @@ struct HandArguments {
   std::map<std::string, std::string> measures;  ///< by key of a person file
   std::optional<std::filesystem::path> model;   ///< absent: the installed anatomical hand
   std::string side = "both";
+  std::optional<int> uncertain;              ///< hands that are drawn
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };
 int hand_command(const HandArguments& arguments);
@@ -56,6 +57,7 @@ struct RunArguments : simulation::RunOptions {
   std::filesystem::path scene;
   std::vector<std::string> overrides;
   std::optional<int> rollout;  ///< of the study that stands in the scene's place
+  std::optional<int> uncertain;  ///< draws of the scene's hands
   std::optional<int> seed;     ///< in place of the study's
   bool report = false;         ///< writes report.html
   bool passing = false;        ///< the folder is removed afterwards, and is not named
@@ -84,6 +86,7 @@ struct RolloutsArguments : study::RolloutOptions {
   std::filesystem::path study;
   std::vector<std::string> overrides;          ///< of the scene
   std::optional<int> count, seed;              ///< in place of the study's
+  bool uncertain = false;                      ///< `study` is a scene, whose uncertain hands are drawn
   bool report = false;                         ///< writes report.html
   std::vector<std::filesystem::path> folders;  ///< of `merge`
 };

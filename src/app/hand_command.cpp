@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 
 #include <fmt/format.h>
 
@@ -14,6 +15,7 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/pictures.h"
+#include "handsim/study/uncertain.h"
 
 namespace handsim::app {
 
@@ -119,6 +121,39 @@ void print_whole(const hand::Person& person, const hand::HandSpec& spec, const h
   row("radius of gyration, sagittal axis", whole.shares.gyration_sagittal, ref.gyration_sagittal);
   row("radius of gyration, transverse axis", whole.shares.gyration_transverse, ref.gyration_transverse);
   row("radius of gyration, longitudinal axis", whole.shares.gyration_longitudinal, ref.gyration_longitudinal);
+}
+
+/// What the hand's figures are of hands within what is uncertain.
+void print_uncertain(const hand::Person& person, const hand::HandSpec& spec, int count) {
+  const study::UncertainPersons drawn = study::uncertain_persons(spec, person, false, count);
+  std::map<std::string, std::vector<double>> figures;
+  std::vector<std::string> names;
+  const auto add = [&](const std::string& name, double value) {
+    if (!figures.contains(name)) names.push_back(name);
+    figures[name].push_back(value);
+  };
+  for (const hand::Person& each : drawn.persons) {
+    const hand::BuiltHand hand = hand::build_hand(spec, each);
+    add("hand length [mm]", 1e3 * hand.size.length);
+    add("hand breadth [mm]", 1e3 * hand.size.breadth);
+    add("palm length [mm]", 1e3 * hand.size.palm_length);
+    add("hand circumference [mm]", 1e3 * hand.size.circumference);
+    add("hand thickness [mm]", 1e3 * hand.size.thickness);
+    add("hand mass [g]", 1e3 * hand.mass);
+    for (std::size_t i = 0; i < spec.segments.size(); ++i)
+      if (hand.segments[i].length > 0) add(spec.segments[i].name + " [mm]", 1e3 * hand.segments[i].length);
+    for (const model::Joint& joint : hand.joints)
+      for (const model::JointAxis& axis : joint.axes)
+        if (axis.stop)
+          add(joint.name + "." + axis.name + " to [deg]", axis.stop->high * kDegreesPerRadian);
+  }
+  print("\n{} hands within what is uncertain of this person\n  {:<32} {:>8}  {:<18} {}\n", count, "figure", "mean",
+        "nine in ten", "variance of");
+  for (const std::string& name : names) {
+    const study::Uncertainty of = study::uncertainty_of(drawn.inputs, figures[name]);
+    print("  {:<32} {:>8.4g}  {:<18} {}\n", name, of.mean, fmt::format("{:.4g} to {:.4g}", of.low, of.high),
+          study::owners_text(of.variance));
+  }
 }
 
 void print_sources(const hand::HandSpec& spec) {
@@ -269,6 +304,7 @@ int hand_command(const HandArguments& arguments) {
   for (const std::string& text :
        overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))))
     print("{}\n", text);
+  if (arguments.uncertain) print_uncertain(entry.person, *entry.model, *arguments.uncertain);
   print_sources(*entry.model);
   if (!arguments.out) return 0;
   folder->clear();

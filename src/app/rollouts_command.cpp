@@ -59,7 +59,12 @@ study::Shard shard_of(const std::string& text) {
 }
 
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
-  study::RolloutsSpec spec = study::load_rollouts(arguments.study);
+  study::RolloutsSpec spec;
+  spec.uncertain = arguments.uncertain;
+  if (arguments.uncertain)
+    spec.scene = arguments.study, spec.title = arguments.study.stem().string() + ", hands within what is uncertain";
+  else
+    spec = study::load_rollouts(arguments.study);
   spec.set.insert(spec.set.end(), arguments.overrides.begin(), arguments.overrides.end());
   if (arguments.count) spec.count = *arguments.count;
   if (arguments.seed) spec.seed = *arguments.seed;
@@ -93,7 +98,9 @@ int rollouts_command(const RolloutsArguments& arguments) {
     return 1;
   }
   const study::StudyCommands commands =
-      study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
+      arguments.uncertain
+          ? study::uncertain_commands(arguments.study, arguments.overrides, *arguments.count)
+          : study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
   if (!options.shard.whole()) {
     // For the table of all shards.
     study::write_commands(arguments.out, commands);

@@ -143,15 +143,24 @@ void print_failures(const simulation::RunResult& result) {
                   v.where.empty() || v.missed() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
 }
 
+/// The study that stands in the scene's place, or that of the scene's uncertain hands.
+RolloutsArguments study_of(const RunArguments& arguments) {
+  RolloutsArguments of;
+  of.study = arguments.scene;
+  of.out = arguments.out;
+  of.overrides = arguments.overrides;
+  of.seed = arguments.seed;
+  of.count = arguments.uncertain;
+  of.uncertain = arguments.uncertain.has_value();
+  of.report = arguments.report;
+  return of;
+}
+
 /// A scene, or one of a study's rollouts.
 /// @param stop_lost whether the study ends a run that is decided.
 scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
   if (!arguments.rollout) return scene::load_scene(arguments.scene, arguments.overrides);
-  RolloutsArguments of;
-  of.study = arguments.scene;
-  of.overrides = arguments.overrides;
-  of.seed = arguments.seed;
-  const study::RolloutStudy study(rollouts_of(of));
+  const study::RolloutStudy study(rollouts_of(study_of(arguments)));
   print_warnings(study.warnings());
   stop_lost = study.spec().stop_lost;
   return study.scene(*arguments.rollout);
@@ -210,6 +219,7 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
   if (arguments.report) output::require_three();
+  if (arguments.uncertain && !arguments.rollout) return rollouts_command(study_of(arguments));
   scene::Scene scene = scene_of(arguments, stop_lost);
   if (arguments.report) record_contacts(scene);
   print_warnings(scene.warnings);

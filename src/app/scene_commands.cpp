@@ -43,6 +43,9 @@ void add_hand(CommandLine& line) {
       "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
   add_person(hand, arguments);
   add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
+  hand.add_option("--uncertain", arguments->uncertain,
+                  "draw as many hands within what is uncertain: intervals of all figures, and what owns them")
+      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
   hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
 }
 
@@ -86,6 +89,10 @@ void add_run(CommandLine& line) {
   run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
       ->check(from_0)
       ->needs(rollout);
+  run.add_option("--uncertain", arguments->uncertain,
+                 "as many runs with hands drawn within what is uncertain of them: figures with intervals, and "
+                 "which inputs own their variance")
+      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
           ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));

@@ -100,6 +100,14 @@ Children read_children(MapReader reader) {
   out.adult_mass_per_stature = range("mass_per_stature", {Dimension::none, 1, 1000});
   adult.finish();
   out.stature_deviation = reader.number("stature_deviation", {Dimension::none, 0.001, 1});
+  const YamlNode* scatter = reader.list("scatter", false);
+  for (std::size_t i = 0; scatter && i < out.scatter.size(); ++i)
+    if (scatter->items.size() != out.scatter.size())
+      reader.problem("scatter", scatter->described(), "two numbers: of length and of breadth");
+    else
+      out.scatter[i] = read_number(scatter->items[i], reader.path_of("scatter"), {Dimension::none, 0.1, 10},
+                                   reader.diagnostics())
+                           .value_or(1.0);
   out.finger_of_length = reader.number("finger_of_length", {Dimension::none, 0, 2});
   out.by_age = read_tables(reader.required_map("by_age", "a mapping with male and female"));
   out.by_stature = read_tables(reader.required_map("by_stature", "a mapping with male and female"));
@@ -185,18 +193,37 @@ Eigen::Vector<double, 7> child_means(const Anthropometry& anthropometry, const P
   return out;
 }
 
-/// Conditional mean of all residuals given the known ones (multivariate normal).
-Eigen::Vector4d conditional_residuals(const Eigen::Matrix4d& covariance,
-                                      const std::array<std::optional<double>, kHandDimensions>& known) {
-  std::vector<int> at;
-  for (int i = 0; i < kHandDimensions; ++i)
-    if (known[static_cast<std::size_t>(i)]) at.push_back(i);
+/// Residuals given the known ones (multivariate normal): their conditional mean, and from it the person's
+/// deviations, each given the dimensions before it.
+Eigen::Vector4d residuals_given(const Eigen::Matrix4d& covariance,
+                                const std::array<std::optional<double>, kHandDimensions>& known,
+                                const Person& person) {
+  std::vector<int> at, rest;
+  for (int i = 0; i < kHandDimensions; ++i) (known[static_cast<std::size_t>(i)] ? at : rest).push_back(i);
   Eigen::VectorXd residual(at.size());
   for (std::size_t k = 0; k < at.size(); ++k)
     residual[static_cast<Eigen::Index>(k)] = *known[static_cast<std::size_t>(at[k])];
-  if (at.empty()) return Eigen::Vector4d::Zero();
   const Eigen::MatrixXd among = covariance(at, at);
-  return covariance(Eigen::all, at) * among.ldlt().solve(residual);
+  const Eigen::MatrixXd gain = at.empty() ? Eigen::MatrixXd(4, 0)
+                                          : Eigen::MatrixXd(among.ldlt().solve(covariance(at, Eigen::all)).transpose());
+  Eigen::Vector4d out = gain * residual;
+  if (person.deviations.empty()) return out;
+  const Eigen::MatrixXd left = (covariance - gain * covariance(at, Eigen::all))(rest, rest);
+  Eigen::VectorXd z(rest.size());
+  for (std::size_t k = 0; k < rest.size(); ++k)
+    z[static_cast<Eigen::Index>(k)] = person.deviation(kDeviations[static_cast<std::size_t>(rest[k])]);
+  out(rest) += left.llt().matrixL() * z;
+  return out;
+}
+
+/// Of ln y: the adults', widened for children.
+Eigen::Matrix4d scatter_of(const Anthropometry& anthropometry, const Fit& fit, const Person& person) {
+  if (!anthropometry.children) return fit.residual_covariance;
+  const double child = 1 - adult_share(*anthropometry.children, person);
+  const auto& [length, breadth] = anthropometry.children->scatter;
+  const Eigen::Vector4d factor =
+      Eigen::Vector4d::Ones() + child * (Eigen::Vector4d(length, breadth, length, breadth).array() - 1).matrix();
+  return factor.asDiagonal() * fit.residual_covariance * factor.asDiagonal();
 }
 
 }  // namespace
@@ -232,14 +259,13 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   }
   const std::array<std::optional<double>, kHandDimensions> given = {person.hand_length, person.hand_breadth,
                                                                     std::nullopt, person.hand_circumference};
+  const Eigen::Matrix4d scatter = scatter_of(anthropometry, fit, person);
   std::array<std::optional<double>, kHandDimensions> residuals;
   for (std::size_t i = 0; i < given.size(); ++i)
     if (given[i]) residuals[i] = std::log(*given[i]) - means[static_cast<Eigen::Index>(i)];
   if (person.hand_length_percentile)
-    residuals[0] =
-        normal_quantile(0.01 * *person.hand_length_percentile) * std::sqrt(fit.residual_covariance(0, 0));
-
-  const Eigen::Vector4d shift = conditional_residuals(fit.residual_covariance, residuals);
+    residuals[0] = normal_quantile(0.01 * *person.hand_length_percentile) * std::sqrt(scatter(0, 0));
+  const Eigen::Vector4d shift = residuals_given(scatter, residuals, person);
   Eigen::Vector4d y;
   HandSize out;
   for (std::size_t i = 0; i < given.size(); ++i) {

@@ -7,6 +7,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/hand/cut_capsule.h"
+#include "handsim/hand/deviations.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/model/shape_union.h"
@@ -416,7 +417,10 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
 
 }  // namespace
 
-BuiltHand build_hand(const HandSpec& spec, const Person& person) {
+BuiltHand build_hand(const HandSpec& given, const Person& person) {
+  const std::optional<HandSpec> own =
+      person.deviations.empty() ? std::nullopt : std::optional(deviated(given, person));
+  const HandSpec& spec = own ? *own : given;
   BuiltHand hand;
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;

@@ -81,7 +81,8 @@ GripStrength grip_strength(const GripTable& table, const Person& person) {
   out.norm /= rows;
   out.deviation = std::sqrt(variance / rows);
   out.measured = person.grip_strength.has_value();
-  out.own = person.grip_strength.value_or(out.norm);
+  out.own = person.grip_strength.value_or(
+      std::max(0.1 * out.norm, out.norm + out.deviation * person.deviation("grip_strength")));
   return out;
 }
 

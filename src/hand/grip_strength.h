@@ -30,7 +30,7 @@ GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& 
 struct GripStrength {
   double norm = 0;       ///< mean for this sex, age and stature [N]
   double deviation = 0;  ///< standard deviation of the norm [N]
-  double own = 0;        ///< measured if the person states it, else the norm [N]
+  double own = 0;        ///< measured if the person states it, else the norm, with its deviation [N]
   bool measured = false;
   bool extrapolated = false;  ///< age or stature outside the table: nearest row used
 };

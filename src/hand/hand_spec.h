@@ -106,6 +106,8 @@ struct HandSpec {
   model::Material skin;
   std::vector<SegmentSpec> segments;  ///< parents before children
   std::optional<MuscleFile> muscles;
+  /// Standard deviations by names of kDeviations: of ln of a size, of `ranges` [rad].
+  std::map<std::string, double> spread;
 };
 
 /// Axes of a hand's joints: the wrist's, the forearm's, then those of the segments.

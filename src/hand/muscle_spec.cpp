@@ -191,6 +191,18 @@ model::TendonPath scaled(model::TendonPath path, double factor) {
 
 }  // namespace
 
+std::map<std::string, double> read_spread(MapReader reader, std::initializer_list<const char*> names) {
+  std::map<std::string, double> out;
+  for (const char* name : names) {
+    const bool angle = std::string_view(name) == "ranges";
+    if (const auto spread = reader.maybe_number(
+            name, angle ? Quantity{Dimension::angle, 0, 1} : Quantity{Dimension::none, 0, 1}))
+      out[name] = *spread;
+  }
+  reader.finish();
+  return out;
+}
+
 MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
                             const std::optional<std::vector<HandAxis>>& axes, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
@@ -203,11 +215,20 @@ MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
   reference.finish();
   if (YamlNode* norms = reader.file_or_block("norms", "a table of grip strength"))
     file.norms = read_grip_table(*norms, reader.path_of("norms"), diagnostics);
+  if (reader.has("spread"))
+    file.spread = read_spread(reader.map("spread"),
+                              {"extrinsic_arms", "intrinsic_arms", "extrinsic_forces", "intrinsic_forces"});
   FileReader rows(axes, file);
   reader.each("muscles", 1, kMostMuscles, [&](MapReader row) { rows.read_muscle(std::move(row)); });
   reader.each("bands", 0, kMostMuscles, [&](MapReader row) { rows.read_band(std::move(row)); });
   reader.finish();
   return file;
+}
+
+bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes) {
+  return std::ranges::any_of(muscle.tendon.path.arms, [&](const model::MomentArm& arm) {
+    return axes[at(arm.dof)].name.starts_with("wrist.");
+  });
 }
 
 HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& axes, const HandSize& size,
@@ -221,9 +242,7 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     model::Muscle& muscle = out.muscles.emplace_back();
     muscle.name = spec.tendon.name;
     muscle.nerve = spec.nerve;
-    muscle.extrinsic = std::ranges::any_of(spec.tendon.path.arms, [&](const model::MomentArm& arm) {
-      return axes[at(arm.dof)].name.starts_with("wrist.");
-    });
+    muscle.extrinsic = is_extrinsic(spec, axes);
     muscle.path = scaled(spec.tendon.path, scale);
     muscle.force = spec.force * out.strength;
     muscle.fibre_length = spec.fibre_length * scale;

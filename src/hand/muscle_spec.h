@@ -47,6 +47,7 @@ struct MuscleFile {
   GripTable norms;
   std::vector<MuscleSpec> muscles;
   std::vector<BandSpec> bands;
+  std::map<std::string, double> spread;  ///< as HandSpec::spread
 };
 
 /// An axis of a hand, in the order of TendonSpec.
@@ -56,9 +57,15 @@ struct HandAxis {
   double rest = 0;                  ///< rest angle of its tissue [rad]
 };
 
+/// Standard deviations by these names: of ln of a size; `ranges` is an angle [rad].
+std::map<std::string, double> read_spread(MapReader reader, std::initializer_list<const char*> names);
+
 /// Reads `muscles`; problems go into the diagnostics. @param axes of the hand; absent: any name is one
 MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
                             const std::optional<std::vector<HandAxis>>& axes, Diagnostics& diagnostics);
+
+/// The muscle crosses the wrist: its belly lies in the forearm.
+bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes);
 
 /// Muscles and bands of a person's hand; `dof` is the number of an axis.
 struct HandMuscles {

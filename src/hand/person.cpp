@@ -14,7 +14,7 @@ const std::vector<std::pair<std::string_view, Sex>> kSexes = {
 auto measures(const Person& person) {
   return std::tie(person.stature, person.mass, person.sex, person.hand_length, person.hand_breadth,
                   person.hand_circumference, person.hand_mass, person.grip_strength, person.age, person.bones,
-                  person.radii, person.fingers, person.hand_length_percentile);
+                  person.radii, person.fingers, person.hand_length_percentile, person.deviations);
 }
 
 /// Refuses impossible proportions of mass, hand and stature.
@@ -38,6 +38,11 @@ std::string_view name(Sex sex) {
   for (const auto& entry : kSexes)
     if (entry.second == sex) return entry.first;
   return {};
+}
+
+double Person::deviation(std::string_view of) const {
+  const auto found = deviations.find(std::string(of));
+  return found == deviations.end() ? 0 : found->second;
 }
 
 bool same_body(const Person& a, const Person& b) { return measures(a) == measures(b); }
@@ -71,6 +76,12 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
       reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
   if (person.hand_length && person.hand_length_percentile)
     reader.problem("hand_length_percentile", "a percentile beside a measured hand_length", "one of the two");
+  if (reader.has("deviations")) {
+    MapReader map = reader.map("deviations");
+    for (const std::string_view name : kDeviations)
+      if (const auto z = map.maybe_number(name, {Dimension::none, -6, 6})) person.deviations[std::string(name)] = *z;
+    map.finish();
+  }
   if (reader.sound()) check_body(reader, person);
   reader.finish();
   return person;

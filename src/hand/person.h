@@ -1,6 +1,7 @@
 // A person, as given in the `person` block or file of a scene.
 #pragma once
 
+#include <array>
 #include <map>
 #include <optional>
 #include <string>
@@ -28,8 +29,19 @@ struct Person {
   std::map<std::string, double> fingers;  ///< measured: crease at the base to tip of thumb, index, middle [m]
   /// Percentile of the hand's length among people of this stature, mass and sex, 0..100 (50: as predicted).
   std::optional<double> hand_length_percentile;
+  /// How far this hand is from what is predicted, in standard deviations, by names of kDeviations.
+  std::map<std::string, double> deviations;
   std::optional<Place> place;  ///< of the file or block
+
+  double deviation(std::string_view of) const;  ///< 0 where none is given
 };
+
+/// Of what a person's hand is uncertain: the survey's dimensions, each given those before it and the measured ones,
+/// then what has a `spread` in the hand model and its muscles, and the grip strength at the norm's deviation.
+inline constexpr std::array<std::string_view, 13> kDeviations = {
+    "hand_length",    "hand_breadth",   "palm_length",      "hand_circumference", "segments",
+    "hand_mass",      "ranges",         "passive_tissue",   "grip_strength",      "extrinsic_arms",
+    "intrinsic_arms", "extrinsic_forces", "intrinsic_forces"};
 
 std::string_view name(Sex sex);
 

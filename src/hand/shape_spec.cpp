@@ -188,6 +188,12 @@ model::Material read_material(MapReader& reader, std::string name) {
   const auto damping = reader.maybe_number("damping", {Dimension::damping, 0, 1e6});
   if (damping && !stiffness) reader.problem("damping", "a damping without a stiffness", "both or neither");
   if (stiffness) material.compliance = model::Compliance{*stiffness, damping.value_or(0)};
+  // Standard deviations over the values, for studies of uncertainty.
+  if (reader.has("spread")) {
+    MapReader spread = reader.map("spread");
+    for (const char* key : {"friction", "stiffness"}) spread.maybe_number(key, {Dimension::none, 0, 1});
+    spread.finish();
+  }
   return material;
 }
 

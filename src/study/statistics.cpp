@@ -7,6 +7,8 @@
 #include <set>
 
 #include <Eigen/QR>
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
 
@@ -16,7 +18,6 @@ namespace {
 
 /// Of a text that variance is split by.
 constexpr std::size_t kMostCategories = 50;
-constexpr std::size_t kDegree = 3;
 constexpr double kNormal95 = 1.959963984540054;  ///< quantile 0.975 of the standard normal distribution
 
 Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
@@ -43,11 +44,11 @@ struct Basis {
   }
 };
 
-Basis basis_of(const Input& input) {
+Basis basis_of(const Input& input, std::size_t degree) {
   const std::size_t values = std::set<double>(input.values.begin(), input.values.end()).size();
   Basis out{&input, input.values, values - 1};
   if (input.categories) return out;
-  out.terms = std::min(kDegree, values - 1);
+  out.terms = std::min(degree, values - 1);
   out.u = ranks(input.values);
   for (double& u : out.u) u = (2 * u - 1) / static_cast<double>(out.u.size()) - 1;
   return out;
@@ -56,9 +57,9 @@ Basis basis_of(const Input& input) {
 /// The regression's terms: of each input, and of each pair of numbers where the rows are enough.
 class Terms {
  public:
-  Terms(const std::vector<Input>& inputs, std::size_t rows) {
+  Terms(const std::vector<Input>& inputs, std::size_t rows, std::size_t degree) {
     for (const Input& input : inputs) {
-      Basis basis = basis_of(input);
+      Basis basis = basis_of(input, degree);
       if (basis.terms == 0 || basis.terms > kMostCategories) continue;
       add(input.name, basis.terms);
       bases_.push_back(std::move(basis));
@@ -155,7 +156,10 @@ std::optional<Estimate> rank_correlation(std::span<const double> x, std::span<co
 std::vector<VarianceShare> variance_shares(const std::vector<Input>& inputs, std::span<const double> y) {
   const auto all = mean_of(y);
   if (!all || all->low == all->high) return {};
-  const Terms terms(inputs, y.size());
+  // Few rows get straight lines.
+  Terms terms(inputs, y.size(), 3);
+  for (std::size_t degree = 2; degree > 0 && y.size() < 3 * at(terms.size()) + 2; --degree)
+    terms = Terms(inputs, y.size(), degree);
   const auto n = static_cast<double>(y.size()), size = static_cast<double>(terms.size());
   if (terms.size() == 0 || n < 2 * size + 2) return {};
   Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(terms.size(), terms.size());
@@ -183,6 +187,20 @@ std::vector<VarianceShare> variance_shares(const std::vector<Input>& inputs, std
   }
   std::ranges::stable_sort(out, std::greater{}, &VarianceShare::share);
   return out;
+}
+
+std::string owners_text(const std::vector<VarianceShare>& shares) {
+  constexpr std::size_t kOwners = 3;
+  constexpr double kLeast = 0.01;
+  double all = 0;
+  std::vector<std::string> told;
+  for (const VarianceShare& each : shares) {
+    all += each.share;
+    if (told.size() < kOwners && each.share >= kLeast)
+      told.push_back(fmt::format("{} {:.0f} %", each.of, 100 * each.share));
+  }
+  if (told.empty()) return shares.empty() ? "-" : "no input has 1 %";
+  return fmt::format("{} ({:.0f} % explained)", fmt::join(told, ", "), 100 * all);
 }
 
 }  // namespace handsim::study

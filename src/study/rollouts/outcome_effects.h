@@ -40,6 +40,8 @@ struct OutcomeEffects {
   std::optional<Estimate> all;  ///< share or mean
   std::vector<KeyEffect> keys;
   std::vector<VarianceShare> variance;
+
+  bool varies() const { return all && (verdict || all->low < all->high); }
 };
 
 /// `held` first, then the outcomes that the study names.

@@ -21,24 +21,6 @@ constexpr std::size_t kProbedLevels = 50;
   throw Error(std::vector<Problem>{{key.place, "vary." + key.key, std::move(got), std::move(need)}});
 }
 
-/// The value at a dotted path; null where there is none.
-const YamlNode* value_at(const YamlNode& root, const std::string& path) {
-  const YamlNode* node = &root;
-  for (std::size_t from = 0; node && from <= path.size();) {
-    const std::size_t dot = std::min(path.find('.', from), path.size());
-    const std::string part = path.substr(from, dot - from);
-    from = dot + 1;
-    if (node->kind == YamlNode::Kind::sequence) {
-      const auto index = parse_number(part);
-      const bool known = index && *index >= 0 && *index < static_cast<double>(node->items.size());
-      node = known ? &node->items[static_cast<std::size_t>(*index)] : nullptr;
-    } else {
-      node = node->find(part);
-    }
-  }
-  return node;
-}
-
 /// The key with every item of the lists in the place of `*`.
 std::vector<std::string> paths_of(const VariedKey& key, const YamlNode& scene) {
   std::vector<std::string> out = {key.key};
@@ -173,6 +155,23 @@ std::vector<double> values_of(const std::vector<Given>& given) {
 
 }  // namespace
 
+const YamlNode* value_at(const YamlNode& root, const std::string& path) {
+  const YamlNode* node = &root;
+  for (std::size_t from = 0; node && from <= path.size();) {
+    const std::size_t dot = std::min(path.find('.', from), path.size());
+    const std::string part = path.substr(from, dot - from);
+    from = dot + 1;
+    if (node->kind == YamlNode::Kind::sequence) {
+      const auto index = parse_number(part);
+      const bool known = index && *index >= 0 && *index < static_cast<double>(node->items.size());
+      node = known ? &node->items[static_cast<std::size_t>(*index)] : nullptr;
+    } else {
+      node = node->find(part);
+    }
+  }
+  return node;
+}
+
 std::optional<double> any_quantity(const std::string& text) {
   for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
     if (const auto value = parse_quantity(text, static_cast<Dimension>(i))) return value;
@@ -213,7 +212,8 @@ std::vector<std::string> probes(const BoundKey& bound) {
     case From::normal:
       // The mean in the deviation's unit: a deviation of another kind than the value shows.
       out.push_back(in_units(key.high, bound.mean, key.list));
-      if (key.mean) out.push_back(in_units(*key.mean, bound.mean, key.list));
+      if (key.mean && key.mean->front().unit != key.high.front().unit)
+        out.push_back(in_units(*key.mean, bound.mean, key.list));
       return out;
     default:
       return {in_units(key.low, values_of(key.low), key.list),

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/version.h"
+#include "handsim/hand/deviations.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/run.h"
@@ -125,6 +126,7 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
   }
   files_ = scene::files_read(base);
   follow_files(root_, base.resolved);
+  if (spec_.uncertain) add_uncertain(base);
   for (const VariedKey& key : spec_.vary) {
     try {
       keys_.push_back(bind(key, base.resolved));
@@ -146,6 +148,35 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
     }
   head_.size = spec_.count * combinations_;
   check_keys();
+}
+
+/// Deviations of the hands that act, and the frictions and stiffnesses of materials with a spread.
+void RolloutStudy::add_uncertain(const scene::Scene& scene) {
+  const auto vary = [&](std::string key, double mean, double deviation) {
+    const auto has = [&](const VariedKey& given) { return given.key == key; };
+    if (!(deviation > 0) || std::ranges::any_of(spec_.vary, has)) return;
+    VariedKey& varied = spec_.vary.emplace_back();
+    varied.key = std::move(key);
+    varied.from = VariedKey::From::normal;
+    varied.mean = {{mean, ""}};
+    varied.high = {{deviation, ""}};
+  };
+  const auto number_at = [&](const std::string& path) {
+    const YamlNode* node = value_at(scene.resolved, path);
+    return node && node->kind == YamlNode::Kind::scalar ? any_quantity(node->text) : std::nullopt;
+  };
+  const bool muscles = scene.spec.solver.effects.has(model::Effect::muscles);
+  for (std::size_t i = 0; i < scene.spec.hands.size(); ++i)
+    for (const std::string& name : hand::uncertain_of(*scene.spec.hands[i].model, scene.spec.hands[i].person, muscles))
+      vary(fmt::format("hands.{}.person.deviations.{}", i, name), 0, 1);
+  const YamlNode* contacts = scene.resolved.find("contacts");
+  const YamlNode* materials = contacts ? contacts->find("materials") : nullptr;
+  for (std::size_t i = 0; materials && i < materials->items.size(); ++i)
+    for (const char* name : {"friction", "stiffness"}) {
+      const std::string material = fmt::format("contacts.materials.{}.", i);
+      const auto spread = number_at(material + "spread." + name), value = number_at(material + name);
+      if (spread && value) vary(material + name, *value, *spread * *value);
+    }
 }
 
 scene::Scene RolloutStudy::compile(const std::vector<std::string>& overrides) const {
@@ -215,6 +246,9 @@ void RolloutStudy::find_outcomes() {
   const std::string need = list_of(known) + ", or the path of a number in summary.json";
   std::map<std::string, double> summary;
   Diagnostics diagnostics;
+  if (spec_.uncertain && spec_.outcomes.empty())
+    for (Column& column : figures_)
+      if (!column.text && !column.name.ends_with(".held")) column.role = ColumnRole::asked;
   for (const std::string& name : spec_.outcomes) {
     const auto found = std::ranges::find_if(figures_, [&](const Column& column) {
       return !column.text && (column.name == name || column.name.starts_with(name + "["));

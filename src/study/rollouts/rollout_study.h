@@ -54,6 +54,7 @@ class RolloutStudy {
   std::vector<Problem> idle_keys();
   void check_record_and_stop() const;
   void take_sample(const scene::Scene& scene);
+  void add_uncertain(const scene::Scene& scene);
   void find_outcomes();
   void make_head();
 

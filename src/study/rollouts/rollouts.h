@@ -69,6 +69,10 @@ StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const
 StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
                                 std::optional<int> seed);
 
+/// The same of `handsim run SCENE --uncertain count`.
+StudyCommands uncertain_commands(const std::filesystem::path& scene, const std::vector<std::string>& overrides,
+                                 int count);
+
 /// Writes rollouts.csv, rollouts.h5, summary.json and, with gnuplot, rollouts.png and .svg.
 /// @return false where gnuplot is missing or failed.
 bool write_rollouts(const Table& table, const std::filesystem::path& out);

@@ -19,6 +19,9 @@ namespace handsim::study {
 
 namespace {
 
+/// Of more outcomes than this each is told in one line, and the first are drawn.
+constexpr std::size_t kTold = 6;
+
 /// How many rows ended in each way.
 std::map<std::string, long> endings(const Table& table) {
   std::map<std::string, long> out;
@@ -174,20 +177,18 @@ std::string keys_text(const OutcomeEffects& of) {
   return out;
 }
 
-/// The inputs that explain most of an outcome's variance.
 std::string variance_text(const OutcomeEffects& of) {
-  constexpr std::size_t kTold = 3;
-  constexpr double kLeast = 0.01;
-  double all = 0;
-  std::vector<std::string> told;
-  for (const VarianceShare& each : of.variance) {
-    all += each.share;
-    if (told.size() < kTold && each.share >= kLeast)
-      told.push_back(fmt::format("{} {:.0f} %", each.of, 100 * each.share));
-  }
-  if (of.variance.empty()) return "";
-  return fmt::format("  variance of {}: {} ({:.0f} % explained)\n", of.name,
-                     told.empty() ? "no key has 1 %" : fmt::format("{}", fmt::join(told, ", ")), 100 * all);
+  return of.variance.empty() ? "" : fmt::format("  variance of {}: {}\n", of.name, owners_text(of.variance));
+}
+
+/// An outcome in one line; nothing of one that does not vary.
+std::string line_of(const OutcomeEffects& of) {
+  if (!of.varies()) return "";
+  const auto [low, high] = middle_90(of.values);
+  return fmt::format("  {:<34} {:>11.4g}  {:<25} {}\n", of.verdict ? "share " + of.name : of.name, of.all->value,
+                     of.verdict ? fmt::format("({:.3f} to {:.3f}, 95 %)", of.all->low, of.all->high)
+                                : fmt::format("{:.4g} to {:.4g}", low, high),
+                     owners_text(of.variance));
 }
 
 }  // namespace
@@ -219,7 +220,13 @@ std::string rollouts_screen(const Table& table) {
   std::vector<std::string> parts;
   for (const auto& [word, count] : endings(table)) parts.push_back(fmt::format("{} {}", count, word));
   std::string out = fmt::format("{}\n  {} rollouts: {}\n", table.head.title, table.head.size, fmt::join(parts, ", "));
-  for (const OutcomeEffects& of : outcome_effects(table)) {
+  const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
+  for (const OutcomeEffects& of : outcomes) {
+    if (outcomes.size() > kTold) {
+      if (&of == &outcomes.front()) out += fmt::format("\n  {:<34} {:>11}  {:<25} {}\n", "figure", "mean", "nine in ten", "variance of");
+      out += line_of(of);
+      continue;
+    }
     if (of.verdict) {
       out += fmt::format("  {}: {} of {} judged, share {} with its 95 % interval\n", of.name,
                          std::ranges::count(of.values, 1.0), of.values.size(), estimate_text(of.all));
@@ -239,7 +246,11 @@ std::string rollouts_screen(const Table& table) {
 
 bool write_rollouts(const Table& table, const std::filesystem::path& out) {
   write_hdf5(table, out / "rollouts.h5");
-  const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
+  std::vector<OutcomeEffects> outcomes = outcome_effects(table);
+  if (outcomes.size() > kTold) {
+    std::erase_if(outcomes, [](const OutcomeEffects& of) { return !of.varies(); });
+    outcomes.resize(std::min(outcomes.size(), kTold));
+  }
   Report report;
   report.csv = csv_of(table);
   report.data = plot_data(outcomes);
@@ -267,6 +278,12 @@ StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const
   if (!commands.empty()) output::write_file(run.out / kStudyFile, commands);
   if (run.report) output::write_file(run.out / kPageFile, study_page(run.out));
   return end;
+}
+
+StudyCommands uncertain_commands(const std::filesystem::path& scene, const std::vector<std::string>& overrides,
+                                 int count) {
+  const std::string command = command_text({"run", scene.string()}, overrides) + fmt::format(" --uncertain {}", count);
+  return {command, {}, {{"rollouts.csv", command + " --rollout {rollout}"}}};
 }
 
 StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,

@@ -48,6 +48,8 @@ struct RolloutsSpec {
   int count = 1;                 ///< draws; each is run with every combination of levels
   int seed = 1;
   std::vector<VariedKey> vary;
+  /// Also varied: what persons, hand models and materials give a spread, normal around their values.
+  bool uncertain = false;
   /// Figures that are analysed beside the verdict: columns, or paths in summary.json.
   std::vector<std::string> outcomes;
   std::optional<Place> outcome_place;

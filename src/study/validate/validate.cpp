@@ -1,6 +1,7 @@
 #include "handsim/study/validate/validate.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -9,6 +10,7 @@
 #include "handsim/core/error.h"
 #include "handsim/core/index.h"
 #include "handsim/core/pose.h"
+#include "handsim/environment/draws.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/model/pulleys.h"
@@ -221,6 +223,42 @@ class SimulatedScenes {
       summaries_;  ///< by scene and overrides
 };
 
+/// Draws hands of each person, and measures all rows that are no simulations on them.
+void draw_hands(const ValidateSpec& spec, int count, ValidateResult& out) {
+  std::map<std::string, UncertainPersons> drawn;
+  for (const auto& [name, person] : spec.people)
+    drawn.emplace(name, uncertain_persons(spec.hand, person, true, count));
+  std::vector<std::vector<double>> ours(out.rows.size(), std::vector<double>(at(count)));
+  std::atomic<int> next = 0;
+  std::atomic<bool> stop = false;
+  in_threads(0, stop, [&] {
+    for (int i = next++; i < count && !stop; i = next++) {
+      std::map<std::string, Subject> subjects;
+      for (const auto& [name, of] : drawn) subjects.emplace(name, Subject(spec.hand, of.persons[at(i)]));
+      for (std::size_t r = 0; r < out.rows.size(); ++r)
+        if (const Measurement& of = *out.rows[r].of; of.kind != Measured::simulation) try {
+            ours[r][at(i)] = measure(subjects.at(of.person), of);
+          } catch (const Error&) {
+            // Such a hand has no posture in which moments balance.
+            ours[r][at(i)] = NAN;
+          }
+    }
+  });
+  double rows = 0, inside = 0;
+  for (std::size_t r = 0; r < out.rows.size(); ++r) {
+    const Measurement& of = *out.rows[r].of;
+    if (of.kind == Measured::simulation) continue;
+    out.rows[r].uncertainty = uncertainty_of(drawn.at(of.person).inputs, ours[r]);
+    for (std::size_t i = 0; i < ours[r].size(); ++i)
+      ours[r][i] += of.spread * environment::Draws(2, i, of.name).normal();
+    const Uncertainty both = uncertainty_of({}, ours[r]);
+    out.rows[r].inside = both.low <= of.value && of.value <= both.high;
+    inside += out.rows[r].inside ? 1 : 0;
+    ++rows;
+  }
+  out.coverage = inside / std::max(1.0, rows);
+}
+
 }  // namespace
 
 bool ValidateResult::passed() const {
@@ -228,7 +266,8 @@ bool ValidateResult::passed() const {
       rows, [](const ValidateRow& row) { return row.within() || !row.measured || !row.of->required; });
 }
 
-ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs) {
+ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs,
+                            std::optional<int> uncertain) {
   std::map<std::string, Subject> subjects;
   for (const auto& [name, person] : spec.people) subjects.emplace(name, Subject(spec.hand, person));
   ValidateResult out;
@@ -236,7 +275,8 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   if (runs) scenes.emplace(*runs);
   double within = 0, measured = 0;
   for (const Measurement& of : spec.measurements) {
-    ValidateRow row{&of};
+    ValidateRow row;
+    row.of = &of;
     if (of.kind == Measured::simulation) {
       row.measured = scenes.has_value();
       if (scenes) row.ours = scenes->figure(of);
@@ -252,6 +292,7 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
     out.rows.push_back(row);
   }
   out.share = within / std::max(1.0, measured);
+  if (uncertain) draw_hands(spec, *uncertain, out);
   return out;
 }
 

@@ -11,6 +11,7 @@
 
 #include "handsim/hand/build.h"
 #include "handsim/study/study_run.h"
+#include "handsim/study/uncertain.h"
 
 namespace handsim::study {
 
@@ -74,12 +75,15 @@ struct ValidateRow {
   double ours = 0;
   double deviation = 0;  ///< over the spread; moment_arms: root mean square over the angles
   bool measured = true;  ///< false: a simulation that was not run
+  std::optional<Uncertainty> uncertainty;  ///< of drawn hands
+  bool inside = false;  ///< the measured value is within the middle 90 % of drawn hands, its spread added
   bool within() const { return measured && deviation <= 1; }
 };
 
 struct ValidateResult {
   std::vector<ValidateRow> rows;
   double share = 0;  ///< of the measured rows within their spread
+  std::optional<double> coverage;  ///< share of the rows with drawn hands that are `inside`
   /// True if every required row that was measured is within its spread.
   bool passed() const;
 };
@@ -88,7 +92,9 @@ struct ValidateResult {
 ValidateSpec load_validate(const std::filesystem::path& path);
 void read_validate(YamlNode& root, Diagnostics& diagnostics);
 /// @param runs folder for the files of simulations; absent: these rows are not measured
-ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {});
+/// @param uncertain hands drawn of each person, for rows that are no simulations
+ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {},
+                            std::optional<int> uncertain = {});
 std::string validate_table(const ValidateSpec& spec, const ValidateResult& result);
 std::string validate_csv(const ValidateResult& result);
 /// Writes validate.csv, validate.json, and a plot of the differences over the spreads by kind. @return false
@@ -98,6 +104,7 @@ bool write_validate(const ValidateSpec& spec, const ValidateResult& result, cons
 struct ValidateOptions {
   std::optional<std::filesystem::path> file;  ///< of measurements; absent: the installed ones
   bool runs = false;                          ///< also runs the rows that are simulations
+  std::optional<int> uncertain;               ///< hands drawn of each person
 };
 /// The whole study. @param run an empty folder: no files @throws Error (input) as its parts
 StudyEnd validate(const ValidateOptions& options, const StudyRun& run);

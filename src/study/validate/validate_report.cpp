@@ -147,26 +147,38 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
     if (!row.within() && of.required) verdict += " short";
     out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width,
                        scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict, of.source);
+    if (row.uncertainty)
+      out += fmt::format("{:>{}}  nine in ten hands {:.3g} to {:.3g}{}{}; {}\n", "", width, scale * row.uncertainty->low,
+                         scale * row.uncertainty->high, row.inside ? "" : ", OUTSIDE with the spread",
+                         row.uncertainty->missing > 0 ? fmt::format(", {} have none", row.uncertainty->missing) : "",
+                         owners_text(row.uncertainty->variance));
     if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
     required += of.required ? 1 : 0;
   }
   out += fmt::format("\n{:.0f} % of {} rows are within one spread (goal {:.0f} %); {} are required, {}\n",
                      100 * result.share, result.rows.size() - left_out, 100 * spec.goal, required,
                      result.passed() ? "all within" : "not all within");
+  if (result.coverage)
+    out += fmt::format("{:.0f} % of the measured values are within the middle 90 % of drawn hands, their spread added\n",
+                       100 * *result.coverage);
   if (left_out > 0) out += fmt::format("{} rows are simulations, which --runs runs\n", left_out);
   return out;
 }
 
 std::string validate_csv(const ValidateResult& result) {
   std::string out =
-      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason\n";
+      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason,"
+      "percentile_5,percentile_95,inside\n";
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
     const Measurement& of = *row.of;
-    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{}\n", quoted(of.name),
+    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{}\n", quoted(of.name),
                        row.ours / of.scale, of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
                        row.within() ? "within" : "short", of.required ? "yes" : "no", quoted(of.source),
-                       quoted(of.reason));
+                       quoted(of.reason),
+                       row.uncertainty ? fmt::format("{:.6g},{:.6g},{}", row.uncertainty->low / of.scale,
+                                                     row.uncertainty->high / of.scale, row.inside ? "yes" : "no")
+                                       : ",,");
   }
   return out;
 }
@@ -177,6 +189,7 @@ bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
                {"rows_within_spread", result.share},
                {"goal", spec.goal},
                {"required_rows_within", result.passed()}};
+  if (result.coverage) json["inside_90"] = *result.coverage;
   add_origin(json);
   Report report{validate_csv(result), json.dump(2) + "\n", {}, {}};
   add_plot(spec, result, report);
@@ -191,7 +204,7 @@ StudyEnd validate(const ValidateOptions& options, const StudyRun& run) {
     folder.emplace(run.out, report_files("validate", {"validate"}),
                    [&] { return std::vector<std::filesystem::path>{file}; });
   const ValidateResult result =
-      run_validate(spec, options.runs ? std::optional(run.out / "runs") : std::nullopt);
+      run_validate(spec, options.runs ? std::optional(run.out / "runs") : std::nullopt, options.uncertain);
   StudyEnd end{spec.title + "\n\n" + validate_table(spec, result)};
   end.passed = result.passed();
   tell(run, end);

@@ -1,0 +1,89 @@
+#include "handsim/hand/deviations.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace handsim::hand {
+
+namespace {
+
+/// Ends of a range nearer to zero than this move less: every hand can be straight [rad].
+constexpr double kWholeShift = 0.35;
+
+class Deviations {
+ public:
+  Deviations(const std::map<std::string, double>& spread, const Person& person)
+      : spread_(spread), person_(person) {}
+
+  /// In the spread's unit.
+  double shift(const std::string& of) const {
+    const auto found = spread_.find(of);
+    return found == spread_.end() ? 0 : found->second * person_.deviation(of);
+  }
+  double factor(const std::string& of) const { return std::exp(shift(of)); }
+
+ private:
+  const std::map<std::string, double>& spread_;
+  const Person& person_;
+};
+
+void scale(LengthRule& rule, double factor) {
+  for (double* part : {&rule.metres, &rule.lengths, &rule.breadths, &rule.thicknesses}) *part *= factor;
+}
+
+void deviate(JointSpec& joint, double wider, double tissue) {
+  for (model::JointAxis& axis : joint.axes) {
+    if (axis.stop)
+      for (double* end : {&axis.stop->low, &axis.stop->high})
+        *end *= std::max(0.1, 1 + wider / std::max(std::abs(*end), kWholeShift));
+    if (axis.tissue) {
+      axis.tissue->stiffness *= tissue;
+      axis.tissue->damping *= tissue;
+    }
+  }
+}
+
+void deviate(MuscleFile& file, const std::vector<HandAxis>& axes, const Person& person) {
+  const Deviations by(file.spread, person);
+  for (MuscleSpec& muscle : file.muscles) {
+    const std::string kind = is_extrinsic(muscle, axes) ? "extrinsic" : "intrinsic";
+    const double arms = by.factor(kind + "_arms");
+    for (model::MomentArm& arm : muscle.tendon.path.arms)
+      for (double& c : arm.c) c *= arms;
+    for (model::ArmProduct& product : muscle.tendon.path.products) product.factor *= arms;
+    muscle.force *= by.factor(kind + "_forces");
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> uncertain_of(const HandSpec& spec, const Person& person, bool muscles) {
+  const bool measured[] = {person.hand_length || person.hand_length_percentile, person.hand_breadth.has_value(), false,
+                           person.hand_circumference.has_value()};
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < kDeviations.size(); ++i) {
+    const std::string name(kDeviations[i]);
+    const bool acts = i < kHandDimensions       ? !measured[i]
+                      : name == "grip_strength" ? !person.grip_strength
+                      : name == "hand_mass"     ? !person.hand_mass && spec.spread.contains(name)
+                                                : spec.spread.contains(name);
+    if (acts || (muscles && spec.muscles && spec.muscles->spread.contains(name))) out.push_back(name);
+  }
+  return out;
+}
+
+HandSpec deviated(const HandSpec& spec, const Person& person) {
+  HandSpec out = spec;
+  const Deviations by(spec.spread, person);
+  const double mass = by.factor("hand_mass"), wider = by.shift("ranges"), tissue = by.factor("passive_tissue");
+  for (double* share : {&out.mass.male, &out.mass.female, &out.mass.unknown, &out.mass.density}) *share *= mass;
+  deviate(out.wrist, wider, tissue);
+  for (SegmentSpec& segment : out.segments) {
+    scale(segment.length, by.factor("segments"));
+    deviate(segment.joint, wider, tissue);
+  }
+  if (out.muscles) deviate(*out.muscles, hand_axes(spec), person);
+  return out;
+}
+
+}  // namespace handsim::hand
