@@ -285,6 +285,25 @@ TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
   }
 }
 
+TEST(Commands, UncertainHandsHaveIntervals) {
+  const Outcome hand = run_program({"hand", "--stature", "1.75", "--mass", "72", "--sex", "male", "--hand-length", "190 mm",
+                                    "--side", "left", "--uncertain", "50"});
+  EXPECT_EQ(hand.status, 0);
+  EXPECT_TRUE(std::regex_search(hand.out, std::regex("hand length .mm. +190  190 to 190 "))) << hand.out;
+  EXPECT_TRUE(std::regex_search(hand.out, std::regex("hand breadth .mm..*hand_breadth [0-9]+ %"))) << hand.out;
+  const test::TemporaryFolder folder;
+  const std::string out = (folder.path() / "out").string();
+  const Outcome run = run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02", "--engine",
+                                   "articulated", "--uncertain", "4", "--out", out});
+  EXPECT_EQ(run.status, 0) << run.err;
+  EXPECT_TRUE(contains(run.out, "nine in ten")) << run.out;
+  const std::string command = test::text_of(folder.path() / "out/study.json");
+  EXPECT_TRUE(contains(command, "--uncertain 4 --rollout {rollout}")) << command;
+  const Outcome one = run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02", "--engine",
+                                   "articulated", "--uncertain", "4", "--rollout", "2", "--out", out + "2"});
+  EXPECT_EQ(one.status, 0) << one.err;
+}
+
 TEST(Commands, HandTakesAnAgeAndNamesTheSurveyOfChildren) {
   const Outcome outcome = run_program(
       {"hand", "--stature", "1.1", "--mass", "18", "--sex", "female", "--age", "5", "--side", "left"});

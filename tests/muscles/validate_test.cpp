@@ -153,6 +153,30 @@ TEST(Validate, FailsWhereARequiredRowFallsShort) {
   }
 }
 
+// Oracle: the model's spreads. The mean arm of an extrinsic muscle is as uncertain as its length of hand (3.9 %) and its
+// arms (12 %) are together: nine in ten within 1.645 of 12.6 %, and the arms own its variance. A value far outside is
+// named; drawing changes no row's own figure.
+TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  const std::string arm = "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, spread: 0.0001, ";
+  std::ofstream(file) << head() << "  - {name: arm, " << arm << "arms: [0.01]}\n  - {name: far, " << arm << "arms: [0.03]}\n";
+  const ValidateSpec spec = load_validate(file);
+  const ValidateResult plain = run_validate(spec), drawn = run_validate(spec, {}, 200);
+  EXPECT_FALSE(plain.coverage);
+  EXPECT_EQ(drawn.rows[0].ours, plain.rows[0].ours);
+  const Uncertainty& of = *drawn.rows[0].uncertainty;
+  const double half = 1.645 * std::hypot(0.12, 0.039);
+  EXPECT_NEAR(std::log(of.low / plain.rows[0].ours), -half, 0.2 * half);
+  EXPECT_NEAR(std::log(of.high / plain.rows[0].ours), half, 0.2 * half);
+  EXPECT_EQ(of.variance.front().of, "extrinsic_arms");
+  EXPECT_NEAR(of.variance.front().share, 0.12 * 0.12 / (0.12 * 0.12 + 0.039 * 0.039), 0.1);
+  EXPECT_TRUE(drawn.rows[0].inside);
+  EXPECT_FALSE(drawn.rows[1].inside);
+  EXPECT_EQ(drawn.coverage, 0.5);
+  EXPECT_NE(validate_table(spec, drawn).find("OUTSIDE"), std::string::npos);
+}
+
 // Oracle: the two rows. A kind has its name and its count, a row that falls short its name; a text of the
 // file cannot end a string of the script.
 TEST(Validate, PlotNamesTheKindsAndWhatFallsShort) {

@@ -322,6 +322,39 @@ TEST(Rollouts, OutcomesAreFiguresOrPathsOfTheSummary) {
   EXPECT_TRUE(summary["outcomes"].contains("penetration[m]"));
 }
 
+// Oracle: what the files give a spread: dimensions and the hand model's, muscles only where they act, materials; what
+// is measured is not drawn. The same bytes for one thread and two, and the second row alone is the same motion.
+TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
+  const TemporaryFolder folder;
+  const auto write = [&](const char* scene, const std::string& set) {
+    std::ofstream(folder.path() / "study.yaml") << "scene: " << test::source(scene).string() << "\nset: {" << set
+                                                << "}\ncount: 3\nuncertain: true\n";
+    return load_rollouts(folder.path() / "study.yaml");
+  };
+  const auto drawn = [](const RolloutStudy& study) {
+    std::set<std::string> out;
+    for (const Column& column : study.head().columns)
+      if (column.role == ColumnRole::drawn) out.insert(column.name);
+    return out;
+  };
+  const auto hands = drawn(RolloutStudy(write("config/two_hands.yaml", "duration: 0.02, hands.0.person.hand_length: 190 mm")));
+  EXPECT_TRUE(hands.contains("hands.1.person.deviations.hand_length"));
+  EXPECT_FALSE(hands.contains("hands.0.person.deviations.hand_length"));
+  EXPECT_TRUE(hands.contains("hands.0.person.deviations.ranges"));
+  EXPECT_FALSE(hands.contains("hands.0.person.deviations.extrinsic_arms"));
+  EXPECT_TRUE(drawn(RolloutStudy(write("config/grasp_pinch.yaml", ""))).contains("contacts.materials.0.friction"));
+  EXPECT_TRUE(drawn(RolloutStudy(write("config/muscle_poses.yaml", "duration: 0.01")))
+                  .contains("hands.0.person.deviations.extrinsic_arms"));
+  write("config/two_hands.yaml", "duration: 0.02, solver.engine: articulated");
+  const StudyRun one = run_study(folder.path() / "study.yaml", folder.path() / "one", 1, 1);
+  expect_same_files(one, run_study(folder.path() / "study.yaml", folder.path() / "two", 2, 2));
+  const RolloutStudy study(load_rollouts(folder.path() / "study.yaml"));
+  simulation::Simulation again(study.scene(1));
+  while (again.steps() < again.step_count()) again.step();
+  EXPECT_EQ(column(one.csv, "state_hash")[1], simulation::hash_text(again.state_hash()));
+  EXPECT_TRUE(nlohmann::json::parse(one.summary)["outcomes"].contains("joint_gap[m]"));
+}
+
 class ShippedStudy : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(, ShippedStudy,
                          testing::Values("rollouts_power_can", "rollouts_pinch", "rollouts_free_fall", "rollouts_handle"),
