@@ -23,6 +23,8 @@ struct HandArguments {
   std::optional<std::filesystem::path> model;   ///< absent: the installed anatomical hand
   std::string side = "both";
   std::optional<int> uncertain;              ///< hands that are drawn
+  std::optional<std::string> population;     ///< in place of a person: percentiles of its hands
+  std::vector<double> percentiles = {5, 50, 95};
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };
 int hand_command(const HandArguments& arguments);

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <map>
 
 #include <fmt/format.h>
 
@@ -15,6 +14,7 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/pictures.h"
+#include "handsim/study/rollouts/population.h"
 #include "handsim/study/uncertain.h"
 
 namespace handsim::app {
@@ -123,17 +123,18 @@ void print_whole(const hand::Person& person, const hand::HandSpec& spec, const h
   row("radius of gyration, longitudinal axis", whole.shares.gyration_longitudinal, ref.gyration_longitudinal);
 }
 
-/// What the hand's figures are of hands within what is uncertain.
-void print_uncertain(const hand::Person& person, const hand::HandSpec& spec, int count) {
-  const study::UncertainPersons drawn = study::uncertain_persons(spec, person, false, count);
-  std::map<std::string, std::vector<double>> figures;
-  std::vector<std::string> names;
-  const auto add = [&](const std::string& name, double value) {
-    if (!figures.contains(name)) names.push_back(name);
-    figures[name].push_back(value);
-  };
-  for (const hand::Person& each : drawn.persons) {
-    const hand::BuiltHand hand = hand::build_hand(spec, each);
+using Figures = std::vector<std::pair<std::string, std::vector<double>>>;
+
+/// Figures of the hands of several persons, by name.
+Figures figures_of(const hand::HandSpec& spec, const std::vector<hand::Person>& persons) {
+  Figures out;
+  for (const hand::Person& person : persons) {
+    const hand::BuiltHand hand = hand::build_hand(spec, person);
+    std::size_t next = 0;
+    const auto add = [&](const std::string& name, double value) {
+      if (next == out.size()) out.emplace_back(name, std::vector<double>());
+      out[next++].second.push_back(value);
+    };
     add("hand length [mm]", 1e3 * hand.size.length);
     add("hand breadth [mm]", 1e3 * hand.size.breadth);
     add("palm length [mm]", 1e3 * hand.size.palm_length);
@@ -141,16 +142,21 @@ void print_uncertain(const hand::Person& person, const hand::HandSpec& spec, int
     add("hand thickness [mm]", 1e3 * hand.size.thickness);
     add("hand mass [g]", 1e3 * hand.mass);
     for (std::size_t i = 0; i < spec.segments.size(); ++i)
-      if (hand.segments[i].length > 0) add(spec.segments[i].name + " [mm]", 1e3 * hand.segments[i].length);
+      if (!spec.segments[i].carrier) add(spec.segments[i].name + " [mm]", 1e3 * hand.segments[i].length);
     for (const model::Joint& joint : hand.joints)
       for (const model::JointAxis& axis : joint.axes)
-        if (axis.stop)
-          add(joint.name + "." + axis.name + " to [deg]", axis.stop->high * kDegreesPerRadian);
+        if (axis.stop) add(joint.name + "." + axis.name + " to [deg]", axis.stop->high * kDegreesPerRadian);
   }
+  return out;
+}
+
+/// What the hand's figures are of hands within what is uncertain.
+void print_uncertain(const hand::Person& person, const hand::HandSpec& spec, int count) {
+  const study::UncertainPersons drawn = study::uncertain_persons(spec, person, false, count);
   print("\n{} hands within what is uncertain of this person\n  {:<32} {:>8}  {:<18} {}\n", count, "figure", "mean",
         "nine in ten", "variance of");
-  for (const std::string& name : names) {
-    const study::Uncertainty of = study::uncertainty_of(drawn.inputs, figures[name]);
+  for (const auto& [name, values] : figures_of(spec, drawn.persons)) {
+    const study::Uncertainty of = study::uncertainty_of(drawn.inputs, values);
     print("  {:<32} {:>8.4g}  {:<18} {}\n", name, of.mean, fmt::format("{:.4g} to {:.4g}", of.low, of.high),
           study::owners_text(of.variance));
   }
@@ -284,9 +290,48 @@ std::vector<Problem> option_problems(std::vector<Problem> problems) {
   return problems;
 }
 
+/// Percentiles of every figure over people of a population, each with a hand within what is uncertain of it.
+int print_population(const HandArguments& arguments) {
+  constexpr int kPeople = 4000;
+  const study::Population* of = study::population(*arguments.population);
+  std::optional<hand::Sex> sex;
+  for (const auto& [key, value] : arguments.measures)
+    if (key != "sex")
+      throw input_error(option_name(key), "a value beside --population", "one of the two");
+    else if (value != "unknown")
+      sex = value == "male" ? hand::Sex::male : hand::Sex::female;
+  YamlNode file = load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml"));
+  Diagnostics diagnostics;
+  const hand::HandSpec spec = hand::read_hand_spec(file, "", diagnostics);
+  diagnostics.throw_if_any();
+  std::vector<hand::Person> people;
+  for (std::uint64_t i = 0; i < kPeople; ++i) {
+    environment::Draws draws(1, i, "person");
+    hand::Person& person = people.emplace_back(study::draw_person(*of, sex, draws));
+    for (const std::string& name : hand::uncertain_of(spec, person, false))
+      person.deviations[name] = environment::Draws(1, i, name).normal();
+  }
+  print("{}, {}: percentiles of the hands of {} drawn people\n  {:<32}", of->name,
+        !sex                      ? "men and women in equal numbers"
+        : *sex == hand::Sex::male ? "men"
+                                  : "women",
+        kPeople, "figure");
+  for (const double percentile : arguments.percentiles) print(" {:>8}", fmt::format("{:g} %", percentile));
+  print("\n");
+  for (auto& [name, values] : figures_of(spec, people)) {
+    std::ranges::sort(values);
+    print("  {:<32}", name);
+    for (const double percentile : arguments.percentiles)
+      print(" {:>8.4g}", study::quantile(values, 0.01 * percentile));
+    print("\n");
+  }
+  return 0;
+}
+
 }  // namespace
 
 int hand_command(const HandArguments& arguments) {
+  if (arguments.population) return print_population(arguments);
   PersonHands input = read_person_hands(arguments);
   const std::vector<std::string> warnings = std::move(input.warnings);
   const scene::Scene scene = compile_hands(arguments.side, hand::Mount::fixed, {}, std::move(input));

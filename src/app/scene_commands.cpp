@@ -46,6 +46,12 @@ void add_hand(CommandLine& line) {
   hand.add_option("--uncertain", arguments->uncertain,
                   "draw as many hands within what is uncertain: intervals of all figures, and what owns them")
       ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
+  CLI::Option* population =
+      hand.add_option("--population", arguments->population, "of a survey, in place of a person: percentiles of its hands");
+  add_words(population, "ansur2");
+  hand.add_option("--percentile", arguments->percentiles, "of these; may be repeated (default 5, 50 and 95)")
+      ->check(number_from(0, 100, false, "a percentile, 0 to 100"))
+      ->needs(population);
   hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
 }
 

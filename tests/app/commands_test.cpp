@@ -1,7 +1,10 @@
 // The command line: invalid arguments, overrides, exit statuses, output and files of commands.
 // Oracle: the README's exit statuses.
 #include <algorithm>
+#include <array>
+#include <map>
 #include <regex>
+#include <sstream>
 
 #include <gtest/gtest.h>
 
@@ -302,6 +305,26 @@ TEST(Commands, UncertainHandsHaveIntervals) {
   const Outcome one = run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02", "--engine",
                                    "articulated", "--uncertain", "4", "--rollout", "2", "--out", out + "2"});
   EXPECT_EQ(one.status, 0) << one.err;
+}
+
+// Oracle: the 5th, 50th and 95th percentiles of the 1386 women of tests/data/oracles/ansur2_hands.csv; 2 mm are two standard
+// errors of its 5th percentile.
+TEST(Commands, HandHasThePercentilesOfTheSurvey) {
+  const Outcome outcome = run_program({"hand", "--population", "ansur2", "--sex", "female", "--percentile", "5", "50", "95"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  const std::map<std::string, std::array<double, 3>> survey = {{"hand length", {165, 180, 199}},
+                                                               {"hand breadth", {72, 78, 85}},
+                                                               {"palm length", {100, 108, 119}},
+                                                               {"hand circumference", {172, 187, 202}}};
+  for (const auto& [name, percentiles] : survey) {
+    std::istringstream row(outcome.out.substr(outcome.out.find(name + " [mm]") + name.size() + 5));
+    for (const double expected : percentiles) {
+      double ours = 0;
+      row >> ours;
+      EXPECT_NEAR(ours, expected, 2.1) << name << "\n" << outcome.out;
+    }
+  }
+  EXPECT_EQ(run_program({"hand", "--population", "ansur2", "--mass", "60"}).status, 2);
 }
 
 TEST(Commands, HandTakesAnAgeAndNamesTheSurveyOfChildren) {
