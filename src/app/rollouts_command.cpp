@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <cstdlib>
 #include <optional>
 
 #include <fmt/format.h>
@@ -26,15 +27,15 @@ void stop_at_signals() {
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
 }
 
-/// The rows are of the other ranks' making; this one's problems are those that rank 0 tells.
-int work_for_rank_0(const RolloutsArguments& arguments, study::Ranks& ranks) {
-  try {
-    const study::RolloutStudy study(rollouts_of(arguments));
-    study::serve_rollouts(study, ranks, stop_asked);
-  } catch (const std::exception& error) {
-    ranks.fail(error.what());
+/// The shard of a process that mpirun or srun has started among others, each with one thread.
+void take_shard_of_job(study::RolloutOptions& options) {
+  for (const auto& [rank, size] : {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
+    const char *k = std::getenv(rank), *n = std::getenv(size);
+    if (!k || !n || std::atoi(n) < 2) continue;
+    options.shard = shard_of(fmt::format("{}/{}", std::atoi(k) + 1, n));
+    options.threads = std::max(1, options.threads);
+    return;
   }
-  return 0;
 }
 
 void print_end(const study::RolloutsResult& result, const std::filesystem::path& out) {
@@ -72,10 +73,9 @@ study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
 }
 
 int rollouts_command(const RolloutsArguments& arguments) {
-  study::Ranks ranks;
   stop_at_signals();
-  if (ranks.rank() > 0) return work_for_rank_0(arguments, ranks);
   study::RolloutOptions options = arguments;
+  if (options.shard.whole()) take_shard_of_job(options);
   const study::RolloutStudy study(rollouts_of(arguments));
   print_warnings(study.warnings());
   const std::filesystem::path where = study::shard_folder(options);
@@ -90,7 +90,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
   }
   const study::RolloutsResult result = with_progress([&](const auto& show) {
     options.progress = show;
-    return study::run_rollouts(study, options, ranks, stop_asked, [&] { folder.clear(); });
+    return study::run_rollouts(study, options, stop_asked, [&] { folder.clear(); });
   });
   if (result.done < result.size) {
     print_error("stopped: {} of {} rollouts are done; the same command with --resume goes on\n", result.done,

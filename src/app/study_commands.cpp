@@ -161,7 +161,7 @@ void add_rollouts(CommandLine& line) {
   CLI::App& rollouts =
       line.add("rollouts",
                "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores "
-               "and under mpirun on many machines: one table, what makes them held, a plot",
+               "or, in shards, on many machines: one table, what makes them held, a plot",
                "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100",
                rollouts_command, arguments);
   CLI::Option* study = add_input(rollouts, "study", arguments->study, "study file");

@@ -16,7 +16,7 @@ src/packaging/libraries.sh "$wheels"
 (
   source "$wheels/environment.sh"
   if [[ ! -f $wheels/tree/build.ninja ]]; then
-    cmake --preset program -B "$wheels/tree" -DHANDSIM_BUNDLE="$wheels/bundle" -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON >"$top/configure.log"
+    cmake --preset program -B "$wheels/tree" -DHANDSIM_BUNDLE="$wheels/bundle" >"$top/configure.log"
   fi
   cmake --build "$wheels/tree" --target handsim_program handsim_ceres
 )

@@ -10,7 +10,7 @@ plat=manylinux_2_28_x86_64
 
 src/packaging/libraries.sh "$top"
 source "$top/environment.sh"
-options=(-DHANDSIM_BUNDLE="$top/bundle" -DCMAKE_DISABLE_FIND_PACKAGE_MPI=ON)
+options=(-DHANDSIM_BUNDLE="$top/bundle")
 if command -v ccache >/dev/null; then
   options+=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
   export CCACHE_SLOPPINESS=pch_defines,time_macros

@@ -97,7 +97,6 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"nlohmann/", "(simulation|study|app)/|core/schema"},
       {"hdf5.h", "study/rollouts/table_file"},
       {"Random123/", "environment/draws"},
-      {"mpi.h", "study/rollouts/ranks"},
       {"ceres/", "study/track/ceres_module"},
       {"mujoco/", "none"},
   };

@@ -97,21 +97,6 @@ void run_threads(const RolloutStudy& study, int threads, WorkQueue& queue, const
   });
 }
 
-std::string rows_bytes(const std::vector<Row>& rows) {
-  ArchiveWriter out;
-  out.list(rows, [](ArchiveWriter& to, const Row& row) { save(to, row); });
-  return out.take();
-}
-
-std::vector<Row> rows_of(const std::string& bytes) {
-  ArchiveReader in(bytes, "rows of a rank");
-  std::vector<Row> out;
-  for (std::size_t n = in.size(); n > 0; --n) out.push_back(read_row(in));
-  return out;
-}
-
-std::string origin_text(const TableHead& head) { return fmt::format("{}", fmt::join(head.origin, "\n")); }
-
 /// Parts of the first that the second has not, as `seed 1, study 0123456789abcdef`.
 std::string parts_beyond(const TableHead& of, const TableHead& other) {
   std::vector<std::string> out;
@@ -161,7 +146,7 @@ fs::path shard_folder(const RolloutOptions& options) {
   return shard.whole() ? options.out : options.out / fmt::format("shard_{:02}_of_{:02}", shard.k, shard.n);
 }
 
-RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& options, Ranks& ranks,
+RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& options,
                             const std::atomic<bool>& stop, const std::function<void()>& clear) {
   const fs::path file = shard_folder(options) / kJournalName;
   JournalContent content;
@@ -180,12 +165,7 @@ RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& opt
   {
     Journal journal = there ? Journal(file, content) : Journal(file, study.head());
     WorkQueue queue(study, options, journal, content.rows);
-    if (ranks.size() > 1)
-      ranks.serve({origin_text(study.head()), [&] { return queue.next(); },
-                   [&](const std::string& bytes) { queue.take(rows_of(bytes)); },
-                   [&] { return stop.load(); }});
-    else
-      run_threads(study, options.threads, queue, stop);
+    run_threads(study, options.threads, queue, stop);
     out.size = queue.size(), out.done = queue.done(), out.computed = queue.computed();
   }
   out.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -221,11 +201,6 @@ bool is_complete(const RolloutStudy& study, const fs::path& folder) {
   found.columns = study.head().columns;
   check_same(found, study.head(), file.string(), "the finished one of this study, or another folder");
   return true;
-}
-
-void serve_rollouts(const RolloutStudy& study, Ranks& ranks, const std::atomic<bool>& stop) {
-  ranks.work(origin_text(study.head()),
-             [&](const std::vector<long>& chunk) { return rows_bytes(compute(study, chunk, stop)); });
 }
 
 Table merge_shards(const std::vector<fs::path>& folders) {

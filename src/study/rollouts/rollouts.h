@@ -11,7 +11,6 @@
 
 #include "handsim/study/report.h"
 #include "handsim/study/rollouts/journal.h"
-#include "handsim/study/rollouts/ranks.h"
 #include "handsim/study/rollouts/rollout_study.h"
 #include "handsim/study/study_run.h"
 
@@ -43,19 +42,16 @@ std::filesystem::path shard_folder(const RolloutOptions& options);
 std::vector<std::string> rollout_files();
 
 /// Runs what is not done and, once a study without shards is complete, writes its files.
-/// @param ranks of which this is rank 0. @param stop ends the run once it is true; what is done is kept.
+/// @param stop ends the run once it is true; what is done is kept.
 /// @throws Error (input) where the folder has a journal and `resume` is not set, or one of another study, or
-///         no room for what will be written. Error (output) where a file cannot be written or a rank fails.
+///         no room for what will be written. Error (output) where a file cannot be written.
 /// @param clear is called before anything is computed: removes what an earlier study has left.
-RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& options, Ranks& ranks,
+RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& options,
                             const std::atomic<bool>& stop, const std::function<void()>& clear = {});
 
 /// The folder has the files of the whole of this study, by this build.
 /// @throws Error (input) where it has those of another, which would be lost.
 bool is_complete(const RolloutStudy& study, const std::filesystem::path& folder);
-
-/// Of ranks other than 0: computes chunks for rank 0.
-void serve_rollouts(const RolloutStudy& study, Ranks& ranks, const std::atomic<bool>& stop);
 
 /// The table of a study's shards, from the journals in these folders and in their `shard_*` folders.
 /// @throws Error (input) where they are of different studies, or rollouts are missing.

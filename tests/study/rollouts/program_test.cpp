@@ -1,4 +1,4 @@
-// `handsim rollouts` as a user starts it: killed and resumed, in shards, under mpirun, one of them again.
+// `handsim rollouts` as a user starts it: killed and resumed, in shards, as ranks of a job, one of them again.
 #include <sys/wait.h>
 
 #include <chrono>
@@ -6,6 +6,7 @@
 #include <regex>
 #include <thread>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include "app/program.h"
@@ -194,124 +195,31 @@ TEST(RolloutsProgram, ATableThatCannotBeWrittenLeavesItsRows) {
   EXPECT_TRUE(contains(resumed.out, "  0 rollouts in ")) << resumed.out;
 }
 
-#ifdef HANDSIM_MPIRUN
-
-/// Without the leak sanitizer, which reports what OpenMPI's components leave when they are unloaded.
-Words mpirun(const Words& options, const Words& rest) {
-  Words words = {HANDSIM_MPIRUN, "--allow-run-as-root", "--oversubscribe", "-x",
-                 "ASAN_OPTIONS=detect_leaks=0"};
-  words.insert(words.end(), options.begin(), options.end());
-  words.push_back(HANDSIM_PROGRAM);
-  return with(words, rest);
-}
-
-int finish(pid_t child) {
-  int status = 0;
-  waitpid(child, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
-// Oracle: one process.
-TEST(RolloutsProgram, FourRanksGiveTheSameBytes) {
+// Oracle: one process. Processes of one job, as mpirun and MPICH's or Slurm's starters tell them by their environment,
+// are its shards; a rank that was killed goes on with --resume, and `merge` writes the bytes of one process.
+TEST(RolloutsProgram, RanksOfAJobAreItsShards) {
   const TemporaryFolder folder;
-  const fs::path study = write_study(folder.path()), whole = folder.path() / "whole",
-                 out = folder.path() / "out";
-  ASSERT_EQ(run_program(rollouts(study, whole)).status, 0);
-  ASSERT_EQ(finish(start(mpirun({"-n", "4"}, rollouts(study, out, {"--chunk", "1"})))), 0);
-  expect_same_files(whole, out);
-}
-
-/// The processes of this program that work on an output folder, by their ranks' order of start.
-std::vector<pid_t> ranks_of(const fs::path& out) {
-  std::vector<pid_t> found;
-  for (const auto& entry : fs::directory_iterator("/proc")) {
-    const std::string name = entry.path().filename();
-    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    const std::string words = text_of(entry.path() / "cmdline");
-    if (words.starts_with(HANDSIM_PROGRAM) && contains(words, out.string())) found.push_back(std::stoi(name));
-  }
-  std::sort(found.begin(), found.end());
-  return found;
-}
-
-// Oracle: the unbroken study. A rank that dies ends the job; --resume completes it.
-TEST(RolloutsProgram, ADeadRankCostsItsChunk) {
-  const TemporaryFolder folder;
-  const fs::path study = write_study(folder.path()), whole = folder.path() / "whole",
-                 out = folder.path() / "out";
+  const fs::path study = write_study(folder.path()), whole = folder.path() / "whole";
   ASSERT_EQ(run_program(rollouts(study, whole, kLonger)).status, 0);
-  const pid_t job = start(mpirun({"-n", "3"}, rollouts(study, out, kLonger)));
-  ASSERT_TRUE(journal_grows(out / study::kJournalName));
-  const std::vector<pid_t> ranks = ranks_of(out);
-  ASSERT_EQ(ranks.size(), 3U);
-  kill(ranks.back(), SIGKILL);
-  EXPECT_NE(finish(job), 0);
-  EXPECT_FALSE(fs::exists(out / "rollouts.csv"));
-  ASSERT_EQ(finish(start(mpirun({"-n", "3"}, rollouts(study, out, with(kLonger, {"--resume"}))))), 0);
-  expect_same_files(whole, out);
-}
-
-/// Runs a line in a shell; false where it fails.
-bool shell(const std::string& line) { return std::system((line + " >/dev/null 2>&1").c_str()) == 0; }
-
-/// A network namespace with one end of a cable whose other end is here: a second host.
-class SecondHost {
- public:
-  SecondHost() {
-    up_ = shell("ip netns add " + name_) && shell("ip link add hsveth0 type veth peer name hsveth1") &&
-          shell("ip link set hsveth1 netns " + name_) && shell("ip addr add 10.83.0.1/24 dev hsveth0") &&
-          shell("ip link set hsveth0 up") &&
-          shell("ip netns exec " + name_ + " ip addr add 10.83.0.2/24 dev hsveth1") &&
-          shell("ip netns exec " + name_ + " ip link set hsveth1 up") &&
-          shell("ip netns exec " + name_ + " ip link set lo up");
+  for (const auto& [rank, size] : {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
+    const fs::path out = folder.path() / rank;
+    const auto of_rank = [&, rank = rank, size = size](int k, const Words& more) {
+      const Words job = {"env", fmt::format("{}={}", rank, k), fmt::format("{}=3", size), HANDSIM_PROGRAM};
+      return start(with(job, rollouts(study, out, with(kLonger, more))));
+    };
+    std::vector<pid_t> job;
+    for (int k = 0; k < 3; ++k) job.push_back(of_rank(k, {}));
+    ASSERT_TRUE(journal_grows(out / "shard_03_of_03" / study::kJournalName));
+    kill(job[2], SIGKILL);
+    int status = 0;
+    for (const pid_t process : job) waitpid(process, &status, 0);
+    waitpid(of_rank(2, {"--resume"}), &status, 0);
+    EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << status;
+    EXPECT_FALSE(fs::exists(out / "rollouts.csv"));
+    EXPECT_EQ(run_program({"rollouts", "merge", out.string()}).status, 0);
+    expect_same_files(whole, out);
   }
-  ~SecondHost() {
-    shell("ip link del hsveth0");
-    shell("ip netns del " + name_);
-  }
-  bool up() const { return up_; }
-  const std::string& name() const { return name_; }
-
- private:
-  std::string name_ = "handsim_host";
-  bool up_ = false;
-};
-
-// Oracle: one process. Two hosts that share nothing but a network (and the disk, as in a cluster).
-TEST(RolloutsProgram, TwoHostsGiveTheSameBytes) {
-  const SecondHost host;
-  if (!host.up()) GTEST_SKIP() << "network namespaces are not permitted here (ip netns add needs root)";
-  const TemporaryFolder folder;
-  const fs::path study = write_study(folder.path()), whole = folder.path() / "whole",
-                 out = folder.path() / "out";
-  ASSERT_EQ(run_program(rollouts(study, whole)).status, 0);
-  // mpirun reaches a host by `AGENT HOST COMMAND...`.
-  const fs::path agent = folder.path() / "agent";
-  test::write(agent, "#!/bin/sh\ntouch " + (folder.path() / "reached").string() +
-                         "\nshift\nexec ip netns exec " + host.name() + " sh -c \"$*\"\n");
-  fs::permissions(agent, fs::perms::owner_all);
-  const Words two = {"-n",
-                     "4",
-                     "--host",
-                     "10.83.0.1:2,10.83.0.2:2",
-                     "--mca",
-                     "plm_rsh_agent",
-                     agent.string(),
-                     "--mca",
-                     "btl",
-                     "tcp,self",
-                     "--mca",
-                     "btl_tcp_if_include",
-                     "10.83.0.0/24",
-                     "--mca",
-                     "oob_tcp_if_include",
-                     "10.83.0.0/24"};
-  EXPECT_EQ(finish(start(mpirun(two, rollouts(study, out, {"--chunk", "1"})))), 0);
-  EXPECT_TRUE(fs::exists(folder.path() / "reached"));
-  expect_same_files(whole, out);
 }
-
-#endif
 
 }  // namespace
 }  // namespace handsim

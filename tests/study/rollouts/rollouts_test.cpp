@@ -70,7 +70,6 @@ TEST(Rollouts, ShardsMergeToTheWholeStudysBytes) {
   const fs::path file = write_study(folder.path()), out = folder.path() / "shards";
   const StudyRun whole = run_study(file, folder.path() / "whole");
   const RolloutStudy study(load_rollouts(file));
-  Ranks alone;
   for (const int k : {3, 1, 2}) {
     if (k == 2) {
       EXPECT_THROW(merge_shards({out}), Error);
@@ -78,7 +77,7 @@ TEST(Rollouts, ShardsMergeToTheWholeStudysBytes) {
     RolloutOptions options;
     options.out = out;
     options.shard = {k, 3};
-    EXPECT_EQ(run_rollouts(study, options, alone, false).done, 4);
+    EXPECT_EQ(run_rollouts(study, options, false).done, 4);
   }
   write_rollouts(merge_shards({out}), out);
   EXPECT_EQ(text_of(out / "rollouts.csv"), whole.csv);
@@ -92,7 +91,6 @@ TEST(Rollouts, GoOnFromATornJournalToTheSameBytes) {
   const fs::path file = write_study(folder.path()), out = folder.path() / "torn";
   const StudyRun whole = run_study(file, folder.path() / "whole");
   const RolloutStudy study(load_rollouts(file));
-  Ranks alone;
   fs::create_directories(out);
   {
     Journal journal(out / kJournalName, study.head());
@@ -104,9 +102,9 @@ TEST(Rollouts, GoOnFromATornJournalToTheSameBytes) {
   fs::resize_file(out / kJournalName, size - 3);
   RolloutOptions options;
   options.out = out;
-  EXPECT_THROW(run_rollouts(study, options, alone, false), Error) << "without --resume";
+  EXPECT_THROW(run_rollouts(study, options, false), Error) << "without --resume";
   options.resume = true;
-  const RolloutsResult result = run_rollouts(study, options, alone, false);
+  const RolloutsResult result = run_rollouts(study, options, false);
   EXPECT_EQ(result.computed, 10);
   EXPECT_EQ(text_of(out / "rollouts.csv"), whole.csv);
   EXPECT_TRUE(text_of(out / "rollouts.h5") == whole.h5);
@@ -122,8 +120,7 @@ TEST(Rollouts, AreStoppedWithTheirJournal) {
   options.chunk = 1;
   std::atomic<bool> stop = false;
   options.progress = [&](double share) { stop = share > 0.3; };
-  Ranks alone;
-  const RolloutsResult result = run_rollouts(study, options, alone, stop);
+  const RolloutsResult result = run_rollouts(study, options, stop);
   EXPECT_EQ(result.done, 4);
   EXPECT_FALSE(fs::exists(options.out / "rollouts.csv"));
   EXPECT_EQ(read_journal(options.out / kJournalName).rows.size(), 4U);
@@ -141,8 +138,7 @@ TEST(Rollouts, RefuseTheJournalOfAnotherStudy) {
   RolloutOptions options;
   options.out = folder.path() / "out";
   options.resume = true;
-  Ranks alone;
-  EXPECT_THROW(run_rollouts(study, options, alone, false), Error);
+  EXPECT_THROW(run_rollouts(study, options, false), Error);
 }
 
 // Oracle: `handsim run` of the same scene, whose hash is that of all states.

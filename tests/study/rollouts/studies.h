@@ -36,9 +36,8 @@ inline StudyRun run_study(const std::filesystem::path& file, const std::filesyst
   options.out = out;
   options.threads = threads;
   options.chunk = chunk;
-  study::Ranks alone;
   StudyRun run;
-  run.result = study::run_rollouts(study, options, alone, false);
+  run.result = study::run_rollouts(study, options, false);
   run.csv = text_of(out / "rollouts.csv");
   run.h5 = text_of(out / "rollouts.h5");
   run.summary = text_of(out / "summary.json");
