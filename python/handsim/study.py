@@ -55,8 +55,8 @@ class Study:
 
     @property
     def summary(self) -> Any:
-        """The JSON of the study's own name, or the only one."""
-        return self.summaries.get(self.name) or next(iter(self.summaries.values()), {})
+        """The JSON of the study's own name, or ``summary.json``, or the only one."""
+        return self.summaries.get(self.name) or self.summaries.get("summary") or next(iter(self.summaries.values()), {})
 
     def __repr__(self) -> str:
         return self.text or repr(self._own)
@@ -208,6 +208,22 @@ def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[in
             whole(name, value, least)
     with _folder(out) as folder, bar(progress, "rollouts") as told:
         text = _core.rollouts(find_file(study), folder, count, seed, override_list(overrides), threads, resume,
+                              False, told)
+        return Study("rollouts", folder, text)
+
+
+def uncertain(scene: PathText, overrides: Overrides = None, *, count: int = 100, threads: int = 0, out: Out = None,
+              progress: Progress = None) -> Study:
+    """Runs of a scene with hands drawn within what is uncertain of them: every figure with its interval, and the
+    shares of the inputs in its variance (``study.summary["outcomes"]``).
+
+    :param scene: path of a scene file, or the name of a shipped scene
+    :param count: hands
+    """
+    whole("count", count, 2)
+    whole("threads", threads, 0, MOST_THREADS)
+    with _folder(out) as folder, bar(progress, "uncertain") as told:
+        text = _core.rollouts(find_file(scene), folder, count, None, override_list(overrides), threads, False, True,
                               told)
         return Study("rollouts", folder, text)
 
@@ -273,14 +289,16 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         return Study("track", folder, "")
 
 
-def validate(measurements: Optional[PathText] = None, *, out: Out = None) -> Study:
+def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, out: Out = None) -> Study:
     """The hand beside measurements: moment arms, forces, moments, masses with their sources.
 
     :param measurements: file of measurements; None: the shipped one
+    :param uncertain: as many hands are drawn within what is uncertain: columns ``percentile_5``, ``percentile_95``
     """
     with _folder(out) as folder:
-        return Study("validate", folder, _core.validate(_path(measurements), folder))
+        return Study("validate", folder, _core.validate(_path(measurements), folder,
+                                                         None if uncertain is None else whole("uncertain", uncertain, 2)))
 
 
 __all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "merge", "read_csv", "read_h5",
-           "read_sto", "rollouts", "stability", "track", "validate"]
+           "read_sto", "rollouts", "stability", "track", "uncertain", "validate"]

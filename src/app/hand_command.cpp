@@ -153,8 +153,8 @@ Figures figures_of(const hand::HandSpec& spec, const std::vector<hand::Person>& 
 /// What the hand's figures are of hands within what is uncertain.
 void print_uncertain(const hand::Person& person, const hand::HandSpec& spec, int count) {
   const study::UncertainPersons drawn = study::uncertain_persons(spec, person, false, count);
-  print("\n{} hands within what is uncertain of this person\n  {:<32} {:>8}  {:<18} {}\n", count, "figure", "mean",
-        "nine in ten", "variance of");
+  print("\n{} hands within what is uncertain of this person\n  {:<32} {:>8}  {:<18} {}\n", count, "figure",
+        "mean", "nine in ten", "variance of");
   for (const auto& [name, values] : figures_of(spec, drawn.persons)) {
     const study::Uncertainty of = study::uncertainty_of(drawn.inputs, values);
     print("  {:<32} {:>8.4g}  {:<18} {}\n", name, of.mean, fmt::format("{:.4g} to {:.4g}", of.low, of.high),

@@ -29,7 +29,8 @@ void stop_at_signals() {
 
 /// The shard of a process that mpirun or srun has started among others, each with one thread.
 void take_shard_of_job(study::RolloutOptions& options) {
-  for (const auto& [rank, size] : {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
+  for (const auto& [rank, size] :
+       {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
     const char *k = std::getenv(rank), *n = std::getenv(size);
     if (!k || !n || std::atoi(n) < 2) continue;
     options.shard = shard_of(fmt::format("{}/{}", std::atoi(k) + 1, n));
@@ -60,12 +61,8 @@ study::Shard shard_of(const std::string& text) {
 }
 
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
-  study::RolloutsSpec spec;
-  spec.uncertain = arguments.uncertain;
-  if (arguments.uncertain)
-    spec.scene = arguments.study, spec.title = arguments.study.stem().string() + ", hands within what is uncertain";
-  else
-    spec = study::load_rollouts(arguments.study);
+  study::RolloutsSpec spec = arguments.uncertain ? study::uncertain_rollouts(arguments.study)
+                                                 : study::load_rollouts(arguments.study);
   spec.set.insert(spec.set.end(), arguments.overrides.begin(), arguments.overrides.end());
   if (arguments.count) spec.count = *arguments.count;
   if (arguments.seed) spec.seed = *arguments.seed;
@@ -98,9 +95,8 @@ int rollouts_command(const RolloutsArguments& arguments) {
     return 1;
   }
   const study::StudyCommands commands =
-      arguments.uncertain
-          ? study::uncertain_commands(arguments.study, arguments.overrides, *arguments.count)
-          : study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
+      arguments.uncertain ? study::uncertain_commands(arguments.study, arguments.overrides, *arguments.count)
+                          : study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
   if (!options.shard.whole()) {
     // For the table of all shards.
     study::write_commands(arguments.out, commands);

@@ -103,9 +103,10 @@ void add_validate(CommandLine& line) {
   validate.add_option("measurements", asked->file, "file of measurements (default: the installed ones)");
   CLI::Option* out = validate.add_option("--out", asked->run.out, "folder for the study's files and runs/");
   validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);
-  validate.add_option("--uncertain", asked->uncertain,
-                      "draw as many hands within what is uncertain: intervals of all rows, and how many measured "
-                      "values they cover")
+  validate
+      .add_option("--uncertain", asked->uncertain,
+                  "draw as many hands within what is uncertain: intervals of all rows, and how many measured "
+                  "values they cover")
       ->check(number_from(2, 1e5, true, "a whole number of hands, from 2"));
   add_report_flag(validate, asked->run)->needs(out);
 }

@@ -204,8 +204,9 @@ Eigen::Vector4d residuals_given(const Eigen::Matrix4d& covariance,
   for (std::size_t k = 0; k < at.size(); ++k)
     residual[static_cast<Eigen::Index>(k)] = *known[static_cast<std::size_t>(at[k])];
   const Eigen::MatrixXd among = covariance(at, at);
-  const Eigen::MatrixXd gain = at.empty() ? Eigen::MatrixXd(4, 0)
-                                          : Eigen::MatrixXd(among.ldlt().solve(covariance(at, Eigen::all)).transpose());
+  const Eigen::MatrixXd gain =
+      at.empty() ? Eigen::MatrixXd(4, 0)
+                 : Eigen::MatrixXd(among.ldlt().solve(covariance(at, Eigen::all)).transpose());
   Eigen::Vector4d out = gain * residual;
   if (person.deviations.empty()) return out;
   const Eigen::MatrixXd left = (covariance - gain * covariance(at, Eigen::all))(rest, rest);
@@ -222,7 +223,8 @@ Eigen::Matrix4d scatter_of(const Anthropometry& anthropometry, const Fit& fit, c
   const double child = 1 - adult_share(*anthropometry.children, person);
   const auto& [length, breadth] = anthropometry.children->scatter;
   const Eigen::Vector4d factor =
-      Eigen::Vector4d::Ones() + child * (Eigen::Vector4d(length, breadth, length, breadth).array() - 1).matrix();
+      Eigen::Vector4d::Ones() +
+      child * (Eigen::Vector4d(length, breadth, length, breadth).array() - 1).matrix();
   return factor.asDiagonal() * fit.residual_covariance * factor.asDiagonal();
 }
 

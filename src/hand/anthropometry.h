@@ -46,9 +46,9 @@ struct Children {
   Survey survey;
   /// From a child's fit to the adults': ages, or of unknown age both statures and masses per stature [kg/m].
   std::pair<double, double> adult_age, adult_stature, adult_mass_per_stature;
-  double stature_deviation = 1;  ///< of ln H at one age and sex
+  double stature_deviation = 1;         ///< of ln H at one age and sex
   std::array<double, 2> scatter{1, 1};  ///< of ln length and ln breadth, over the adults'
-  double finger_of_length = 0;   ///< a hand exp(d) times as long as predicted has fingers exp(this d) times
+  double finger_of_length = 0;  ///< a hand exp(d) times as long as predicted has fingers exp(this d) times
   Tables by_age, by_stature;
 };
 

@@ -58,8 +58,8 @@ void deviate(MuscleFile& file, const std::vector<HandAxis>& axes, const Person& 
 }  // namespace
 
 std::vector<std::string> uncertain_of(const HandSpec& spec, const Person& person, bool muscles) {
-  const bool measured[] = {person.hand_length || person.hand_length_percentile, person.hand_breadth.has_value(), false,
-                           person.hand_circumference.has_value()};
+  const bool measured[] = {person.hand_length || person.hand_length_percentile,
+                           person.hand_breadth.has_value(), false, person.hand_circumference.has_value()};
   std::vector<std::string> out;
   for (std::size_t i = 0; i < kDeviations.size(); ++i) {
     const std::string name(kDeviations[i]);
@@ -75,8 +75,10 @@ std::vector<std::string> uncertain_of(const HandSpec& spec, const Person& person
 HandSpec deviated(const HandSpec& spec, const Person& person) {
   HandSpec out = spec;
   const Deviations by(spec.spread, person);
-  const double mass = by.factor("hand_mass"), wider = by.shift("ranges"), tissue = by.factor("passive_tissue");
-  for (double* share : {&out.mass.male, &out.mass.female, &out.mass.unknown, &out.mass.density}) *share *= mass;
+  const double mass = by.factor("hand_mass"), wider = by.shift("ranges"),
+               tissue = by.factor("passive_tissue");
+  for (double* share : {&out.mass.male, &out.mass.female, &out.mass.unknown, &out.mass.density})
+    *share *= mass;
   deviate(out.wrist, wider, tissue);
   for (SegmentSpec& segment : out.segments) {
     scale(segment.length, by.factor("segments"));

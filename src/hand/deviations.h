@@ -5,8 +5,9 @@
 
 namespace handsim::hand {
 
-/// The model with the person's deviations in its segments, densities or shares, ranges, tissue, arms and forces, each
-/// its spread times the deviation; sizes by exp(). Dimensions and grip strength are the person's own matter.
+/// The model with the person's deviations in its segments, densities or shares, ranges, tissue, arms and
+/// forces, each its spread times the deviation; sizes by exp(). Dimensions and grip strength are the person's
+/// own matter.
 HandSpec deviated(const HandSpec& spec, const Person& person);
 
 /// The names of kDeviations that change this person's hand: without what is measured or has no spread.

@@ -79,7 +79,8 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
   if (reader.has("deviations")) {
     MapReader map = reader.map("deviations");
     for (const std::string_view name : kDeviations)
-      if (const auto z = map.maybe_number(name, {Dimension::none, -6, 6})) person.deviations[std::string(name)] = *z;
+      if (const auto z = map.maybe_number(name, {Dimension::none, -6, 6}))
+        person.deviations[std::string(name)] = *z;
     map.finish();
   }
   if (reader.sound()) check_body(reader, person);

@@ -68,11 +68,12 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
   });
 }
 
+/// @param uncertain whether the file is a scene, whose uncertain hands are drawn
 std::string rollouts(const path& file, const path& out, std::optional<int> count, std::optional<int> seed,
-                     const std::vector<std::string>& overrides, int threads, bool resume,
+                     const std::vector<std::string>& overrides, int threads, bool resume, bool uncertain,
                      const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
-    study::RolloutsSpec spec = study::load_rollouts(file);
+    study::RolloutsSpec spec = uncertain ? study::uncertain_rollouts(file) : study::load_rollouts(file);
     spec.set.insert(spec.set.end(), overrides.begin(), overrides.end());
     spec.count = count.value_or(spec.count);
     spec.seed = seed.value_or(spec.seed);
@@ -87,7 +88,10 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
     const study::RolloutsResult result =
         study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
     if (result.done < result.size) return std::string();
-    study::finish_study(out, study::rollouts_commands(file, overrides, seed), false);
+    study::finish_study(out,
+                        uncertain ? study::uncertain_commands(file, overrides, *count)
+                                  : study::rollouts_commands(file, overrides, seed),
+                        false);
     return study::rollouts_screen(result.table);
   });
 }
@@ -135,8 +139,8 @@ std::vector<PersonNumbers> draw_persons(const std::string& population, int count
   return out;
 }
 
-std::string validate(const std::optional<path>& file, const path& out) {
-  return without_gil([&] { return study::validate({file, false}, {out}).text; });
+std::string validate(const std::optional<path>& file, const path& out, std::optional<int> uncertain) {
+  return without_gil([&] { return study::validate({file, false, uncertain}, {out}).text; });
 }
 
 void bind_motion(py::module_& module) {
@@ -196,9 +200,10 @@ void bind_studies(py::module_& module) {
              py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
              py::arg("pictures"), py::arg("progress"));
   module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
-             py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("progress"));
+             py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("uncertain"),
+             py::arg("progress"));
   module.def("merge", &merge, py::arg("folders"), py::arg("out"));
-  module.def("validate", &validate, py::arg("file"), py::arg("out"));
+  module.def("validate", &validate, py::arg("file"), py::arg("out"), py::arg("uncertain"));
   bind_motion(module);
 }
 

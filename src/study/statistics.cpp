@@ -6,9 +6,9 @@
 #include <numeric>
 #include <set>
 
-#include <Eigen/QR>
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <Eigen/QR>
 
 #include "handsim/core/index.h"
 
@@ -181,8 +181,8 @@ std::vector<VarianceShare> variance_shares(const std::vector<Input>& inputs, std
   const double unexplained = 1 - coefficients.dot(with_y) / total;
   std::vector<VarianceShare> out;
   for (const Group& group : terms.groups()) {
-    const double fitted = coefficients.segment(group.first, group.count)
-                              .dot(with_y.segment(group.first, group.count)) / total;
+    const double fitted =
+        coefficients.segment(group.first, group.count).dot(with_y.segment(group.first, group.count)) / total;
     out.push_back({group.of, fitted - static_cast<double>(group.count) * unexplained / (n - size - 1)});
   }
   std::ranges::stable_sort(out, std::greater{}, &VarianceShare::share);

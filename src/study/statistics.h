@@ -42,9 +42,10 @@ struct VarianceShare {
   double share = 0;
 };
 
-/// Least squares of y on Legendre's polynomials of the inputs' ranks to degree 3 (lower with few rows) and products of
-/// the first ones; a term's share is its covariance with y (Li et al. 2010, J Phys Chem A 114:6022), less what chance
-/// gives. Of independent inputs these are Sobol's indices. Pairs only with ten rows for each term.
+/// Least squares of y on Legendre's polynomials of the inputs' ranks to degree 3 (lower with few rows) and
+/// products of the first ones; a term's share is its covariance with y (Li et al. 2010, J Phys Chem A
+/// 114:6022), less what chance gives. Of independent inputs these are Sobol's indices. Pairs only with ten
+/// rows for each term.
 /// @return the largest first; nothing where y does not vary or rows are too few.
 std::vector<VarianceShare> variance_shares(const std::vector<Input>& inputs, std::span<const double> y);
 

@@ -7,7 +7,8 @@
 
 namespace handsim::study {
 
-UncertainPersons uncertain_persons(const hand::HandSpec& spec, const hand::Person& person, bool muscles, int count) {
+UncertainPersons uncertain_persons(const hand::HandSpec& spec, const hand::Person& person, bool muscles,
+                                   int count) {
   UncertainPersons out;
   out.persons.assign(static_cast<std::size_t>(count), person);
   for (const std::string& name : hand::uncertain_of(spec, person, muscles)) {

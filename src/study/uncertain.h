@@ -15,7 +15,8 @@ struct UncertainPersons {
 };
 
 /// Person i is the same for any count. @param muscles whether they act
-UncertainPersons uncertain_persons(const hand::HandSpec& spec, const hand::Person& person, bool muscles, int count);
+UncertainPersons uncertain_persons(const hand::HandSpec& spec, const hand::Person& person, bool muscles,
+                                   int count);
 
 /// A figure of such hands, of those that have it: others are NaN.
 struct Uncertainty {

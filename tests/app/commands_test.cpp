@@ -289,28 +289,31 @@ TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
 }
 
 TEST(Commands, UncertainHandsHaveIntervals) {
-  const Outcome hand = run_program({"hand", "--stature", "1.75", "--mass", "72", "--sex", "male", "--hand-length", "190 mm",
-                                    "--side", "left", "--uncertain", "50"});
+  const Outcome hand = run_program({"hand", "--stature", "1.75", "--mass", "72", "--sex", "male",
+                                    "--hand-length", "190 mm", "--side", "left", "--uncertain", "50"});
   EXPECT_EQ(hand.status, 0);
   EXPECT_TRUE(std::regex_search(hand.out, std::regex("hand length .mm. +190  190 to 190 "))) << hand.out;
-  EXPECT_TRUE(std::regex_search(hand.out, std::regex("hand breadth .mm..*hand_breadth [0-9]+ %"))) << hand.out;
+  EXPECT_TRUE(std::regex_search(hand.out, std::regex("hand breadth .mm..*hand_breadth [0-9]+ %")))
+      << hand.out;
   const test::TemporaryFolder folder;
   const std::string out = (folder.path() / "out").string();
-  const Outcome run = run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02", "--engine",
-                                   "articulated", "--uncertain", "4", "--out", out});
+  const Outcome run = run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02",
+                                   "--engine", "articulated", "--uncertain", "4", "--out", out});
   EXPECT_EQ(run.status, 0) << run.err;
   EXPECT_TRUE(contains(run.out, "nine in ten")) << run.out;
   const std::string command = test::text_of(folder.path() / "out/study.json");
   EXPECT_TRUE(contains(command, "--uncertain 4 --rollout {rollout}")) << command;
-  const Outcome one = run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02", "--engine",
-                                   "articulated", "--uncertain", "4", "--rollout", "2", "--out", out + "2"});
+  const Outcome one =
+      run_program({"run", source("config/two_hands.yaml"), "--set", "duration=0.02", "--engine",
+                   "articulated", "--uncertain", "4", "--rollout", "2", "--out", out + "2"});
   EXPECT_EQ(one.status, 0) << one.err;
 }
 
-// Oracle: the 5th, 50th and 95th percentiles of the 1386 women of tests/data/oracles/ansur2_hands.csv; 2 mm are two standard
-// errors of its 5th percentile.
+// Oracle: the 5th, 50th and 95th percentiles of the 1386 women of tests/data/oracles/ansur2_hands.csv; 2 mm
+// are two standard errors of its 5th percentile.
 TEST(Commands, HandHasThePercentilesOfTheSurvey) {
-  const Outcome outcome = run_program({"hand", "--population", "ansur2", "--sex", "female", "--percentile", "5", "50", "95"});
+  const Outcome outcome =
+      run_program({"hand", "--population", "ansur2", "--sex", "female", "--percentile", "5", "50", "95"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   const std::map<std::string, std::array<double, 3>> survey = {{"hand length", {165, 180, 199}},
                                                                {"hand breadth", {72, 78, 85}},

@@ -364,7 +364,8 @@ double coverage(const Anthropometry& anthropometry, const std::vector<Person>& p
   std::normal_distribution<double> normal;
   std::vector<std::map<std::string, double>> deviations(200);
   for (auto& each : deviations)
-    for (int i = 0; i < kHandDimensions; ++i) each[std::string(kDeviations[static_cast<std::size_t>(i)])] = normal(generator);
+    for (int i = 0; i < kHandDimensions; ++i)
+      each[std::string(kDeviations[static_cast<std::size_t>(i)])] = normal(generator);
   double inside = 0;
   for (std::size_t i = 0; i < people.size(); ++i) {
     std::vector<double> drawn;
@@ -379,8 +380,8 @@ double coverage(const Anthropometry& anthropometry, const std::vector<Person>& p
   return inside / static_cast<double>(people.size());
 }
 
-// Oracle: measured hands of the surveys, of which 90 % have to be within the middle 90 %; 2 % for adults (standard error 0.8 %
-// of 1400), 4 % for the stored fifth of the children (1.3 %).
+// Oracle: measured hands of the surveys, of which 90 % have to be within the middle 90 %; 2 % for adults
+// (standard error 0.8 % of 1400), 4 % for the stored fifth of the children (1.3 %).
 TEST_F(AnthropometrySurvey, DrawnHandsCoverMeasuredOnes) {
   const Anthropometry anthropometry = shipped();
   for (const int k : {0, 1}) {
@@ -409,22 +410,24 @@ TEST(Deviations, MoveWhatIsNotMeasuredByItsSpread) {
   const BuiltHand plain = build_hand(spec, one);
   one.deviations = {{"hand_mass", 0.0}};
   EXPECT_EQ(build_hand(spec, one).mass, plain.mass) << "a deviation of zero changes no bit";
-  one.deviations = {{"segments", 1.0}, {"passive_tissue", -1.0}, {"ranges", 1.0}, {"extrinsic_forces", 1.0},
-                    {"intrinsic_arms", 2.0}, {"hand_breadth", 1.0}};
+  one.deviations = {{"segments", 1.0},         {"passive_tissue", -1.0}, {"ranges", 1.0},
+                    {"extrinsic_forces", 1.0}, {"intrinsic_arms", 2.0},  {"hand_breadth", 1.0}};
   one.hand_length = plain.size.length;
   const BuiltHand other = build_hand(spec, one);
   EXPECT_EQ(other.size.length, plain.size.length);
   const Eigen::Matrix4d c = spec.anthropometry.by_sex.residual_covariance;
-  EXPECT_NEAR(std::log(other.size.breadth / plain.size.breadth), std::sqrt(c(1, 1) - c(0, 1) * c(0, 1) / c(0, 0)),
-              2e-3);
-  EXPECT_NEAR(other.segments[3].length / plain.segments[3].length, std::exp(spec.spread.at("segments")), 1e-12);
+  EXPECT_NEAR(std::log(other.size.breadth / plain.size.breadth),
+              std::sqrt(c(1, 1) - c(0, 1) * c(0, 1) / c(0, 0)), 2e-3);
+  EXPECT_NEAR(other.segments[3].length / plain.segments[3].length, std::exp(spec.spread.at("segments")),
+              1e-12);
   for (std::size_t j = 0; j < plain.joints.size(); ++j)
     for (std::size_t a = 0; a < plain.joints[j].axes.size(); ++a) {
       const model::JointAxis &before = plain.joints[j].axes[a], &after = other.joints[j].axes[a];
       EXPECT_GE(after.stop->high, before.stop->high);
       EXPECT_LE(after.stop->low, before.stop->low);
       EXPECT_LE(after.stop->high - before.stop->high, spec.spread.at("ranges") + 1e-12);
-      EXPECT_NEAR(after.tissue->stiffness / before.tissue->stiffness, std::exp(-spec.spread.at("passive_tissue")), 1e-12);
+      EXPECT_NEAR(after.tissue->stiffness / before.tissue->stiffness,
+                  std::exp(-spec.spread.at("passive_tissue")), 1e-12);
     }
   const double arms = std::exp(2 * spec.muscles->spread.at("intrinsic_arms"));
   const double forces = std::exp(spec.muscles->spread.at("extrinsic_forces"));
@@ -434,12 +437,13 @@ TEST(Deviations, MoveWhatIsNotMeasuredByItsSpread) {
     EXPECT_NEAR(after.path.arms[0].c[0], before.path.arms[0].c[0] * (before.extrinsic ? 1 : arms), 1e-12);
   }
   EXPECT_EQ(uncertain_of(spec, one, false),
-            (std::vector<std::string>{"hand_breadth", "palm_length", "hand_circumference", "segments", "hand_mass",
-                                      "ranges", "passive_tissue", "grip_strength"}));
+            (std::vector<std::string>{"hand_breadth", "palm_length", "hand_circumference", "segments",
+                                      "hand_mass", "ranges", "passive_tissue", "grip_strength"}));
 }
 
 TEST(Deviations, AreRefusedByName) {
-  YamlNode node = parse_yaml("{stature: 1.75, mass: 72, sex: male, deviations: {hand_lenght: 1, segments: 9}}", "p.yaml");
+  YamlNode node =
+      parse_yaml("{stature: 1.75, mass: 72, sex: male, deviations: {hand_lenght: 1, segments: 9}}", "p.yaml");
   Diagnostics diagnostics;
   read_person(node, "", diagnostics);
   const std::string text = Error(diagnostics.problems).what();

@@ -153,14 +153,17 @@ TEST(Validate, FailsWhereARequiredRowFallsShort) {
   }
 }
 
-// Oracle: the model's spreads. The mean arm of an extrinsic muscle is as uncertain as its length of hand (3.9 %) and its
-// arms (12 %) are together: nine in ten within 1.645 of 12.6 %, and the arms own its variance. A value far outside is
-// named; drawing changes no row's own figure.
+// Oracle: the model's spreads. The mean arm of an extrinsic muscle is as uncertain as its length of hand (3.9
+// %) and its arms (12 %) are together: nine in ten within 1.645 of 12.6 %, and the arms own its variance. A
+// value far outside is named; drawing changes no row's own figure.
 TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";
-  const std::string arm = "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, spread: 0.0001, ";
-  std::ofstream(file) << head() << "  - {name: arm, " << arm << "arms: [0.01]}\n  - {name: far, " << arm << "arms: [0.03]}\n";
+  const std::string arm =
+      "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, "
+      "spread: 0.0001, ";
+  std::ofstream(file) << head() << "  - {name: arm, " << arm << "arms: [0.01]}\n  - {name: far, " << arm
+                      << "arms: [0.03]}\n";
   const ValidateSpec spec = load_validate(file);
   const ValidateResult plain = run_validate(spec), drawn = run_validate(spec, {}, 200);
   EXPECT_FALSE(plain.coverage);

@@ -1,5 +1,6 @@
-// The accuracy study with rows of other engines: `peer_accuracy PEERS.yaml --out DIR [--peers FOLDER]`. PEERS.yaml names a
-// study and has a row for each method of a program of this folder: `name`, `program`, `method`, `set`, `steps`, `line`.
+// The accuracy study with rows of other engines: `peer_accuracy PEERS.yaml --out DIR [--peers FOLDER]`.
+// PEERS.yaml names a study and has a row for each method of a program of this folder: `name`, `program`,
+// `method`, `set`, `steps`, `line`.
 #include <unistd.h>
 
 #include <cstdio>

@@ -251,8 +251,8 @@ std::string simulate(const std::filesystem::path& program, const PeerMethod& met
   return answer["engine"].get<std::string>() + " " + answer["version"].get<std::string>();
 }
 
-double cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
-                   const scene::Scene& scene, long steps) {
+double cpu_seconds(const std::filesystem::path& program, const PeerMethod& method, const scene::Scene& scene,
+                   long steps) {
   PeerProcess peer(program, request("cost", method, scene, steps).dump());
   const Json answer = head(peer);
   peer.finish(0);

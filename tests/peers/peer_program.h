@@ -19,8 +19,8 @@ struct PeerMethod {
 };
 
 /// A method of an accuracy study that runs a program of this folder. It throws Error (physics) if the program
-/// fails or diverges, or if its start or its kinetic energy differs from the scene's, and Error (input) for what
-/// the protocol lacks: contact, stops, tissue, drives and controllers.
+/// fails or diverges, or if its start or its kinetic energy differs from the scene's, and Error (input) for
+/// what the protocol lacks: contact, stops, tissue, drives and controllers.
 OutsideEngine outside_engine(const std::filesystem::path& folder, const PeerMethod& method);
 
 }  // namespace handsim::study

@@ -17,6 +17,17 @@ def test_effects_lists_every_effect(tmp_path):
 
 
 # Oracle: number and seed of the draws; the same seed gives the same table, in one thread and in two.
+def test_uncertain_hands_have_intervals():
+    """Oracle: a hand's deviations are drawn for each run; those of the first runs do not depend on the count."""
+    motion = {"duration": "0.02 s", "solver.engine": "articulated"}
+    few, more = (hs.study.uncertain("two_hands", motion, count=n) for n in (3, 5))
+    name = "hands.1.person.deviations.hand_length"
+    assert len(set(more.tables["rollouts"][name])) == 5
+    assert np.array_equal(few.tables["rollouts"][name], more.tables["rollouts"][name][:3])
+    gap = more.summary["outcomes"]["joint_gap[m]"]
+    assert gap["percentile_5"] <= gap["mean"]["value"] <= gap["percentile_95"]
+
+
 def test_rollouts_are_a_function_of_the_seed():
     first, second = (hs.study.rollouts("rollouts_free_fall", count=6, seed=3, threads=n) for n in (1, 2))
     table, other = first.tables["rollouts"], second.tables["rollouts"]

@@ -25,8 +25,8 @@ enum class Reference {
 
 /// An engine that is not handsim's, as tests/peers runs some.
 struct OutsideEngine {
-  /// Simulates the scene's mechanism from its start over its duration; the second is called with the start and the
-  /// state after every step. @return name and version
+  /// Simulates the scene's mechanism from its start over its duration; the second is called with the start
+  /// and the state after every step. @return name and version
   std::function<std::string(const scene::Scene&, const std::function<void(const model::State&)>&)> simulate;
   /// CPU seconds of a number of steps from the start, after a warm-up and without output.
   std::function<double(const scene::Scene&, long)> cpu_seconds;
@@ -39,7 +39,7 @@ struct AccuracyMethod {
   std::vector<double> steps;  ///< [s], decreasing
   /// Replaces the study's scene; then the reference is the method's run with its smallest step.
   std::optional<std::filesystem::path> scene;
-  std::optional<std::string> observe;  ///< replaces the study's
+  std::optional<std::string> observe;    ///< replaces the study's
   std::optional<OutsideEngine> outside;  ///< used instead of the scene's solver
   /// Title of the line of the error-cost plot that shows this method together with others that differ only in
   /// their tolerance; such methods are left out of plots over the step. Absent: a line of its own.
@@ -88,9 +88,9 @@ struct AccuracyRow {
 
 struct AccuracyResult {
   std::vector<AccuracyRow> rows;
-  std::optional<Series> reference;    ///< absent for Reference::smallest_step
-  std::string unit;                 ///< of the coordinates: `m` or `rad`
-  std::vector<std::string> engines; ///< engines of the rows, with their versions
+  std::optional<Series> reference;   ///< absent for Reference::smallest_step
+  std::string unit;                  ///< of the coordinates: `m` or `rad`
+  std::vector<std::string> engines;  ///< engines of the rows, with their versions
 };
 
 /// @throws Error (input) with every problem of the file.

@@ -14,8 +14,7 @@ constexpr std::size_t kFewValues = 12;
 
 std::optional<Estimate> estimate_of(const std::vector<double>& outcomes, bool verdict) {
   if (!verdict) return mean_of(outcomes);
-  return share(std::ranges::count_if(outcomes, [](double held) { return held != 0; }),
-               std::ssize(outcomes));
+  return share(std::ranges::count_if(outcomes, [](double held) { return held != 0; }), std::ssize(outcomes));
 }
 
 /// Rows that have an outcome, with what stands in a column.
@@ -119,8 +118,8 @@ std::vector<const Bin*> KeyEffect::telling() const {
   double beyond = 0;
   for (std::size_t i = 1; i + 1 < bins.size(); ++i) {
     const Estimate& of = *bins[i].estimate;
-    const double off = std::max(of.low - std::max(first.high, last.high),
-                                std::min(first.low, last.low) - of.high);
+    const double off =
+        std::max(of.low - std::max(first.high, last.high), std::min(first.low, last.low) - of.high);
     if (off > beyond) beyond = off, extreme = &bins[i];
   }
   out.push_back(&bins.front());

@@ -14,8 +14,8 @@ namespace handsim::study {
 
 using NamedCells = std::vector<std::pair<std::string, Cell>>;
 
-/// Figures and verdicts up to now: `joint_gap[m]`, `joint_gap.held`, those of grasps (forces by part) and climbs, and the
-/// activations of muscles, also as the mean of their squares, `effort`.
+/// Figures and verdicts up to now: `joint_gap[m]`, `joint_gap.held`, those of grasps (forces by part) and
+/// climbs, and the activations of muscles, also as the mean of their squares, `effort`.
 NamedCells figures_of(const simulation::Simulation& simulation);
 
 /// The numbers of summary.json that the motion alone decides, by their path: items of lists by their `name`,

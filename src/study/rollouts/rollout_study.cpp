@@ -115,7 +115,8 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
     }
   diagnostics.throw_if_any();
   // Sums of contact forces are measured only where they are recorded.
-  if (std::ranges::any_of(spec_.outcomes, [](const std::string& of) { return of.starts_with("contact_forces"); }))
+  if (std::ranges::any_of(spec_.outcomes,
+                          [](const std::string& of) { return of.starts_with("contact_forces"); }))
     apply_override(root_, "record.contacts=true", diagnostics.budget);
   scene::Scene base;
   try {
@@ -167,7 +168,8 @@ void RolloutStudy::add_uncertain(const scene::Scene& scene) {
   };
   const bool muscles = scene.spec.solver.effects.has(model::Effect::muscles);
   for (std::size_t i = 0; i < scene.spec.hands.size(); ++i)
-    for (const std::string& name : hand::uncertain_of(*scene.spec.hands[i].model, scene.spec.hands[i].person, muscles))
+    for (const std::string& name :
+         hand::uncertain_of(*scene.spec.hands[i].model, scene.spec.hands[i].person, muscles))
       vary(fmt::format("hands.{}.person.deviations.{}", i, name), 0, 1);
   const YamlNode* contacts = scene.resolved.find("contacts");
   const YamlNode* materials = contacts ? contacts->find("materials") : nullptr;
@@ -269,7 +271,8 @@ void RolloutStudy::find_outcomes() {
     if (summary.contains(name))
       figures_.push_back({name, ColumnRole::asked, false});
     else
-      diagnostics.problems.push_back({spec_.outcome_place, "outcome", name, need + nearest_hint(name, known)});
+      diagnostics.problems.push_back(
+          {spec_.outcome_place, "outcome", name, need + nearest_hint(name, known)});
   }
   diagnostics.throw_if_any();
 }

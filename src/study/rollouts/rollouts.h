@@ -66,8 +66,8 @@ StudyCommands rollouts_commands(const std::filesystem::path& file, const std::ve
                                 std::optional<int> seed);
 
 /// The same of `handsim run SCENE --uncertain count`.
-StudyCommands uncertain_commands(const std::filesystem::path& scene, const std::vector<std::string>& overrides,
-                                 int count);
+StudyCommands uncertain_commands(const std::filesystem::path& scene,
+                                 const std::vector<std::string>& overrides, int count);
 
 /// Writes rollouts.csv, rollouts.h5, summary.json and, with gnuplot, rollouts.png and .svg.
 /// @return false where gnuplot is missing or failed.

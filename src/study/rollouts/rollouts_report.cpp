@@ -41,7 +41,8 @@ Json json_of(const std::vector<double>& verdicts) {
 }
 
 /// Means of figures, shares of verdicts.
-Json json_of(const OutcomeEffects& of, const std::vector<double>& values, const std::optional<Estimate>& all) {
+Json json_of(const OutcomeEffects& of, const std::vector<double>& values,
+             const std::optional<Estimate>& all) {
   return of.verdict ? json_of(values) : Json{{"of", values.size()}, {"mean", json_of(all)}};
 }
 
@@ -99,9 +100,8 @@ std::string plot_data(const std::vector<OutcomeEffects>& outcomes) {
       out += fmt::format("$key{} << EOD\n", block++);
       for (const Bin& bin : effect.bins)
         if (bin.estimate)
-          out += fmt::format("{} {} {} {} {} {} \"{}\"\n", bin.middle, bin.low, bin.high,
-                             bin.estimate->value, bin.estimate->low, bin.estimate->high,
-                             output::plot_text(bin.label));
+          out += fmt::format("{} {} {} {} {} {} \"{}\"\n", bin.middle, bin.low, bin.high, bin.estimate->value,
+                             bin.estimate->low, bin.estimate->high, output::plot_text(bin.label));
       out += "EOD\n";
     }
   return out;
@@ -142,9 +142,9 @@ std::vector<Plot> plots_of(const Table& table, const std::vector<OutcomeEffects>
   const bool wide = outcomes.size() > 1 && keys <= 6;
   const int columns = keys == 1 || wide ? keys : keys <= 4 ? 2 : 3, each = (keys + columns - 1) / columns;
   const int rows = each * static_cast<int>(outcomes.size());
-  std::string commands =
-      fmt::format("  set multiplot layout {},{} title '{}' noenhanced\n  set grid ytics\n  unset key\n", rows,
-                  columns, output::plot_text(table.head.title));
+  std::string commands = fmt::format(
+      "  set multiplot layout {},{} title '{}' noenhanced\n  set grid ytics\n  unset key\n  set zero 1e-30\n",
+      rows, columns, output::plot_text(table.head.title));
   int block = 0;
   for (const OutcomeEffects& of : outcomes) {
     for (const KeyEffect& effect : of.keys) commands += panel(of, effect, block++);
@@ -161,15 +161,16 @@ std::string estimate_text(const std::optional<Estimate>& estimate) {
 
 /// What each varied key does to an outcome, as a table.
 std::string keys_text(const OutcomeEffects& of) {
-  std::string out = fmt::format("  {:<44} {:<26} {}\n", "varied", "rank correlation",
-                                of.verdict ? "share held" : "mean");
+  std::string out =
+      fmt::format("  {:<44} {:<26} {}\n", "varied", "rank correlation", of.verdict ? "share held" : "mean");
   for (const KeyEffect& effect : of.keys) {
     std::vector<std::string> bins;
     for (const Bin* bin : effect.telling())
       bins.push_back(fmt::format("{}: {:.3g}",
-                                 effect.text               ? bin->label
-                                 : bin->low == bin->high ? fmt::format("{:.3g}", bin->low)
-                                                         : fmt::format("{:.3g} to {:.3g}", bin->low, bin->high),
+                                 effect.text ? bin->label
+                                 : bin->low == bin->high
+                                     ? fmt::format("{:.3g}", bin->low)
+                                     : fmt::format("{:.3g} to {:.3g}", bin->low, bin->high),
                                  bin->estimate->value));
     out += fmt::format("  {:<44} {:<26} {}\n", effect.name, estimate_text(effect.correlation),
                        fmt::join(bins, ", "));
@@ -185,7 +186,8 @@ std::string variance_text(const OutcomeEffects& of) {
 std::string line_of(const OutcomeEffects& of) {
   if (!of.varies()) return "";
   const auto [low, high] = middle_90(of.values);
-  return fmt::format("  {:<34} {:>11.4g}  {:<25} {}\n", of.verdict ? "share " + of.name : of.name, of.all->value,
+  return fmt::format("  {:<34} {:>11.4g}  {:<25} {}\n", of.verdict ? "share " + of.name : of.name,
+                     of.all->value,
                      of.verdict ? fmt::format("({:.3f} to {:.3f}, 95 %)", of.all->low, of.all->high)
                                 : fmt::format("{:.4g} to {:.4g}", low, high),
                      owners_text(of.variance));
@@ -219,11 +221,13 @@ std::string rollouts_summary(const Table& table) {
 std::string rollouts_screen(const Table& table) {
   std::vector<std::string> parts;
   for (const auto& [word, count] : endings(table)) parts.push_back(fmt::format("{} {}", count, word));
-  std::string out = fmt::format("{}\n  {} rollouts: {}\n", table.head.title, table.head.size, fmt::join(parts, ", "));
+  std::string out =
+      fmt::format("{}\n  {} rollouts: {}\n", table.head.title, table.head.size, fmt::join(parts, ", "));
   const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
   for (const OutcomeEffects& of : outcomes) {
     if (outcomes.size() > kTold) {
-      if (&of == &outcomes.front()) out += fmt::format("\n  {:<34} {:>11}  {:<25} {}\n", "figure", "mean", "nine in ten", "variance of");
+      if (&of == &outcomes.front())
+        out += fmt::format("\n  {:<34} {:>11}  {:<25} {}\n", "figure", "mean", "nine in ten", "variance of");
       out += line_of(of);
       continue;
     }
@@ -280,9 +284,10 @@ StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const
   return end;
 }
 
-StudyCommands uncertain_commands(const std::filesystem::path& scene, const std::vector<std::string>& overrides,
-                                 int count) {
-  const std::string command = command_text({"run", scene.string()}, overrides) + fmt::format(" --uncertain {}", count);
+StudyCommands uncertain_commands(const std::filesystem::path& scene,
+                                 const std::vector<std::string>& overrides, int count) {
+  const std::string command =
+      command_text({"run", scene.string()}, overrides) + fmt::format(" --uncertain {}", count);
   return {command, {}, {{"rollouts.csv", command + " --rollout {rollout}"}}};
 }
 

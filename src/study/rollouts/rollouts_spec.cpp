@@ -247,20 +247,29 @@ RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics) {
   out.count = reader.integer("count", 1, kMostDraws, 1);
   out.seed = reader.integer("seed", 0, 2'147'483'647, 1);
   out.uncertain = reader.flag("uncertain", false);
-  MapReader vary = out.uncertain ? reader.map("vary")
-                                 : reader.required_map(
-                                       "vary", "a mapping of dotted keys of the scene to what is drawn");
+  MapReader vary =
+      out.uncertain ? reader.map("vary")
+                    : reader.required_map("vary", "a mapping of dotted keys of the scene to what is drawn");
   for (const std::string& key : vary.keys()) {
     if (key.empty()) vary.problem(key, "an empty key", "a dotted key of the scene");
     out.vary.push_back(read_varied(vary.map(key), key));
   }
-  if (reader.sound() && out.vary.empty() && !out.uncertain) vary.problem("", "no key", "at least one key of the scene");
+  if (reader.sound() && out.vary.empty() && !out.uncertain)
+    vary.problem("", "no key", "at least one key of the scene");
   MapReader stop = reader.map("stop");
   out.stop_lost = stop.flag("lost", false);
   stop.finish();
   read_outcomes(reader, out);
   read_record(reader.map("record"), out);
   reader.finish();
+  return out;
+}
+
+RolloutsSpec uncertain_rollouts(const std::filesystem::path& scene) {
+  RolloutsSpec out;
+  out.scene = scene;
+  out.title = scene.stem().string() + ", hands within what is uncertain";
+  out.uncertain = true;
   return out;
 }
 

@@ -67,6 +67,9 @@ inline std::string key_of(std::string_view assignment) {
 /// Reads a study; every defect goes into the diagnostics.
 RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics);
 
+/// The study of `handsim run SCENE --uncertain`.
+RolloutsSpec uncertain_rollouts(const std::filesystem::path& scene);
+
 /// @throws Error (input) with every problem of the file.
 RolloutsSpec load_rollouts(const std::filesystem::path& path);
 

@@ -73,8 +73,8 @@ struct ValidateSpec {
 struct ValidateRow {
   const Measurement* of = nullptr;
   double ours = 0;
-  double deviation = 0;  ///< over the spread; moment_arms: root mean square over the angles
-  bool measured = true;  ///< false: a simulation that was not run
+  double deviation = 0;                    ///< over the spread; moment_arms: root mean square over the angles
+  bool measured = true;                    ///< false: a simulation that was not run
   std::optional<Uncertainty> uncertainty;  ///< of drawn hands
   bool inside = false;  ///< the measured value is within the middle 90 % of drawn hands, its spread added
   bool within() const { return measured && deviation <= 1; }
@@ -82,7 +82,7 @@ struct ValidateRow {
 
 struct ValidateResult {
   std::vector<ValidateRow> rows;
-  double share = 0;  ///< of the measured rows within their spread
+  double share = 0;                ///< of the measured rows within their spread
   std::optional<double> coverage;  ///< share of the rows with drawn hands that are `inside`
   /// True if every required row that was measured is within its spread.
   bool passed() const;

@@ -148,10 +148,11 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
     out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width,
                        scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict, of.source);
     if (row.uncertainty)
-      out += fmt::format("{:>{}}  nine in ten hands {:.3g} to {:.3g}{}{}; {}\n", "", width, scale * row.uncertainty->low,
-                         scale * row.uncertainty->high, row.inside ? "" : ", OUTSIDE with the spread",
-                         row.uncertainty->missing > 0 ? fmt::format(", {} have none", row.uncertainty->missing) : "",
-                         owners_text(row.uncertainty->variance));
+      out += fmt::format(
+          "{:>{}}  nine in ten hands {:.3g} to {:.3g}{}{}; {}\n", "", width, scale * row.uncertainty->low,
+          scale * row.uncertainty->high, row.inside ? "" : ", OUTSIDE with the spread",
+          row.uncertainty->missing > 0 ? fmt::format(", {} have none", row.uncertainty->missing) : "",
+          owners_text(row.uncertainty->variance));
     if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
     required += of.required ? 1 : 0;
   }
@@ -159,8 +160,9 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
                      100 * result.share, result.rows.size() - left_out, 100 * spec.goal, required,
                      result.passed() ? "all within" : "not all within");
   if (result.coverage)
-    out += fmt::format("{:.0f} % of the measured values are within the middle 90 % of drawn hands, their spread added\n",
-                       100 * *result.coverage);
+    out += fmt::format(
+        "{:.0f} % of the measured values are within the middle 90 % of drawn hands, their spread added\n",
+        100 * *result.coverage);
   if (left_out > 0) out += fmt::format("{} rows are simulations, which --runs runs\n", left_out);
   return out;
 }
@@ -172,13 +174,13 @@ std::string validate_csv(const ValidateResult& result) {
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
     const Measurement& of = *row.of;
-    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{}\n", quoted(of.name),
-                       row.ours / of.scale, of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
-                       row.within() ? "within" : "short", of.required ? "yes" : "no", quoted(of.source),
-                       quoted(of.reason),
-                       row.uncertainty ? fmt::format("{:.6g},{:.6g},{}", row.uncertainty->low / of.scale,
-                                                     row.uncertainty->high / of.scale, row.inside ? "yes" : "no")
-                                       : ",,");
+    out += fmt::format(
+        "{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{}\n", quoted(of.name), row.ours / of.scale,
+        of.value / of.scale, of.spread / of.scale, of.unit, row.deviation, row.within() ? "within" : "short",
+        of.required ? "yes" : "no", quoted(of.source), quoted(of.reason),
+        row.uncertainty ? fmt::format("{:.6g},{:.6g},{}", row.uncertainty->low / of.scale,
+                                      row.uncertainty->high / of.scale, row.inside ? "yes" : "no")
+                        : ",,");
   }
   return out;
 }

@@ -1,4 +1,5 @@
-// `handsim rollouts` as a user starts it: killed and resumed, in shards, as ranks of a job, one of them again.
+// `handsim rollouts` as a user starts it: killed and resumed, in shards, as ranks of a job, one of them
+// again.
 #include <sys/wait.h>
 
 #include <chrono>
@@ -195,13 +196,15 @@ TEST(RolloutsProgram, ATableThatCannotBeWrittenLeavesItsRows) {
   EXPECT_TRUE(contains(resumed.out, "  0 rollouts in ")) << resumed.out;
 }
 
-// Oracle: one process. Processes of one job, as mpirun and MPICH's or Slurm's starters tell them by their environment,
-// are its shards; a rank that was killed goes on with --resume, and `merge` writes the bytes of one process.
+// Oracle: one process. Processes of one job, as mpirun and MPICH's or Slurm's starters tell them by their
+// environment, are its shards; a rank that was killed goes on with --resume, and `merge` writes the bytes of
+// one process.
 TEST(RolloutsProgram, RanksOfAJobAreItsShards) {
   const TemporaryFolder folder;
   const fs::path study = write_study(folder.path()), whole = folder.path() / "whole";
   ASSERT_EQ(run_program(rollouts(study, whole, kLonger)).status, 0);
-  for (const auto& [rank, size] : {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
+  for (const auto& [rank, size] :
+       {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
     const fs::path out = folder.path() / rank;
     const auto of_rank = [&, rank = rank, size = size](int k, const Words& more) {
       const Words job = {"env", fmt::format("{}={}", rank, k), fmt::format("{}=3", size), HANDSIM_PROGRAM};

@@ -292,12 +292,13 @@ TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
       << run.csv;
 }
 
-// Oracle: a ball of radius 0.1 m falls 0.78 m in 0.4 s, and touches the ground from a height of 0.3 m alone. The path
-// of a figure of summary.json is its column.
+// Oracle: a ball of radius 0.1 m falls 0.78 m in 0.4 s, and touches the ground from a height of 0.3 m alone.
+// The path of a figure of summary.json is its column.
 TEST(Rollouts, OutcomesAreFiguresOrPathsOfTheSummary) {
   const TemporaryFolder folder;
-  std::ofstream(folder.path() / "ball.yaml") << kBall << "effects: [gravity, object_contact, ground_contact]\n"
-                                             << "ground: {height: 0}\n";
+  std::ofstream(folder.path() / "ball.yaml")
+      << kBall << "effects: [gravity, object_contact, ground_contact]\n"
+      << "ground: {height: 0}\n";
   std::ofstream(folder.path() / "study.yaml")
       << "scene: ball.yaml\nset: {duration: 0.4}\ncount: 8\nvary:\n"
          "  objects.0.position.2: {each: [0.3, 1.5, 5]}\n  objects.0.mass: {uniform: [1, 2]}\n"
@@ -318,13 +319,14 @@ TEST(Rollouts, OutcomesAreFiguresOrPathsOfTheSummary) {
   EXPECT_TRUE(summary["outcomes"].contains("penetration[m]"));
 }
 
-// Oracle: what the files give a spread: dimensions and the hand model's, muscles only where they act, materials; what
-// is measured is not drawn. The same bytes for one thread and two, and the second row alone is the same motion.
+// Oracle: what the files give a spread: dimensions and the hand model's, muscles only where they act,
+// materials; what is measured is not drawn. The same bytes for one thread and two, and the second row alone
+// is the same motion.
 TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
   const TemporaryFolder folder;
   const auto write = [&](const char* scene, const std::string& set) {
-    std::ofstream(folder.path() / "study.yaml") << "scene: " << test::source(scene).string() << "\nset: {" << set
-                                                << "}\ncount: 3\nuncertain: true\n";
+    std::ofstream(folder.path() / "study.yaml")
+        << "scene: " << test::source(scene).string() << "\nset: {" << set << "}\ncount: 3\nuncertain: true\n";
     return load_rollouts(folder.path() / "study.yaml");
   };
   const auto drawn = [](const RolloutStudy& study) {
@@ -333,12 +335,14 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
       if (column.role == ColumnRole::drawn) out.insert(column.name);
     return out;
   };
-  const auto hands = drawn(RolloutStudy(write("config/two_hands.yaml", "duration: 0.02, hands.0.person.hand_length: 190 mm")));
+  const auto hands = drawn(
+      RolloutStudy(write("config/two_hands.yaml", "duration: 0.02, hands.0.person.hand_length: 190 mm")));
   EXPECT_TRUE(hands.contains("hands.1.person.deviations.hand_length"));
   EXPECT_FALSE(hands.contains("hands.0.person.deviations.hand_length"));
   EXPECT_TRUE(hands.contains("hands.0.person.deviations.ranges"));
   EXPECT_FALSE(hands.contains("hands.0.person.deviations.extrinsic_arms"));
-  EXPECT_TRUE(drawn(RolloutStudy(write("config/grasp_pinch.yaml", ""))).contains("contacts.materials.0.friction"));
+  EXPECT_TRUE(
+      drawn(RolloutStudy(write("config/grasp_pinch.yaml", ""))).contains("contacts.materials.0.friction"));
   EXPECT_TRUE(drawn(RolloutStudy(write("config/muscle_poses.yaml", "duration: 0.01")))
                   .contains("hands.0.person.deviations.extrinsic_arms"));
   write("config/two_hands.yaml", "duration: 0.02, solver.engine: articulated");
@@ -353,7 +357,8 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
 
 class ShippedStudy : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(, ShippedStudy,
-                         testing::Values("rollouts_power_can", "rollouts_pinch", "rollouts_free_fall", "rollouts_handle"),
+                         testing::Values("rollouts_power_can", "rollouts_pinch", "rollouts_free_fall",
+                                         "rollouts_handle"),
                          [](const auto& of) { return std::string(of.param); });
 
 // Oracle: the study's own count. Some of its draws the grip refuses; that is no reason not to begin.

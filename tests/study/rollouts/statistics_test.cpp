@@ -79,8 +79,8 @@ double share_of(const std::vector<VarianceShare>& shares, const std::string& of)
   return NAN;
 }
 
-// Oracle: Sobol's indices in closed form. For a, b, c even from -1 to 1 the variances of 3a, 2ab and 4c^2 are 3,
-// 4/9 and 64/45; c^2 is an inverted U without rank correlation.
+// Oracle: Sobol's indices in closed form. For a, b, c even from -1 to 1 the variances of 3a, 2ab and 4c^2 are
+// 3, 4/9 and 64/45; c^2 is an inverted U without rank correlation.
 TEST(VarianceShares, AreSobolsIndicesOfIndependentInputs) {
   std::vector<Input> inputs = lattice(5000);
   std::vector<double> y;
