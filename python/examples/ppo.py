@@ -203,7 +203,7 @@ def draw_curve(folder, title):
     if not shutil.which("gnuplot"):
         return print("no curve.png: gnuplot is not installed")
     commands = (f"set terminal pngcairo size 800,450; set output '{folder / 'curve.png'}'; set datafile separator ','; "
-                f"set title '{title}'; set xlabel 'minutes'; set ylabel 'episodes with success [%]'; set yrange [0:100]; "
+                f"set title '{title}' noenhanced; set xlabel 'minutes'; set ylabel 'episodes with success [%]'; set yrange [0:100]; "
                 f"set grid; plot '{folder / 'curve.csv'}' every ::1 using 2:(100*$3) with lines lw 2 notitle")
     subprocess.run(["gnuplot", "-e", commands], check=True)
 

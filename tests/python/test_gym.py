@@ -29,7 +29,7 @@ def test_episodes_are_a_function_of_the_seed(name):
         histories.append([np.hstack([np.column_stack(each.step(action)[1:]), each.batch.observation]) for action in actions])
     assert np.array_equal(*histories)
     other = Episodes(name, 4, seed=8)
-    if name not in ("hold", "turn", "key_turn"):
+    if name not in ("hold", "turn", "key_turn"):  # what these draw is not observed at the start
         assert not np.array_equal(other.task.observation(other.batch), first.reset(seed=7))
 
 
@@ -115,23 +115,63 @@ def test_objects_begin_in_the_hand_by_every_drive(name):
     assert np.allclose(starts[0], starts[1], atol=1e-9) and np.array_equal(starts[1], starts[2])
 
 
-# Oracles: the lock's spring brings the key back to its stop; the reward sums to ten times the angle; success ends.
+def _turned_by(torque, steps=100, of=KeyTurn):
+    """A key that a torque of the test's own turns, between fingers that do not touch it."""
+    episodes = Episodes(of(drive="torques"), 4)
+    torques = np.zeros((4, len(episodes.task.scene.coordinates)))
+    torques[:, -1] = torque
+    episodes.batch.step(torques, substeps=steps)
+    return episodes
+
+
+# Oracles: the lock's spring brings the key back to its stop; the angle of a key that is not held counts 0.3.
 def test_a_key_turns_against_its_spring():
-    episodes = Episodes(KeyTurn(drive="torques"), 4)
-    task, zero = episodes.task, np.zeros((4, 24))
-    torques = np.zeros((4, len(task.scene.coordinates)))
-    torques[:, -1] = 0.2
-    episodes.batch.step(torques, substeps=20)
-    turned = episodes.batch.q[:, -1].copy()
-    assert np.all(turned > 0.1)
-    assert task.reward(episodes.batch, zero) + 0.5 * np.linalg.norm(
-        task._apart(episodes.batch).reshape(4, 2, 3), axis=2).mean(axis=1) == pytest.approx(10 * turned)
-    for _ in range(task.steady):
-        episodes.batch.step(torques, substeps=100)
-        task.reward(episodes.batch, zero)
-    assert np.all(episodes.batch.q[:, -1] > task.turned) and task.terminated(episodes.batch).all()
-    episodes.batch.step(substeps=500)
-    assert np.abs(episodes.batch.q[:, -1]).max() < 0.01
+    episodes = _turned_by(0.2, 20)
+    task, batch, zero = episodes.task, episodes.batch, np.zeros((4, 20))
+    turned = batch.q[:, -1].copy()
+    assert np.all(turned > 0.1) and not task.held(batch).any()
+    assert task.reward(batch, zero) + 0.5 * task._distances(batch).mean(axis=1) == pytest.approx(3 * turned)
+    batch.step(substeps=500)
+    assert np.abs(batch.q[:, -1]).max() < 0.01
+
+
+# Oracle: a key that turns by itself, between fingers that do not hold it, is no success.
+def test_a_key_that_is_not_held_does_not_count():
+    episodes = _turned_by(0.2)
+    for _ in range(10):
+        episodes.batch.step(np.tile([*[0] * 20, 0.2], (4, 1)), substeps=10)
+        episodes.task.reward(episodes.batch, np.zeros((4, 20)))
+    assert np.all(episodes.batch.q[:, -1] > episodes.task.turned) and not episodes.task.terminated(episodes.batch).any()
+
+
+# Oracle: the spring that each episode draws is the torque that holds the key in its place.
+def test_each_key_has_a_spring_of_its_own():
+    task = Episodes(KeyTurn(), 256).task
+    torques = task.spring[0] - task._back[:, -1]
+    assert torques.min() >= 0.02 and torques.max() <= 0.06 and np.ptp(torques) > 0.035
+    for share, stays in ((0.95, True), (1.05, False)):
+        episodes = Episodes(KeyTurn(drive="torques"), 16)
+        push = -share * (episodes.task._back - np.eye(21)[20] * task.spring[0])
+        episodes.batch.step(episodes.task._back + push, substeps=100)
+        assert np.all((episodes.batch.q[:, -1] < 0.01) == stays)
+
+
+# Oracle: feasibility: thumb and index turn the key by three postures of theirs, whatever its spring.
+def test_a_key_is_turned_by_three_postures():
+    postures = [[-0.08, 0.15, 0.64, 0.51, 1.15, 0.06, 0.91, 0.93], [0.0, 0.06, 0.62, 0.57, 1.31, 0.07, 0.9, 1.0],
+                [0.26, -0.1, 0.51, 0.31, 1.08, 0.02, 1.08, 0.52]]
+    episodes = Episodes("key_turn", 64)
+    task = episodes.task
+    assert [name.split("_")[0] for name in task.scene.axes[:8]] == ["right.thumb"] * 4 + ["right.index"] * 4
+    episodes.reset(seed=7)
+    want = episodes.batch.q[:, :20].copy()
+    success = np.zeros(64, bool)
+    for step in range(60):
+        want[:, :8] = postures[(step >= 8) + (step >= 20)]
+        _, reward, terminated, _ = episodes.step((want - task._targets) / task.speed)
+        assert np.all(reward[terminated & ~success] > 10)
+        success |= terminated & ~episodes.batch.failed
+    assert success.all()
 
 
 # Oracle: gravity: an opened hand drops the can within a second; one that squeezes holds it for the whole episode.

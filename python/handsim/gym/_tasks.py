@@ -575,23 +575,34 @@ class PenTwirl(Reorient):
 
 
 class KeyTurn(HandTask):
-    """Thumb and index turn a key against its lock's spring: the bow of 24 mm stands between their pads, on a hinge that points
-    away from the hand, and a torque of 0.03 N m turns it back.
+    """Thumb and index turn a key against its lock's spring: the bow of 24 mm stands between their tips, on a hinge that points
+    away from the palm, and a torque turns it back, drawn for each episode from 0.02 to 0.06 N m. Forearm and wrist are fixed,
+    so that the fingers alone turn the key; they touch each other.
 
-    Observation: q and u of all joints, the last one's the key's, what the drive holds (`HandTask`), and the bow's place less
-    thumb's and index' tips [dm]. Reward of a step (20 ms): ten times the angle by which the key turns on, counterclockwise as
-    the hand sees it [rad], minus 0.5 times the distance of the two tips from the bow [dm], minus 0.01 times the mean square of
-    the action (of the excitation); 10 on success: five steps in a row beyond 60 degrees. Stops are at 0 and 90 degrees. Success
-    ends the episode; it is truncated after 100 steps.
+    The key is held while thumb and index touch something, and their tips are within 30 mm of the bow's middle, on the two
+    sides of the bow where they began. Observation: q and u of all joints, the last one's the key's, what the drive holds
+    (`HandTask`), the tips' poses, force [N] and number of contact points of palm and fingers, the bow's middle less thumb's
+    and index' tips, and how far these are from the bow's plane [dm]. Reward of a step (20 ms): ten times the angle by which a
+    held key turns on, clockwise as the hand sees it [rad], of one that is not held 0.3 of it, 2 for each step in a row held
+    beyond 60 degrees; what is lost again is taken back. Minus 0.5 times the mean distance of the two tips from the bow's
+    middle [dm], minus 0.01 times the mean square of the action (of the excitation). 10 on success: five steps in a row held
+    beyond 60 degrees. Stops are at 0 and 90 degrees. Success ends the episode; it is truncated after 100 steps. Targets are
+    held by the gains of controllers/muscles.yaml: those of the other tasks are too soft to turn the key.
     """
 
     max_steps = 100
     turned, steady = np.pi / 3, 5
     """[rad]; steps"""
-    observe = ("q", "u", "fingertips")
-    opened = {"thumb_cmc": (0.19, -0.02), "thumb_mcp": (0.2,), "thumb_ip": (0.25,), "index_mcp": (0.7, 0), "index_pip": (0.7,),
-              "index_dip": (0.35,)}
+    near = 0.03
+    """Of the tips from the bow's middle, while the key is held [m]."""
+    loose = 0.3
+    """Share of the angle of a key that is not held, in the reward."""
+    observe = ("q", "u", "fingertips", "finger_contacts")
+    opened = {"thumb_cmc": (-0.06, 0.23), "thumb_mcp": (0.74,), "thumb_ip": (0.65,), "index_mcp": (0.86, 0.185), "index_pip": (0.835,),
+              "index_dip": (0.5,)}
     """Angles of the hand around the key [rad]."""
+    spring = 0.02, 0.06
+    """Least and largest torque that turns the key back [N m]."""
 
     def __init__(self, *, drive: str = "targets") -> None:
         free = Simulation(HandTask("a hand", _PALM_SIDE, "targets").scene)
@@ -600,25 +611,34 @@ class KeyTurn(HandTask):
         q = np.array([angles.get(name, 0.2 if name.endswith("flexion") and "mcp" in name else 0) for name in free.scene.coordinates])
         free.reset(q=q)
         tips = _seen(free, "fingertips").reshape(-1, 7)[:2, :3]
-        across = (tips[1] - tips[0]) / np.linalg.norm(tips[1] - tips[0])
         self._place = tips.mean(axis=0)
-        hinge = np.array([0, 0, 1]) - across[2] * across  # of the directions that point away from the hand
-        hinge /= np.linalg.norm(hinge)
-        axes = np.column_stack([across, np.cross(hinge, across), hinge])
+        hinge = np.array([0.0, 1, 0])
+        across = tips[1] - tips[0]
+        across -= hinge * (hinge @ across)
+        across /= np.linalg.norm(across)
+        self._across, self._along = across, np.cross(hinge, across)
+        axes = np.column_stack([across, self._along, hinge])
         turn = 0.5 * np.array([axes[2, 1] - axes[1, 2], axes[0, 2] - axes[2, 0], axes[1, 0] - axes[0, 1]])
         angle = float(np.arctan2(np.linalg.norm(turn), 0.5 * (np.trace(axes) - 1)))
         pose = {"position": self._place.tolist(), "rotation": {"axis": turn.tolist(), "angle": angle}}
-        scene: dict[str, Any] = {**_TOUCHED, "effects": [*_TOUCHED["effects"], "actuation"], "pictures": {
-            "size": [480, 480], "camera": {"position": [-0.25, 0.35, 0.45], "target": [0, -0.03, 0.29], "field_of_view": "26 deg"}},
+        scene: dict[str, Any] = {**_TOUCHED, "effects": [*_TOUCHED["effects"], "self_contact", "actuation"], "pictures": {
+            "size": [480, 480], "camera": {"position": [-0.08, 0.42, 0.38], "target": [-0.015, 0.04, 0.285], "field_of_view": "22 deg"}},
             "bodies": [{"name": "key", "mass": "30 g", "inertia": [5e-5, 5e-5, 5e-5], **pose, "collides": True, "friction": 0.8,
                         "shape": {"kind": "box", "edges": ["3 mm", "24 mm", "22 mm"]}}],
             "joints": [{"name": "lock", "type": "hinge", "parent": "world", "child": "key", "position": self._place.tolist(),
-                        "axes": [{"name": "turn", "axis": hinge.tolist(), "range": [0, "90 deg"], "torque": -0.03}]}]}
+                        "axes": [{"name": "turn", "axis": hinge.tolist(), "range": [0, "90 deg"], "torque": -self.spring[0]}]}]}
+        if drive == "targets":
+            data = data_path()
+            scene["control"] = {"controller": str(data / "controllers/muscles.yaml"), "poses": str(data / "controllers/poses.yaml"),
+                                "program": "every_pose"}
         super().__init__("a hand turns a key", _PALM_SIDE, drive, **scene)
         start = Simulation(self.scene)
         start.reset(q=np.append(q, 0))
         self._motion = start.motion()
+        columns = Batch(self.scene, 1, observe=["finger_contacts"]).columns
+        self._points = {finger: columns.index(f"right.{finger}.points") for finger in ("thumb", "index")}
         self._before, self._beyond = np.empty(0), np.empty(0, int)
+        self._back = np.empty((0, len(self.scene.coordinates)))
 
     def start(self) -> Optional[Motion]:
         return self._motion
@@ -627,22 +647,45 @@ class KeyTurn(HandTask):
         super().begin(batch, mask, random)
         if len(self._before) != len(batch):
             self._before, self._beyond = np.zeros(len(batch)), np.zeros(len(batch), int)
+            self._back = np.zeros((len(batch), len(self.scene.coordinates)))
         self._before[mask], self._beyond[mask] = 0, 0
+        least, largest = self.spring
+        self._back[mask, -1] = -random.uniform(0, largest - least, int(mask.sum()))
+
+    def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        given = super().drive(batch, action, random)
+        return {**given, "torques": given.get("torques", 0) + self._back}
 
     def _apart(self, batch: Batch) -> Array:
         tips = batch["fingertips"].reshape(len(batch), -1, 7)[:, :2, :3]
         return np.asarray(10 * (self._place - tips).reshape(len(batch), 6))
 
+    def _distances(self, batch: Batch) -> Array:
+        """Of thumb's and index' tip from the bow's middle [dm], shape (n, 2)."""
+        return np.asarray(np.linalg.norm(self._apart(batch).reshape(-1, 2, 3), axis=2))
+
+    def _sides(self, batch: Batch) -> Array:
+        """How far thumb's and index' tip are from the bow's plane [dm], positive where they began, shape (n, 2)."""
+        angle = batch.q[:, -1:]
+        normal = np.cos(angle) * self._across + np.sin(angle) * self._along
+        return np.asarray(np.einsum("ijk,ik->ij", self._apart(batch).reshape(-1, 2, 3), normal) * [1, -1])
+
+    def held(self, batch: Batch) -> Mask:
+        """Shape (n,)."""
+        touching = batch["finger_contacts"][:, [self._points["thumb"], self._points["index"]]] > 0
+        near = (self._distances(batch) < 10 * self.near) & (self._sides(batch) > 0)
+        return np.asarray((touching & near).all(axis=1))
+
     def observation(self, batch: Batch) -> Array:
-        return self._with(batch, self._apart(batch))
+        return self._with(batch, self._apart(batch), self._sides(batch))
 
     def reward(self, batch: Batch, action: Array) -> Array:
-        angle = batch.q[:, -1]
-        self._beyond = np.where(angle > self.turned, self._beyond + 1, 0)
-        gained, self._before = angle - self._before, angle.copy()
-        apart = np.linalg.norm(self._apart(batch).reshape(-1, 2, 3), axis=2).mean(axis=1)
+        angle, held = batch.q[:, -1], self.held(batch)
+        self._beyond = np.where((angle > self.turned) & held, self._beyond + 1, 0)
+        worth = 10 * angle * np.where(held, 1, self.loose) + 2 * self._beyond
+        gained, self._before = worth - self._before, worth
         effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
-        return np.asarray(10 * gained - 0.5 * apart - effort + 10.0 * (self._beyond >= self.steady))
+        return np.asarray(gained - 0.5 * self._distances(batch).mean(axis=1) - effort + 10.0 * (self._beyond >= self.steady))
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(self._beyond >= self.steady)
