@@ -1,0 +1,83 @@
+// The distance field that a hand's skin is the zero of.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "handsim/model/model.h"
+
+namespace handsim::output {
+
+/// A value and its gradient.
+struct Sample {
+  double d = 1e9;  ///< [m], negative inside
+  Vec3 gradient = Vec3::UnitZ();
+};
+
+/// All points within a radius of a box, which has no width in a capsule; the radius may change along z.
+struct Flesh {
+  Pose pose;                         ///< X_HS in the spread hand
+  Vec3 half = Vec3::Zero();          ///< of the box [m]
+  double near = 0, far = 0;          ///< radius at the box's lower and upper end [m]
+  int shape = 0;                     ///< index into Model::shapes
+  int body = 0;                      ///< index into SkinField::bodies
+
+  Sample distance(const Vec3& x) const;
+  /// Less than distance(), and cheaper.
+  double bound(const Vec3& x) const { return (x - pose.p).norm() - half.norm() - std::max(near, far); }
+  Vec3 end() const { return pose * Vec3(0, 0, half.z()); }
+};
+
+/// A body that a joint moves: skin beyond a plane through the joint moves with it.
+struct Hinge {
+  int body = 0;                  ///< index into SkinField::bodies
+  Vec3 centre = Vec3::Zero();    ///< of the joint, in the spread hand [m]
+  Vec3 along = Vec3::UnitY();    ///< normal of the plane, distal
+  double width = 0;              ///< half of that over which the share of the body rises from 0 to 1 [m]
+};
+
+/// A finger: bodies from a joint with the palm outward.
+struct Ray {
+  bool thumb = false;
+  std::vector<Flesh> flesh;
+  std::vector<Hinge> hinges;  ///< by body, from the palm
+  double radius = 0;          ///< of its first segment [m]
+  double embedded = 0;        ///< depth of the first segment in the palm at its joint [m]
+
+  Sample distance(const Vec3& x, double limit) const;
+};
+
+/// In the hand frame, fingers spread.
+class SkinField {
+ public:
+  SkinField(const model::Model& model, const model::HandIndex& hand);
+
+  /// Negative within the skin.
+  Sample operator()(const Vec3& x) const;
+  /// Shares of the bodies at a point of the skin; they sum to 1.
+  Eigen::RowVectorXf weights(const Vec3& x) const;
+  int nearest_shape(const Vec3& x) const;
+
+  std::vector<int> bodies;  ///< indices into Model::bodies, the palm first
+  std::vector<Pose> rest;   ///< X_HB, spread
+  Vec3 low, high;           ///< bounds [m]
+  double length = 0;        ///< from the wrist to the farthest fingertip [m]
+
+ private:
+  void add_palm(const model::Model& model, const model::HandIndex& hand);
+  void add_wrist(const model::HandIndex& hand);
+  void add_rays(const model::Model& model, const model::HandIndex& hand);
+  void spread();
+  void shape_rays();
+  void add_web();
+  void set_hinges();
+  Sample palm(const Vec3& x) const;
+
+  std::vector<Flesh> palm_, wrist_flesh_, web_;
+  std::vector<Ray> rays_;
+  double scale_ = 0;                ///< half the palm's thickness [m]
+  double cut_ = 0;                  ///< y of the plane that ends the wrist [m]
+  std::optional<Hinge> wrist_;      ///< of a hand that hangs on a forearm: of the palm
+};
+
+}  // namespace handsim::output
