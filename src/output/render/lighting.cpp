@@ -19,6 +19,8 @@ constexpr double kLowestKey = 0.62;
 /// Skin is shaded by its hand's shapes at this share of their radius: it lies outside, and its own shape, or the
 /// next one at a joint, does not darken it.
 constexpr double kUnderSkin = 0.8;
+/// Of a box, whose skin is as round as it can be: the share of its half thickness by which it is smaller.
+constexpr double kUnderRoundSkin = 0.45;
 
 /// The box about a mesh in the world, with the axes of a pose.
 Solid box_about(const Mesh& mesh, const Pose& axes) {
@@ -249,7 +251,12 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
     static_cast<DrawShape&>(lit) = shape;
     lit.caster = lit.solid = bevelled(shape.solid);
     if (!shape.skin) continue;
-    lit.caster.round *= kUnderSkin;
+    const double thickness = lit.caster.thickness();
+    lit.caster = shape.solid;
+    if (is_capsule(shape.solid))
+      lit.caster.round *= kUnderSkin;
+    else
+      lit.caster.half -= Vec3::Constant(kUnderRoundSkin * thickness);
     lit.solid = box_about(*shape.skin, shape.solid.pose);
   }
   std::ranges::stable_sort(solids, [&](const LitSolid& a, const LitSolid& b) {

@@ -187,14 +187,13 @@ void relax(Skin& skin, const SkinField& field, double cell) {
   }
 }
 
-void set_weights(Skin& skin, const SkinField& field, std::size_t palm_bodies) {
+void set_weights(Skin& skin, const SkinField& field) {
   using Weights = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
   Weights weights(static_cast<long>(skin.points.size()), static_cast<long>(skin.bodies.size()));
   for (std::size_t i = 0; i < skin.points.size(); ++i)
     weights.row(static_cast<long>(i)) = field.weights(skin.points[i]);
   for (int k = 0; k < kWeightRelaxations; ++k) weights = mean_of_neighbours(skin, weights);
   skin.weights = weights;
-  skin.finger = weights.rightCols(weights.cols() - static_cast<long>(palm_bodies)).rowwise().sum();
 }
 
 /// A rotation q and a translation as the quaternion (t q) / 2.
@@ -246,7 +245,7 @@ std::vector<std::shared_ptr<Mesh>> pieces(const Skin& skin, const std::vector<Ve
           of = static_cast<int>(shape);
           number = static_cast<std::uint32_t>(mesh.vertices.size());
           mesh.vertices.push_back(
-              {points[corner].cast<float>(), normals[corner].cast<float>(), skin.finger[static_cast<long>(corner)]});
+              {points[corner].cast<float>(), normals[corner].cast<float>(), skin.finger[corner]});
         }
         mesh.indices.push_back(number);
       }
@@ -266,9 +265,12 @@ Skin make_skin(const model::Model& model, const model::HandIndex& hand) {
   grid.separate();
   grid.polygonise(skin);
   relax(skin, field, cell);
-  set_weights(skin, field, 1 + hand.palm_parts.size() + (hand.forearm ? 1 : 0));
+  set_weights(skin, field);
   std::vector<int> nearest;
-  for (const Vec3& point : skin.points) nearest.push_back(field.nearest_shape(point));
+  for (const Vec3& point : skin.points) {
+    nearest.push_back(field.nearest_shape(point));
+    skin.finger.push_back(static_cast<float>(field.beyond_palm(point)));
+  }
   for (const auto& face : skin.faces) skin.shapes.push_back(nearest[face[0]]);
   return skin;
 }
@@ -335,7 +337,8 @@ void put_on(const Skin& skin, const model::Model& model, const model::State& sta
   for (DrawShape& drawn : list.shapes) {
     if (!covered(drawn)) continue;
     if (!drawn.mark) drawn.skin = meshes[at(drawn.shape)];
-    drawn.finger = coloured ? drawn.colour : tone;
+    const bool of_finger = model.shapes[at(drawn.shape)].part != model::Part::palm;
+    drawn.finger = coloured && of_finger ? drawn.colour : tone;
     if (!coloured || !drawn.mark) drawn.colour = drawn.mark ? mixed(tone, {1, 1, 1}, kNailShare) : tone;
   }
 }

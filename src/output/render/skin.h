@@ -24,7 +24,7 @@ struct Skin {
   std::vector<std::array<std::uint32_t, 3>> faces;  ///< corners, counter-clockwise seen from outside
   std::vector<int> shapes;   ///< of each face the nearest shape: index into Model::shapes
   Eigen::MatrixXf weights;   ///< share of each body in the motion of each vertex; rows sum to 1
-  Eigen::VectorXf finger;    ///< of each vertex the share of bodies beyond the palm
+  std::vector<float> finger;  ///< of each vertex, see SkinField::beyond_palm
 };
 
 /// @throws Error (input) for a hand whose palm has no shape.

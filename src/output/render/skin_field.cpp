@@ -302,6 +302,12 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x) const {
   return (out / out.sum()).cast<float>();
 }
 
+double SkinField::beyond_palm(const Vec3& x) const {
+  Sample fingers;
+  for (const Ray& ray : rays_) fingers = joined(fingers, ray.distance(x, 1e9), 0);
+  return std::clamp((palm(x).d - fingers.d) / scale_, -9.0, 9.0);
+}
+
 int SkinField::nearest_shape(const Vec3& x) const {
   double least = 1e9;
   int out = 0;

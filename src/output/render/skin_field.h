@@ -57,6 +57,8 @@ class SkinField {
   /// Shares of the bodies at a point of the skin; they sum to 1.
   Eigen::RowVectorXf weights(const Vec3& x) const;
   int nearest_shape(const Vec3& x) const;
+  /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.
+  double beyond_palm(const Vec3& x) const;
 
   std::vector<int> bodies;  ///< indices into Model::bodies, the palm first
   std::vector<Pose> rest;   ///< X_HB, spread

@@ -155,7 +155,7 @@ struct PictureSpec {
   bool floor = true;                      ///< draws a floor for shadows if the scene has no ground
   HandLook hands = HandLook::skin;        ///< with drawn tendons, skin is like glass
   bool finger_colours = false;            ///< of skin: each finger has the colour that its shapes have
-  std::uint32_t skin_colour = 0xD9A58A;   ///< sRGB
+  std::uint32_t skin_colour = 0xD9AC94;   ///< sRGB
   bool joint_axes = false;
   bool contact_points = false;
   bool contact_forces = false;       ///< arrows, in front of everything

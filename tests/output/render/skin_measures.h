@@ -44,8 +44,8 @@ inline double volume_beyond(const Skin& skin, const std::vector<Vec3>& points, d
   return sum;
 }
 
-/// Circumference of a tape about the section of the skin at y [m].
-inline double tape(const Skin& skin, const std::vector<Vec3>& points, double y) {
+/// Where the edges of the skin cross the plane at y: x and z [m].
+inline std::vector<Eigen::Vector2d> section(const Skin& skin, const std::vector<Vec3>& points, double y) {
   std::vector<Eigen::Vector2d> cut;
   for (const auto& face : skin.faces)
     for (std::size_t i = 0; i < 3; ++i) {
@@ -54,6 +54,22 @@ inline double tape(const Skin& skin, const std::vector<Vec3>& points, double y) 
       const Vec3 p = a + (y - a.y()) / (b.y() - a.y()) * (b - a);
       cut.push_back({p.x(), p.z()});
     }
+  return cut;
+}
+
+/// Breadth of the section [m].
+inline double extent_at(const Skin& skin, const std::vector<Vec3>& points, double y) {
+  double low = 1, high = -1;
+  for (const Eigen::Vector2d& p : section(skin, points, y)) {
+    low = std::min(low, p.x());
+    high = std::max(high, p.x());
+  }
+  return high - low;
+}
+
+/// Circumference of a tape about the section [m].
+inline double tape(const Skin& skin, const std::vector<Vec3>& points, double y) {
+  const std::vector<Eigen::Vector2d> cut = section(skin, points, y);
   // Cauchy: the perimeter of the convex hull is the integral of its support over all directions.
   double sum = 0;
   constexpr int kDirections = 360;
