@@ -62,7 +62,7 @@ struct DrawShape {
   bool shades = true;  ///< others; a nail lies on its fingertip and does not
   bool fine = false;   ///< with more triangles: a nail and its fingertip, for the edge between them
   std::shared_ptr<const Mesh> skin = {};  ///< drawn in place of the solid: a piece of skin, in the world
-  Colour finger = {};  ///< of skin where it is a finger's
+  Colour finger = {};                     ///< of skin where it is a finger's
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.

@@ -16,8 +16,8 @@ namespace {
 /// Smallest elevation of the key light over a ground (its sine).
 constexpr double kLowestKey = 0.62;
 
-/// Skin is shaded by its hand's shapes at this share of their radius: it lies outside, and its own shape, or the
-/// next one at a joint, does not darken it.
+/// Skin is shaded by its hand's shapes at this share of their radius: it lies outside, and its own shape, or
+/// the next one at a joint, does not darken it.
 constexpr double kUnderSkin = 0.8;
 /// Of a box, whose skin is as round as it can be: the share of its half thickness by which it is smaller.
 constexpr double kUnderRoundSkin = 0.45;

@@ -21,9 +21,9 @@ constexpr int kRelaxations = 3, kWeightRelaxations = 12;
 
 using Corner = Eigen::Vector3i;
 
-/// Samples of a field. Surface nets (Gibson 1998, MICCAI): the surface has a vertex in every cell with corners
-/// of both signs and a quad across every edge with ends of both, so it has the topology of the boundary of
-/// the voxels about the inner samples, and no tables.
+/// Samples of a field. Surface nets (Gibson 1998, MICCAI): the surface has a vertex in every cell with
+/// corners of both signs and a quad across every edge with ends of both, so it has the topology of the
+/// boundary of the voxels about the inner samples, and no tables.
 class Grid {
  public:
   Grid(const SkinField& field, double cell);
@@ -78,7 +78,8 @@ void Grid::sample_block(const Corner& first) {
   }
 }
 
-/// Of a square along two axes with only opposite corners inside, fills one: at its edge four faces would meet.
+/// Of a square along two axes with only opposite corners inside, fills one: at its edge four faces would
+/// meet.
 bool Grid::fill(const Corner& c, int a, int b) {
   const Corner p = c + Corner::Unit(a), q = c + Corner::Unit(b), r = p + Corner::Unit(b);
   if (inside(c) != inside(r) || inside(p) != inside(q) || inside(c) == inside(p)) return false;
@@ -139,8 +140,8 @@ void Grid::polygonise(Skin& skin) const {
     for (int axis = 0; axis < 3; ++axis) {
       if (inside(c) == inside(c + Corner::Unit(axis))) continue;
       const Corner u = Corner::Unit((axis + 1) % 3), v = Corner::Unit((axis + 2) % 3);
-      std::array<std::uint32_t, 4> quad = {numbers[index(c - u - v)], numbers[index(c - v)], numbers[index(c)],
-                                           numbers[index(c - u)]};
+      std::array<std::uint32_t, 4> quad = {numbers[index(c - u - v)], numbers[index(c - v)],
+                                           numbers[index(c)], numbers[index(c - u)]};
       if (!inside(c)) std::swap(quad[1], quad[3]);
       const auto& p = skin.points;
       const bool turned = (p[quad[0]] - p[quad[2]]).norm() > (p[quad[1]] - p[quad[3]]).norm();
@@ -196,40 +197,35 @@ void set_weights(Skin& skin, const SkinField& field) {
   skin.weights = weights;
 }
 
-/// A rotation q and a translation as the quaternion (t q) / 2.
-struct DualQuaternion {
-  Eigen::Vector4d turn = Eigen::Vector4d::Zero(), move = Eigen::Vector4d::Zero();
-};
-
 /// Of a nail: from the skin's colour to white.
 constexpr float kNailShare = 0.2F;
 constexpr std::size_t kKept = 16;
 
 /// All that a skin follows from.
 std::vector<double> key_of(const model::Model& model, const model::HandIndex& hand) {
-  std::vector<double> out;
-  const auto add = [&out](const Pose& x) {
-    out.insert(out.end(), {x.p.x(), x.p.y(), x.p.z(), x.q.x(), x.q.y(), x.q.z(), x.q.w()});
-  };
+  std::vector<double> out = {static_cast<double>(hand.palm), static_cast<double>(hand.palm_parts.size())};
+  const auto add = [&out](const auto& v) { out.insert(out.end(), v.data(), v.data() + v.size()); };
   std::vector<int> bodies = hand.bodies;
   if (hand.forearm) bodies.push_back(*hand.forearm);
-  add(hand.wrist_frame);
+  add(hand.wrist_frame.p);
   for (const int body : bodies) {
-    out.push_back(body);
-    add(model.bodies[at(body)].zero_pose);
+    add(model.bodies[at(body)].zero_pose.p);
+    add(model.bodies[at(body)].zero_pose.q.coeffs());
   }
-  for (std::size_t i = 0; i < model.shapes.size(); ++i) {
-    const model::Shape& shape = model.shapes[i];
-    if (std::ranges::find(bodies, shape.body) == bodies.end()) continue;
-    add(shape.pose);
-    out.insert(out.end(), {static_cast<double>(i), static_cast<double>(shape.kind), shape.radius, shape.length,
-                           shape.edges.x(), shape.edges.y(), shape.edges.z(), static_cast<double>(shape.part)});
+  for (const model::Shape& shape : model.shapes) {
+    out.push_back(static_cast<double>(std::ranges::find(bodies, shape.body) - bodies.begin()));
+    if (out.back() == static_cast<double>(bodies.size())) continue;
+    add(shape.pose.p);
+    add(shape.pose.q.coeffs());
+    add(shape.edges);
+    out.insert(out.end(), {shape.radius, shape.length, static_cast<double>(shape.part)});
   }
   return out;
 }
 
 /// The faces nearest to each shape as a mesh, by shape.
-std::vector<std::shared_ptr<Mesh>> pieces(const Skin& skin, const std::vector<Vec3>& points, std::size_t shapes) {
+std::vector<std::shared_ptr<Mesh>> pieces(const Skin& skin, const std::vector<Vec3>& points,
+                                          std::size_t shapes) {
   const std::vector<Vec3> normals = normals_of(skin, points);
   std::vector<std::shared_ptr<Mesh>> out(shapes);
   std::vector<std::pair<int, std::uint32_t>> numbers(points.size(), {-1, 0});
@@ -294,40 +290,36 @@ std::vector<std::shared_ptr<const Skin>> skins_of(const model::Model& model) {
 }
 
 std::vector<Vec3> posed(const Skin& skin, std::span<const Pose> bodies) {
-  std::vector<DualQuaternion> motions;
+  // A motion of q and t as the quaternions q and t q / 2, one above the other.
+  Eigen::Matrix<double, 8, Eigen::Dynamic> motions(8, static_cast<long>(bodies.size()));
   for (std::size_t b = 0; b < bodies.size(); ++b) {
     const Pose motion = bodies[b] * skin.rest[b].inverse();
-    const Quat half = Quat(0, motion.p.x() / 2, motion.p.y() / 2, motion.p.z() / 2) * motion.q;
-    motions.push_back({motion.q.coeffs(), half.coeffs()});
+    const Vec3 half = motion.p / 2;
+    motions.col(static_cast<long>(b)) << motion.q.coeffs(),
+        (Quat(0, half.x(), half.y(), half.z()) * motion.q).coeffs();
   }
   std::vector<Vec3> out;
   out.reserve(skin.points.size());
   for (std::size_t i = 0; i < skin.points.size(); ++i) {
-    DualQuaternion sum;
-    for (std::size_t b = 0; b < motions.size(); ++b) {
-      double share = static_cast<double>(skin.weights(static_cast<long>(i), static_cast<long>(b)));
-      if (share == 0) continue;
+    Eigen::Matrix<double, 8, 1> sum = Eigen::Matrix<double, 8, 1>::Zero();
+    for (long b = 0; b < motions.cols(); ++b) {
+      const auto share = static_cast<double>(skin.weights(static_cast<long>(i), b));
       // q and -q are one rotation.
-      if (sum.turn.dot(motions[b].turn) < 0) share = -share;
-      sum.turn += share * motions[b].turn;
-      sum.move += share * motions[b].move;
+      if (share > 0)
+        sum += std::copysign(share, sum.head<4>().dot(motions.col(b).head<4>())) * motions.col(b);
     }
-    const double norm = sum.turn.norm();
-    const Quat turn(Eigen::Vector4d(sum.turn / norm)), move(Eigen::Vector4d(sum.move / norm));
+    sum /= sum.head<4>().norm();
+    const Quat turn(Eigen::Vector4d(sum.head<4>())), move(Eigen::Vector4d(sum.tail<4>()));
     out.push_back(turn * skin.points[i] + 2 * (move * turn.conjugate()).vec());
   }
   return out;
 }
 
-std::vector<Vec3> posed(const Skin& skin, const model::State& state) {
-  std::vector<Pose> bodies;
-  for (const int body : skin.bodies) bodies.push_back(state.bodies[at(body)].pose());
-  return posed(skin, bodies);
-}
-
 void put_on(const Skin& skin, const model::Model& model, const model::State& state, const Colour& tone,
             bool coloured, DrawList& list) {
-  const auto meshes = pieces(skin, posed(skin, state), model.shapes.size());
+  std::vector<Pose> bodies;
+  for (const int body : skin.bodies) bodies.push_back(state.bodies[at(body)].pose());
+  const auto meshes = pieces(skin, posed(skin, bodies), model.shapes.size());
   const auto covered = [&](const DrawShape& drawn) {
     return std::ranges::find(skin.bodies, model.shapes[at(drawn.shape)].body) != skin.bodies.end();
   };

@@ -18,23 +18,21 @@ namespace handsim::output {
 /// Vertices are by row, bodies by column. Made with fingers spread further than they move, so that a grid
 /// resolves the gaps between them; posed() brings it into any posture.
 struct Skin {
-  std::vector<int> bodies;  ///< indices into Model::bodies, the palm first
-  std::vector<Pose> rest;   ///< X_HB of the bodies, spread
-  std::vector<Vec3> points;  ///< in the hand frame, spread [m]
+  std::vector<int> bodies;                          ///< indices into Model::bodies, the palm first
+  std::vector<Pose> rest;                           ///< X_HB of the bodies, spread
+  std::vector<Vec3> points;                         ///< in the hand frame, spread [m]
   std::vector<std::array<std::uint32_t, 3>> faces;  ///< corners, counter-clockwise seen from outside
-  std::vector<int> shapes;   ///< of each face the nearest shape: index into Model::shapes
-  Eigen::MatrixXf weights;   ///< share of each body in the motion of each vertex; rows sum to 1
+  std::vector<int> shapes;    ///< of each face the nearest shape: index into Model::shapes
+  Eigen::MatrixXf weights;    ///< share of each body in the motion of each vertex; rows sum to 1
   std::vector<float> finger;  ///< of each vertex, see SkinField::beyond_palm
 };
 
 /// @throws Error (input) for a hand whose palm has no shape.
 Skin make_skin(const model::Model& model, const model::HandIndex& hand);
 
-/// Points of the skin where its bodies have these poses X_AB [m]: dual-quaternion blending (Kavan et al. 2008,
-/// ACM TOG 27:105), with which skin beside a joint turns about the joint's centre.
+/// Points of the skin where its bodies have these poses X_AB [m]: dual-quaternion blending (Kavan et al.
+/// 2008, ACM TOG 27:105), with which skin beside a joint turns about the joint's centre.
 std::vector<Vec3> posed(const Skin& skin, std::span<const Pose> bodies);
-/// The same at a state, in the world.
-std::vector<Vec3> posed(const Skin& skin, const model::State& state);
 
 /// Outward unit normals at the points: of the faces about each, by area.
 std::vector<Vec3> normals_of(const Skin& skin, const std::vector<Vec3>& points);
@@ -42,7 +40,8 @@ std::vector<Vec3> normals_of(const Skin& skin, const std::vector<Vec3>& points);
 /// Skins of the hands, each made once: those of the last hands are kept.
 std::vector<std::shared_ptr<const Skin>> skins_of(const model::Model& model);
 
-/// Puts the skin on the hand's shapes in the list, each with the piece nearest to it, and takes its stump off.
+/// Puts the skin on the hand's shapes in the list, each with the piece nearest to it, and takes its stump
+/// off.
 /// @param coloured fingers with the colours of their shapes
 void put_on(const Skin& skin, const model::Model& model, const model::State& state, const Colour& tone,
             bool coloured, DrawList& list);

@@ -13,25 +13,27 @@ namespace {
 
 /// Between neighbouring fingers, beyond their splay: the grid must resolve the gap beside the web [rad].
 constexpr double kSpread = 11 * M_PI / 180;
-/// Radii of blending over half the palm's thickness: of the palm's shapes, of the wrist, of fingers on the palm,
-/// the thumb on the palm, neighbouring fingers at their roots, the thumb's web.
-constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbBlend = 0.5, kFingerBlend = 0.4,
-                 kWebBlend = 0.3;
+/// Radii of blending over half the palm's thickness: of the palm's shapes, of the wrist, of fingers on the
+/// palm, the thumb on the palm, neighbouring fingers at their roots, the thumb's web.
+constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbBlend = 0.5,
+                 kFingerBlend = 0.4, kWebBlend = 0.3;
 /// Of segments, over the radius.
 constexpr double kJointBlend = 0.15;
 /// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
 constexpr double kInset = 0.04;
+/// Of the thumb's web at its ends, over that of thumb and palm.
+constexpr double kWebThickness = 0.5;
 /// A fingertip is narrower than its segment.
 constexpr double kTip = 0.9;
 /// Of the wrist over the palm's breadth; of its end over the hand's length.
 constexpr double kWristWidth = 0.7, kWristThickness = 0.41, kWristEnd = 0.13;
-/// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre, and
-/// its inner skin turns over where theta times depth exceeds 2 width / 1.25, see ramp().
+/// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre,
+/// and its inner skin turns over where theta times depth exceeds 2 width / 1.25, see ramp().
 constexpr double kHingeWidth = 1.25;
 /// Half of the gap over which skin between two fingers passes from one to the other, over the radius.
 constexpr double kShare = 0.7;
-/// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the skin;
-/// and where it alone moves that of the thumb, whose muscles are in the palm.
+/// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the
+/// skin; and where it alone moves that of the thumb, whose muscles are in the palm.
 constexpr double kFree = -1.2, kThumbFree = 1.8;
 
 /// Rises from 0 at `from` to 1 at `to`, with a slope of at most 1.25 / (to - from).
@@ -56,11 +58,16 @@ Sample united(const std::vector<Flesh>& flesh, const Vec3& x, double k, double l
   return out;
 }
 
+Flesh nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
+  return *std::ranges::min_element(flesh, {}, [&](const Flesh& each) { return each.distance(x).d; });
+}
+
 /// A shape at pose X_HB of its body; a box is as round as it can be.
 Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB) {
   const Solid exact = solid(model.shapes[at(shape)], x_HB * model.shapes[at(shape)].pose);
   const double round = is_capsule(exact) ? 0 : exact.half.minCoeff();
-  return {exact.pose, exact.half - Vec3::Constant(round), exact.round + round, exact.round + round, shape, body};
+  return {exact.pose, exact.half - Vec3::Constant(round), exact.round + round, exact.round + round, shape,
+          body};
 }
 
 }  // namespace
@@ -74,9 +81,8 @@ Sample Flesh::distance(const Vec3& x) const {
   return {(local.cwiseAbs() - half).maxCoeff() - radius, pose.q * Vec3::UnitY()};
 }
 
-Sample Ray::distance(const Vec3& x, double limit) const { return united(flesh, x, kJointBlend * radius, limit); }
-
-SkinField::SkinField(const model::Model& model, const model::HandIndex& hand) {
+SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
+    : x_HW_((model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse()) {
   add_palm(model, hand);
   add_rays(model, hand);
   spread();
@@ -86,28 +92,25 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand) {
   add_wrist(hand);
   add_web();
   set_hinges();
-  low = high = Vec3::Zero();
-  const auto include = [&](const std::vector<Flesh>& flesh) {
-    for (const Flesh& each : flesh)
-      for (const double sign : {-1.0, 1.0}) {
-        const Vec3 reach = (each.pose.q.toRotationMatrix().cwiseAbs() * each.half) +
-                           Vec3::Constant(std::max(each.near, each.far));
-        low = low.cwiseMin(each.pose.p - reach);
-        high = high.cwiseMax(each.pose.p + sign * reach);
-      }
-  };
-  include(palm_);
-  include(wrist_flesh_);
-  for (const Ray& ray : rays_) include(ray.flesh);
+  for (const Flesh& each : all()) {
+    low = low.cwiseMin(each.pose.p - each.reach());
+    high = high.cwiseMax(each.pose.p + each.reach());
+  }
   low.y() = std::max(low.y(), cut_);
 }
 
+std::vector<Flesh> SkinField::all() const {
+  std::vector<Flesh> out = palm_;
+  out.push_back(stump_);
+  for (const Ray& ray : rays_) out.insert(out.end(), ray.flesh.begin(), ray.flesh.end());
+  return out;
+}
+
 void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand) {
-  const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   bodies = {hand.palm};
   bodies.insert(bodies.end(), hand.palm_parts.begin(), hand.palm_parts.end());
   if (hand.forearm) bodies.push_back(*hand.forearm);
-  for (const int body : bodies) rest.push_back(x_HW * model.bodies[at(body)].zero_pose);
+  for (const int body : bodies) rest.push_back(x_HW_ * model.bodies[at(body)].zero_pose);
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const auto found = std::ranges::find(bodies, model.shapes[i].body);
     if (found == bodies.end() || model.shapes[i].body == hand.forearm) continue;
@@ -121,19 +124,18 @@ void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand
 
 /// Joints come after those of their parents.
 void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand) {
-  const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   const std::size_t roots = bodies.size();
   std::vector<std::pair<int, std::size_t>> ray_of;  // bodies of rays, with those that have no shape
   for (const int index : hand.joints) {
     const model::Joint& joint = model.joints[at(index)];
-    if (joint.closes_loop || std::find(bodies.begin(), bodies.begin() + static_cast<long>(roots), joint.child) !=
-                                 bodies.begin() + static_cast<long>(roots))
+    if (joint.closes_loop || std::find(bodies.begin(), bodies.begin() + static_cast<long>(roots),
+                                       joint.child) != bodies.begin() + static_cast<long>(roots))
       continue;
     const auto parent = std::ranges::find(ray_of, joint.parent, &std::pair<int, std::size_t>::first);
     const std::size_t ray = parent == ray_of.end() ? rays_.size() : parent->second;
     if (ray == rays_.size()) rays_.emplace_back();
     ray_of.emplace_back(joint.child, ray);
-    const Pose x_HB = x_HW * model.bodies[at(joint.child)].zero_pose;
+    const Pose x_HB = x_HW_ * model.bodies[at(joint.child)].zero_pose;
     const auto body = static_cast<int>(bodies.size());
     std::vector<Flesh>& flesh = rays_[ray].flesh;
     const std::size_t before = flesh.size();
@@ -193,19 +195,16 @@ void SkinField::shape_rays() {
 void SkinField::add_wrist(const model::HandIndex& hand) {
   Vec3 from = Vec3::Constant(1e9), to = -from;
   for (const Flesh& each : palm_) {
-    const Vec3 reach = each.pose.q.toRotationMatrix().cwiseAbs() * each.half + Vec3::Constant(each.near);
-    from = from.cwiseMin(each.pose.p - reach);
-    to = to.cwiseMax(each.pose.p + reach);
+    from = from.cwiseMin(each.pose.p - each.reach());
+    to = to.cwiseMax(each.pose.p + each.reach());
   }
   const double breadth = to.x() - from.x(), round = kWristThickness * breadth / 2;
   cut_ = -kWristEnd * length;
-  Flesh wrist = palm_.front();
-  wrist.half = {std::max(kWristWidth * breadth / 2 - round, 0.0), 0, 0.5 * (round - cut_)};
-  wrist.near = wrist.far = round;
-  wrist.pose.p = {(from.x() + to.x()) / 2, -wrist.half.z(), 0.5 * (from.z() + to.z())};
-  wrist.pose.q = Quat(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitX()));
-  wrist_flesh_ = {wrist};
-  if (hand.forearm) wrist_ = Hinge{static_cast<int>(hand.palm_parts.size()) + 1, Vec3::Zero(), Vec3::UnitY(), 0};
+  const Vec3 half = {std::max(kWristWidth * breadth / 2 - round, 0.0), 0.5 * (round - cut_), 0};
+  const Vec3 centre = {(from.x() + to.x()) / 2, -half.y(), (from.z() + to.z()) / 2};
+  stump_ = {{centre, Quat::Identity()}, half, round, round, palm_[0].shape, palm_[0].body};
+  if (hand.forearm)
+    wrist_ = Hinge{static_cast<int>(hand.palm_parts.size()) + 1, Vec3::Zero(), Vec3::UnitY(), 0};
 }
 
 /// Strands from the thumb's first segment to its neighbour's metacarpal.
@@ -225,8 +224,8 @@ void SkinField::add_web() {
     Flesh strand = first;
     strand.pose = {0.5 * (from + to), Quat::FromTwoVectors(Vec3::UnitZ(), to - from)};
     strand.half = {0, 0, 0.5 * (to - from).norm()};
-    strand.near = 0.6 * first.near;
-    strand.far = 0.6 * scale_;
+    strand.near = kWebThickness * first.near;
+    strand.far = kWebThickness * scale_;
     web_.push_back(strand);
   }
 }
@@ -248,7 +247,7 @@ void SkinField::set_hinges() {
 
 Sample SkinField::palm(const Vec3& x) const {
   Sample out = united(palm_, x, kPalmBlend * scale_);
-  out = joined(out, united(wrist_flesh_, x, 0), kWristBlend * scale_);
+  out = joined(out, stump_.distance(x), kWristBlend * scale_);
   out.d += kInset * scale_;
   return out;
 }
@@ -261,7 +260,8 @@ Sample SkinField::operator()(const Vec3& x) const {
   Sample fingers, thumb;
   for (const Ray& ray : rays_) {
     Sample& group = ray.thumb ? thumb : fingers;
-    group = joined(group, ray.distance(x, std::min(limit, group.d + scale_)), at_root * kFingerBlend * scale_);
+    group = joined(group, united(ray.flesh, x, kJointBlend * ray.radius, std::min(limit, group.d + scale_)),
+                   at_root * kFingerBlend * scale_);
   }
   if (!web_.empty()) thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
   out = joined(out, fingers, at_root * kRootBlend * scale_);
@@ -275,13 +275,17 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x) const {
   Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
   const double palm_distance = palm(x).d;
   std::vector<double> distances;
-  for (const Ray& ray : rays_) distances.push_back(ray.distance(x, 1e9).d);
+  for (const Ray& ray : rays_) distances.push_back(united(ray.flesh, x, kJointBlend * ray.radius).d);
   double of_palm = 1;
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     const Ray& ray = rays_[i];
-    double share = ramp(palm_distance - distances[i] + ray.embedded, kFree * ray.radius, (ray.thumb ? kThumbFree : 0) * ray.radius);
+    double share = ramp(palm_distance - distances[i] + ray.embedded, kFree * ray.radius,
+                        (ray.thumb ? kThumbFree : 0) * ray.radius);
     for (std::size_t k = 0; k < rays_.size(); ++k)
-      if (k != i) share *= ramp(distances[k] - distances[i], -kShare * ray.radius, kShare * ray.radius);
+      if (k != i) {
+        const double width = kShare * (ray.radius + rays_[k].radius) / 2;
+        share *= ramp(distances[k] - distances[i], -width, width);
+      }
     for (std::size_t k = 0; k < ray.hinges.size(); ++k) {
       const Hinge& hinge = ray.hinges[k];
       share *= ramp(hinge.along.dot(x - hinge.centre), -hinge.width, hinge.width);
@@ -289,39 +293,18 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x) const {
       (k == 0 ? of_palm : out[ray.hinges[k - 1].body]) -= share;
     }
   }
-  int nearest = 0;
-  double least = 1e9;
-  for (const Flesh& each : palm_)
-    if (const double d = each.distance(x).d; d < least) {
-      least = d;
-      nearest = each.body;
-    }
   const double beyond_wrist = wrist_ ? ramp(x.y(), -wrist_->width, wrist_->width) : 1;
-  out[nearest] += of_palm * beyond_wrist;
+  out[nearest(palm_, x).body] += of_palm * beyond_wrist;
   if (wrist_) out[wrist_->body] += of_palm * (1 - beyond_wrist);
-  return (out / out.sum()).cast<float>();
+  return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
 }
 
 double SkinField::beyond_palm(const Vec3& x) const {
   Sample fingers;
-  for (const Ray& ray : rays_) fingers = joined(fingers, ray.distance(x, 1e9), 0);
+  for (const Ray& ray : rays_) fingers = joined(fingers, united(ray.flesh, x, kJointBlend * ray.radius), 0);
   return std::clamp((palm(x).d - fingers.d) / scale_, -9.0, 9.0);
 }
 
-int SkinField::nearest_shape(const Vec3& x) const {
-  double least = 1e9;
-  int out = 0;
-  const auto search = [&](const std::vector<Flesh>& flesh) {
-    for (const Flesh& each : flesh)
-      if (const double d = each.distance(x).d; d < least) {
-        least = d;
-        out = each.shape;
-      }
-  };
-  search(palm_);
-  search(wrist_flesh_);
-  for (const Ray& ray : rays_) search(ray.flesh);
-  return out;
-}
+int SkinField::nearest_shape(const Vec3& x) const { return nearest(all(), x).shape; }
 
 }  // namespace handsim::output

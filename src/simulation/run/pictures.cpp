@@ -113,8 +113,8 @@ output::Image drawn(output::Renderer& renderer, const scene::Scene& scene, const
   if (pictures.hands == scene::HandLook::shapes || glass) shapes = renderer.draw(list, camera);
   if (pictures.hands == scene::HandLook::shapes) return shapes;
   for (const auto& skin : output::skins_of(scene.model))
-    output::put_on(*skin, scene.model, state, output::from_srgb(pictures.skin_colour), pictures.finger_colours,
-                   list);
+    output::put_on(*skin, scene.model, state, output::from_srgb(pictures.skin_colour),
+                   pictures.finger_colours, list);
   output::Image out = renderer.draw(list, camera);
   for (std::size_t i = 0; i < shapes.rgb.size(); ++i)
     out.rgb[i] = static_cast<std::uint8_t>(kGlass * out.rgb[i] + (1 - kGlass) * shapes.rgb[i]);
@@ -178,8 +178,7 @@ output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::opt
   const std::vector<bool> lost = lost_bodies(model, moment.state);
   std::erase_if(list.shapes,
                 [&](const output::DrawShape& drawn) { return lost[at(model.shapes[at(drawn.shape)].body)]; });
-  if (shows_tendons(scene))
-    output::add_tendons(model, moment.state, list);
+  if (shows_tendons(scene)) output::add_tendons(model, moment.state, list);
   if (force_scale)
     for (const engine::Contact& contact : moment.contacts)
       list.arrows.push_back({contact.position,

@@ -35,7 +35,8 @@ inline double volume_beyond(const Skin& skin, const std::vector<Vec3>& points, d
   for (const auto& face : skin.faces) {
     std::vector<Vec3> part;
     for (std::size_t i = 0; i < 3; ++i) {
-      const Vec3 a = points[face[i]] - from * Vec3::UnitY(), b = points[face[(i + 1) % 3]] - from * Vec3::UnitY();
+      const Vec3 a = points[face[i]] - from * Vec3::UnitY(),
+                 b = points[face[(i + 1) % 3]] - from * Vec3::UnitY();
       if (a.y() >= 0) part.push_back(a);
       if ((a.y() >= 0) != (b.y() >= 0)) part.push_back(a + a.y() / (a.y() - b.y()) * (b - a));
     }
@@ -72,11 +73,12 @@ inline double tape(const Skin& skin, const std::vector<Vec3>& points, double y) 
   const std::vector<Eigen::Vector2d> cut = section(skin, points, y);
   // Cauchy: the perimeter of the convex hull is the integral of its support over all directions.
   double sum = 0;
-  constexpr int kDirections = 360;
+  constexpr int kDirections = 90;
   for (int k = 0; k < kDirections; ++k) {
     const double angle = 2 * std::numbers::pi * k / kDirections;
     double most = -1;
-    for (const Eigen::Vector2d& p : cut) most = std::max(most, p.dot(Eigen::Vector2d(std::cos(angle), std::sin(angle))));
+    for (const Eigen::Vector2d& p : cut)
+      most = std::max(most, p.dot(Eigen::Vector2d(std::cos(angle), std::sin(angle))));
     sum += most;
   }
   return sum * 2 * std::numbers::pi / kDirections;
@@ -98,7 +100,8 @@ inline std::vector<Pose> in_hand(const scene::Scene& scene, const Skin& skin, co
   const model::HandIndex& hand = scene.model.hands.front();
   const Pose x_HW = (state.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame).inverse();
   std::vector<Pose> out;
-  for (const int body : skin.bodies) out.push_back(x_HW * state.bodies[static_cast<std::size_t>(body)].pose());
+  for (const int body : skin.bodies)
+    out.push_back(x_HW * state.bodies[static_cast<std::size_t>(body)].pose());
   return out;
 }
 
