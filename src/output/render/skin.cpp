@@ -17,7 +17,7 @@ namespace {
 constexpr double kCells = 62;
 /// Samples of a block's edge; blocks far from the skin are not sampled.
 constexpr int kBlock = 4;
-constexpr int kRelaxations = 3, kWeightRelaxations = 12;
+constexpr int kRelaxations = 3, kShareRelaxations = 12, kWeightRelaxations = 2;
 
 using Corner = Eigen::Vector3i;
 
@@ -189,10 +189,18 @@ void relax(Skin& skin, const SkinField& field, double cell) {
 }
 
 void set_weights(Skin& skin, const SkinField& field) {
-  using Weights = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  Weights weights(static_cast<long>(skin.points.size()), static_cast<long>(skin.bodies.size()));
-  for (std::size_t i = 0; i < skin.points.size(); ++i)
-    weights.row(static_cast<long>(i)) = field.weights(skin.points[i]);
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  const auto of_points = [&](long columns, auto at_point) {
+    Rows out(static_cast<long>(skin.points.size()), columns);
+    for (long i = 0; i < out.rows(); ++i) out.row(i) = at_point(skin.points[at(i)], i);
+    return out;
+  };
+  Rows shares = of_points(field.shares(skin.points[0]).size(),
+                          [&](const Vec3& point, long) { return field.shares(point); });
+  // A web between a bent and a straight finger turns over unless it is wide.
+  for (int k = 0; k < kShareRelaxations; ++k) shares = mean_of_neighbours(skin, shares);
+  Rows weights = of_points(static_cast<long>(skin.bodies.size()),
+                           [&](const Vec3& point, long i) { return field.weights(point, shares.row(i)); });
   for (int k = 0; k < kWeightRelaxations; ++k) weights = mean_of_neighbours(skin, weights);
   skin.weights = weights;
 }
@@ -206,7 +214,6 @@ std::vector<double> key_of(const model::Model& model, const model::HandIndex& ha
   std::vector<double> out = {static_cast<double>(hand.palm), static_cast<double>(hand.palm_parts.size())};
   const auto add = [&out](const auto& v) { out.insert(out.end(), v.data(), v.data() + v.size()); };
   std::vector<int> bodies = hand.bodies;
-  if (hand.forearm) bodies.push_back(*hand.forearm);
   add(hand.wrist_frame.p);
   for (const int body : bodies) {
     add(model.bodies[at(body)].zero_pose.p);
@@ -327,6 +334,8 @@ void put_on(const Skin& skin, const model::Model& model, const model::State& sta
     return drawn.mark && covered(drawn) && model.shapes[at(drawn.shape)].body == skin.bodies[0];
   });
   for (DrawShape& drawn : list.shapes) {
+    // A forearm has no skin of its own.
+    if (!covered(drawn) && model.shapes[at(drawn.shape)].part == model::Part::palm) drawn.colour = tone;
     if (!covered(drawn)) continue;
     if (!drawn.mark) drawn.skin = meshes[at(drawn.shape)];
     const bool of_finger = model.shapes[at(drawn.shape)].part != model::Part::palm;

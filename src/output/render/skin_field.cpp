@@ -29,7 +29,7 @@ constexpr double kTip = 0.9;
 constexpr double kWristWidth = 0.7, kWristThickness = 0.41, kWristEnd = 0.13;
 /// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre,
 /// and its inner skin turns over where theta times depth exceeds 2 width / 1.25, see ramp().
-constexpr double kHingeWidth = 1.25;
+constexpr double kHingeWidth = 1.25, kRootWidth = 1.4;
 /// Half of the gap over which skin between two fingers passes from one to the other, over the radius.
 constexpr double kShare = 0.7;
 /// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the
@@ -89,7 +89,7 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
   shape_rays();
   for (const Ray& ray : rays_)
     for (const Flesh& each : ray.flesh) length = std::max(length, each.end().norm() + each.far);
-  add_wrist(hand);
+  add_wrist(hand.forearm.has_value());
   add_web();
   set_hinges();
   for (const Flesh& each : all()) {
@@ -109,11 +109,10 @@ std::vector<Flesh> SkinField::all() const {
 void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand) {
   bodies = {hand.palm};
   bodies.insert(bodies.end(), hand.palm_parts.begin(), hand.palm_parts.end());
-  if (hand.forearm) bodies.push_back(*hand.forearm);
   for (const int body : bodies) rest.push_back(x_HW_ * model.bodies[at(body)].zero_pose);
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const auto found = std::ranges::find(bodies, model.shapes[i].body);
-    if (found == bodies.end() || model.shapes[i].body == hand.forearm) continue;
+    if (found == bodies.end()) continue;
     const auto body = static_cast<int>(found - bodies.begin());
     palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[at(body)]));
     scale_ += palm_.back().near;
@@ -128,8 +127,9 @@ void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand
   std::vector<std::pair<int, std::size_t>> ray_of;  // bodies of rays, with those that have no shape
   for (const int index : hand.joints) {
     const model::Joint& joint = model.joints[at(index)];
-    if (joint.closes_loop || std::find(bodies.begin(), bodies.begin() + static_cast<long>(roots),
-                                       joint.child) != bodies.begin() + static_cast<long>(roots))
+    if (joint.closes_loop || joint.child == hand.forearm ||
+        std::find(bodies.begin(), bodies.begin() + static_cast<long>(roots), joint.child) !=
+            bodies.begin() + static_cast<long>(roots))
       continue;
     const auto parent = std::ranges::find(ray_of, joint.parent, &std::pair<int, std::size_t>::first);
     const std::size_t ray = parent == ray_of.end() ? rays_.size() : parent->second;
@@ -192,19 +192,18 @@ void SkinField::shape_rays() {
 }
 
 /// From the carpus to where the arm is cut off.
-void SkinField::add_wrist(const model::HandIndex& hand) {
+void SkinField::add_wrist(bool on_forearm) {
   Vec3 from = Vec3::Constant(1e9), to = -from;
   for (const Flesh& each : palm_) {
     from = from.cwiseMin(each.pose.p - each.reach());
     to = to.cwiseMax(each.pose.p + each.reach());
   }
   const double breadth = to.x() - from.x(), round = kWristThickness * breadth / 2;
-  cut_ = -kWristEnd * length;
+  // A forearm's cap hides the end.
+  cut_ = -(on_forearm ? 0.4 : 1) * kWristEnd * length;
   const Vec3 half = {std::max(kWristWidth * breadth / 2 - round, 0.0), 0.5 * (round - cut_), 0};
   const Vec3 centre = {(from.x() + to.x()) / 2, -half.y(), (from.z() + to.z()) / 2};
   stump_ = {{centre, Quat::Identity()}, half, round, round, palm_[0].shape, palm_[0].body};
-  if (hand.forearm)
-    wrist_ = Hinge{static_cast<int>(hand.palm_parts.size()) + 1, Vec3::Zero(), Vec3::UnitY(), 0};
 }
 
 /// Strands from the thumb's first segment to its neighbour's metacarpal.
@@ -239,10 +238,9 @@ void SkinField::set_hinges() {
     for (std::size_t i = 0; i < ray.hinges.size(); ++i) {
       Hinge& hinge = ray.hinges[i];
       hinge.along = (distal(hinge) + distal(ray.hinges[i > 0 ? i - 1 : 0])).normalized();
-      hinge.width = kHingeWidth * std::max(-(*this)(hinge.centre).d, 0.5 * ray.radius);
+      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(-(*this)(hinge.centre).d, 0.5 * ray.radius);
     }
   }
-  if (wrist_) wrist_->width = kHingeWidth * std::max(-(*this)(Vec3::Zero()).d, scale_);
 }
 
 Sample SkinField::palm(const Vec3& x) const {
@@ -271,31 +269,38 @@ Sample SkinField::operator()(const Vec3& x) const {
   return {-inside.d, -inside.gradient};
 }
 
-Eigen::RowVectorXf SkinField::weights(const Vec3& x) const {
-  Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
+Eigen::RowVectorXf SkinField::shares(const Vec3& x) const {
   const double palm_distance = palm(x).d;
   std::vector<double> distances;
   for (const Ray& ray : rays_) distances.push_back(united(ray.flesh, x, kJointBlend * ray.radius).d);
-  double of_palm = 1;
+  Eigen::RowVectorXf out(static_cast<long>(rays_.size()));
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     const Ray& ray = rays_[i];
     double share = ramp(palm_distance - distances[i] + ray.embedded, kFree * ray.radius,
                         (ray.thumb ? kThumbFree : 0) * ray.radius);
-    for (std::size_t k = 0; k < rays_.size(); ++k)
-      if (k != i) {
-        const double width = kShare * (ray.radius + rays_[k].radius) / 2;
-        share *= ramp(distances[k] - distances[i], -width, width);
-      }
-    for (std::size_t k = 0; k < ray.hinges.size(); ++k) {
-      const Hinge& hinge = ray.hinges[k];
+    for (std::size_t k = 0; k < rays_.size(); ++k) {
+      const double width = kShare * (ray.radius + rays_[k].radius) / 2;
+      if (k != i) share *= ramp(distances[k] - distances[i], -width, width);
+    }
+    out[static_cast<long>(i)] = static_cast<float>(share);
+  }
+  return out;
+}
+
+Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& shares) const {
+  Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
+  const int palm_body = nearest(palm_, x).body;
+  out[palm_body] = 1;
+  for (std::size_t i = 0; i < rays_.size(); ++i) {
+    auto share = static_cast<double>(shares[static_cast<long>(i)]);
+    int from = palm_body;
+    for (const Hinge& hinge : rays_[i].hinges) {
       share *= ramp(hinge.along.dot(x - hinge.centre), -hinge.width, hinge.width);
       out[hinge.body] += share;
-      (k == 0 ? of_palm : out[ray.hinges[k - 1].body]) -= share;
+      out[from] -= share;
+      from = hinge.body;
     }
   }
-  const double beyond_wrist = wrist_ ? ramp(x.y(), -wrist_->width, wrist_->width) : 1;
-  out[nearest(palm_, x).body] += of_palm * beyond_wrist;
-  if (wrist_) out[wrist_->body] += of_palm * (1 - beyond_wrist);
   return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
 }
 

@@ -1,7 +1,6 @@
 // The distance field that a hand's skin is the zero of.
 #pragma once
 
-#include <optional>
 #include <vector>
 
 #include "handsim/model/model.h"
@@ -56,8 +55,10 @@ class SkinField {
 
   /// Negative within the skin.
   Sample operator()(const Vec3& x) const;
-  /// Shares of the bodies at a point of the skin; they sum to 1.
-  Eigen::RowVectorXf weights(const Vec3& x) const;
+  /// Shares of the fingers in the motion of skin at a point, as far as it is beyond their first joints.
+  Eigen::RowVectorXf shares(const Vec3& x) const;
+  /// Shares of the bodies there; they sum to 1.
+  Eigen::RowVectorXf weights(const Vec3& x, const Eigen::RowVectorXf& shares) const;
   int nearest_shape(const Vec3& x) const;
   /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.
   double beyond_palm(const Vec3& x) const;
@@ -69,7 +70,7 @@ class SkinField {
 
  private:
   void add_palm(const model::Model& model, const model::HandIndex& hand);
-  void add_wrist(const model::HandIndex& hand);
+  void add_wrist(bool on_forearm);
   void add_rays(const model::Model& model, const model::HandIndex& hand);
   void spread();
   void shape_rays();
@@ -82,9 +83,8 @@ class SkinField {
   std::vector<Flesh> palm_, web_;
   Flesh stump_;  ///< of the arm
   std::vector<Ray> rays_;
-  double scale_ = 0;            ///< half the palm's thickness [m]
-  double cut_ = 0;              ///< y of the plane that ends the wrist [m]
-  std::optional<Hinge> wrist_;  ///< of a hand that hangs on a forearm: of the palm
+  double scale_ = 0;  ///< half the palm's thickness [m]
+  double cut_ = 0;    ///< y of the plane that ends the wrist [m]
 };
 
 }  // namespace handsim::output
