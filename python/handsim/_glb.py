@@ -58,15 +58,15 @@ def _normals(points: NDArray[np.float64], faces: NDArray[np.uint32]) -> NDArray[
     out = np.zeros_like(points)
     for k in range(3):
         np.add.at(out, faces[:, k], np.cross(b - a, c - a))
-    return (out / np.linalg.norm(out, axis=1, keepdims=True)).astype(np.float32)
+    return np.asarray(out / np.linalg.norm(out, axis=1, keepdims=True), dtype=np.float32)
 
 
 def _strongest(weights: NDArray[np.float64]) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
     """The bodies of most weight and their shares, which sum to 1."""
     joints = np.argsort(-weights, axis=1, kind="stable")[:, :_INFLUENCES]
     shares = np.take_along_axis(weights, joints, axis=1)
-    shares = (shares / shares.sum(axis=1, keepdims=True)).astype(np.float32)
-    return np.where(shares > 0, joints, 0).astype(np.uint16), shares
+    shares = shares / shares.sum(axis=1, keepdims=True)
+    return np.where(shares > 0, joints, 0).astype(np.uint16), np.asarray(shares, dtype=np.float32)
 
 
 def _mesh(hand: "Hand", out: _Buffer) -> tuple[dict[str, Any], int]:

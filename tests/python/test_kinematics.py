@@ -44,7 +44,7 @@ def test_skin_is_closed_and_moves_with_its_bodies(hand, motion):
     assert len(edges) == mesh.faces.size and all((b, a) in edges for a, b in edges)
     assert np.allclose(mesh.weights.sum(axis=1), 1, atol=1e-6)
     straight, now = hand.poses(np.zeros(len(hand.coordinates))), hand.poses(motion[0])
-    body = hand.bodies.index("index_distal")
+    body = hand.bodies.index("thumb_distal")
     rigid = mesh.weights[:, body] > 1 - 1e-6
     assert np.count_nonzero(rigid) > 50
     local = (mesh.vertices[rigid] - straight.position[body]) @ rotation(straight.quaternion[body])
