@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import Error, Problem, flags, seed_of, whole
+from ._glb import glb_of
 from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
 from ._table import Quantities, Table, rows_table
@@ -37,6 +38,17 @@ class Poses(NamedTuple):
     """Centres of mass [m], shape (bodies, 3)."""
     quaternion: NDArray[np.float64]
     """w x y z, from body axes to those of the hand frame, shape (bodies, 4)."""
+
+
+class Mesh(NamedTuple):
+    """The skin of a hand: a closed surface. For the eye: contact is between the `shapes`."""
+
+    vertices: NDArray[np.float64]
+    """In the hand frame [m], shape (n, 3)."""
+    faces: NDArray[np.uint32]
+    """Rows of the corners of each triangle, counter-clockwise seen from outside, shape (m, 3)."""
+    weights: NDArray[np.float64]
+    """Share of each body in the motion of each vertex, shape (n, bodies); rows sum to 1, columns as `Hand.bodies`."""
 
 
 class Hand:
@@ -122,6 +134,27 @@ class Hand:
             the centre of mass; with straight fingers its x axis is ulnar on a right hand, y distal, z dorsal
         """
         return Poses(*_core.hand_poses(self.scene._core, q))
+
+    def mesh(self, q: Optional[ArrayLike] = None) -> Mesh:
+        """The skin in a posture, made of the hand's shapes (some 14,000 triangles, 0.1 s; later calls 1 ms). Faces and
+        weights do not depend on the posture.
+
+        :param q: joint coordinates [rad], shape (coordinates,); default: straight fingers
+        :return: vertices [m], shape (n, 3), faces, shape (m, 3), and weights, shape (n, bodies)
+        """
+        return Mesh(*_core.hand_mesh(self.scene._core, np.zeros(len(self.coordinates)) if q is None else q))
+
+    def to_glb(self, q: Optional[ArrayLike] = None, *, times: Optional[ArrayLike] = None) -> bytes:
+        """The skin as binary glTF 2.0, with a skeleton and weights: Y up, metres. Viewers bend skin linearly, so it is
+        thinner at bent joints than `mesh`.
+
+        :param q: a posture, shape (coordinates,), default straight fingers; with times a motion, shape (times,
+            coordinates) [rad]
+        :param times: of an animation [s], rising, shape (times,)
+        :return: the content of a ``.glb`` file
+        :raises Error: of kind input for another shape
+        """
+        return glb_of(self, q, times)
 
     def position(self, q: ArrayLike, point: Point) -> NDArray[np.float64]:
         """Forward kinematics of one point.

@@ -7,6 +7,7 @@
 #include "handsim/hand/grip_strength.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/newton_euler.h"
+#include "handsim/output/render/skin.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 
@@ -187,6 +188,27 @@ py::tuple poses(const SceneHandle& of, const py::object& q) {
   return py::make_tuple(array_of(position, 3), array_of(quaternion, 4));
 }
 
+/// Vertices of the skin, faces, and weights by row of the hand's bodies.
+py::tuple mesh(const SceneHandle& of, const py::object& q) {
+  const Posture posture(of, q);
+  const auto skin = output::skins_of(posture.model).front();
+  const Pose x_HW = (posture.state.bodies[at(posture.hand.palm)].pose() * posture.hand.wrist_frame).inverse();
+  std::vector<Pose> bodies;
+  for (const int body : skin->bodies) bodies.push_back(x_HW * posture.state.bodies[at(body)].pose());
+  Column points;
+  for (const Vec3& point : output::posed(*skin, bodies)) append(points, point);
+  py::array_t<double> weights({skin->points.size(), posture.hand.bodies.size()});
+  std::fill_n(weights.mutable_data(), weights.size(), 0.0);
+  for (std::size_t b = 0; b < posture.hand.bodies.size(); ++b) {
+    const auto found = std::ranges::find(skin->bodies, posture.hand.bodies[b]);
+    for (std::size_t i = 0; found != skin->bodies.end() && i < skin->points.size(); ++i)
+      weights.mutable_at(i, b) =
+          static_cast<double>(skin->weights(static_cast<long>(i), found - skin->bodies.begin()));
+  }
+  const py::array_t<std::uint32_t> faces({skin->faces.size(), std::size_t{3}}, skin->faces.front().data());
+  return py::make_tuple(array_of(points, 3), faces, weights);
+}
+
 /// @param body row among the hand's bodies
 py::array_t<double> jacobian(const SceneHandle& of, const py::object& q, std::size_t body,
                              const py::object& offset) {
@@ -256,6 +278,7 @@ void bind_hand(py::module_& module) {
   module.def("hand_tips", &tips, py::arg("scene"));
   const py::arg scene("scene"), q("q");
   module.def("hand_poses", &poses, scene, q);
+  module.def("hand_mesh", &mesh, scene, q);
   module.def("hand_jacobian", &jacobian, scene, q, py::arg("body"), py::arg("offset"));
   module.def("hand_mass_matrix", &mass_matrix, scene, q);
   module.def("hand_inverse_dynamics", &inverse_dynamics, scene, q, py::arg("u"), py::arg("a"),

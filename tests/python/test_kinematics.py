@@ -1,4 +1,7 @@
 """Kinematics and dynamics of a hand as functions of arrays."""
+import json
+import struct
+
 import numpy as np
 import pytest
 
@@ -31,6 +34,38 @@ def rotation(quaternion):
 def derivative(function, q, step=1e-6):
     """Central differences: the last axis is that of the coordinates."""
     return np.stack([(function(q + step * e) - function(q - step * e)) / (2 * step) for e in np.eye(len(q))], axis=-1)
+
+
+# Oracle: topology and the definition of a mean: each edge has a triangle on either side, vertices move with their body.
+def test_skin_is_closed_and_moves_with_its_bodies(hand, motion):
+    mesh, bent = hand.mesh(), hand.mesh(motion[0])
+    assert mesh.faces.max() == len(mesh.vertices) - 1 and mesh.weights.shape == (len(mesh.vertices), len(hand.bodies))
+    edges = {(int(face[k]), int(face[(k + 1) % 3])) for face in mesh.faces for k in range(3)}
+    assert len(edges) == mesh.faces.size and all((b, a) in edges for a, b in edges)
+    assert np.allclose(mesh.weights.sum(axis=1), 1, atol=1e-6)
+    straight, now = hand.poses(np.zeros(len(hand.coordinates))), hand.poses(motion[0])
+    body = hand.bodies.index("thumb_distal")
+    rigid = mesh.weights[:, body] > 1 - 1e-6
+    assert np.count_nonzero(rigid) > 50
+    local = (mesh.vertices[rigid] - straight.position[body]) @ rotation(straight.quaternion[body])
+    # Weights are in single precision.
+    assert np.allclose(now.position[body] + local @ rotation(now.quaternion[body]).T, bent.vertices[rigid], atol=1e-6)
+
+
+# Oracle: the layout of glTF 2.0: chunks, and accessors within the buffer; the poses of the hand.
+def test_glb_has_mesh_skeleton_and_motion(hand, motion):
+    content = hand.to_glb(np.stack([0 * motion[0], motion[0]]), times=[0, 1])
+    magic, version, size, length, kind = struct.unpack("<4sIII4s", content[:20])
+    assert (magic, version, size, kind) == (b"glTF", 2, len(content), b"JSON")
+    scene, data = json.loads(content[20:20 + length]), content[28 + length:]
+    assert scene["buffers"][0]["byteLength"] == len(data)
+    assert [scene["nodes"][joint]["name"] for joint in scene["skins"][0]["joints"]] == hand.bodies
+    sampler = scene["animations"][0]["samplers"][scene["animations"][0]["channels"][-2]["sampler"]]
+    view = scene["bufferViews"][scene["accessors"][sampler["output"]]["bufferView"]]
+    places = np.frombuffer(data, np.float32, 6, view["byteOffset"]).reshape(2, 3)
+    assert np.allclose(places[1], hand.poses(motion[0]).position[-1], atol=1e-7)
+    with pytest.raises(hs.Error, match="times: got"):
+        hand.to_glb(motion[0], times=[0, 1])
 
 
 # Oracle: the tables, which are of straight fingers.

@@ -13,15 +13,6 @@ namespace handsim::output {
 
 namespace {
 
-/// Linear components of an sRGB colour 0xRRGGBB (IEC 61966-2-1).
-Colour from_srgb(std::uint32_t hex) {
-  const auto linear = [hex](unsigned shift) {
-    const double c = static_cast<double>((hex >> shift) & 0xFFU) / 255.0;
-    return static_cast<float>(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
-  };
-  return {linear(16), linear(8), linear(0)};
-}
-
 /// Colours in the order of model::Part. The fingers have the palette of Okabe & Ito (2008), which
 /// colour-blind people can distinguish; neighbouring fingers also differ in lightness.
 constexpr std::uint32_t kPartColours[] = {0xE9D3BB, 0xD9552B, 0xF0AE2E, 0x159C76, 0x2274BD,
@@ -42,9 +33,7 @@ Pose pose_of(const model::State& state, int body) { return state.bodies[at(body)
 Colour colour(const HandMark& mark, model::Part part) {
   if (!mark.nail) return from_srgb(0xC9AC90);
   constexpr float kTint = 0.62F;
-  const Colour finger = colour(part), pale = from_srgb(0xFFF4EC);
-  const auto mixed = [](float a, float b) { return a + kTint * (b - a); };
-  return {mixed(finger.r, pale.r), mixed(finger.g, pale.g), mixed(finger.b, pale.b)};
+  return mixed(colour(part), from_srgb(0xFFF4EC), kTint);
 }
 
 void add_mark(const model::Model& model, const model::State& state, const HandMark& mark, DrawList& list) {
@@ -181,6 +170,19 @@ std::optional<HandMark> stump(const model::Model& model, const model::HandIndex&
 }
 
 }  // namespace
+
+Colour from_srgb(std::uint32_t hex) {
+  const auto linear = [hex](unsigned shift) {
+    const double c = static_cast<double>((hex >> shift) & 0xFFU) / 255.0;
+    return static_cast<float>(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
+  };
+  return {linear(16), linear(8), linear(0)};
+}
+
+Colour mixed(const Colour& a, const Colour& b, float share) {
+  const auto mix = [share](float from, float to) { return from + share * (to - from); };
+  return {mix(a.r, b.r), mix(a.g, b.g), mix(a.b, b.b)};
+}
 
 Solid solid(const model::Shape& shape, const Pose& x_WS) {
   if (shape.kind == model::ShapeKind::convex_mesh) {

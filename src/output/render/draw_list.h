@@ -47,6 +47,13 @@ struct Colour {
   float r = 0.8F, g = 0.8F, b = 0.8F;
 };
 
+/// Linear components of an sRGB color 0xRRGGBB (IEC 61966-2-1).
+Colour from_srgb(std::uint32_t hex);
+/// From `a` to `b` by a share.
+Colour mixed(const Colour& a, const Colour& b, float share);
+
+struct Mesh;
+
 struct DrawShape {
   Solid solid;
   Colour colour;
@@ -54,6 +61,8 @@ struct DrawShape {
   bool mark = false;   ///< of pictures alone (HandMark)
   bool shades = true;  ///< others; a nail lies on its fingertip and does not
   bool fine = false;   ///< with more triangles: a nail and its fingertip, for the edge between them
+  std::shared_ptr<const Mesh> skin = {};  ///< drawn in place of the solid: a piece of skin, in the world
+  Colour finger = {};                     ///< of skin where it is a finger's
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/output/render/mesh.h"
 #include "handsim/output/render/shaders.h"
 
 namespace handsim::output {
@@ -14,6 +15,24 @@ namespace {
 
 /// Smallest elevation of the key light over a ground (its sine).
 constexpr double kLowestKey = 0.62;
+
+/// Skin is shaded by its hand's shapes at this share of their radius: it lies outside, and its own shape, or
+/// the next one at a joint, does not darken it.
+constexpr double kUnderSkin = 0.8;
+/// Of a box, whose skin is as round as it can be: the share of its half thickness by which it is smaller.
+constexpr double kUnderRoundSkin = 0.45;
+
+/// The box about a mesh in the world, with the axes of a pose.
+Solid box_about(const Mesh& mesh, const Pose& axes) {
+  Vec3 low = Vec3::Constant(1e9), high = -low;
+  for (const Vertex& vertex : mesh.vertices) {
+    const Vec3 local = axes.inverse() * Vec3(vertex.core.cast<double>());
+    low = low.cwiseMin(local);
+    high = high.cwiseMax(local);
+  }
+  if (mesh.vertices.empty()) low = high = Vec3::Zero();
+  return {Core::box, (high - low) / 2, 0, {axes * Vec3((low + high) / 2), axes.q}, {}};
+}
 
 /// Right, up and back directions of a camera.
 struct CameraAxes {
@@ -108,15 +127,18 @@ struct Found {
 
 void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
   const std::vector<Vec3> across = separating_directions(to_key);
-  std::vector<std::vector<double>> reaches;
-  for (const LitSolid& lit : solids) reaches.push_back(supports(lit.solid, across, to_key));
+  std::vector<std::vector<double>> reaches, casts;
+  for (const LitSolid& lit : solids) {
+    reaches.push_back(supports(lit.solid, across, to_key));
+    casts.push_back(lit.skin ? supports(lit.caster, across, to_key) : reaches.back());
+  }
   std::vector<Found> found;
   for (std::size_t i = 0; i < solids.size(); ++i) {
     found.clear();
     for (std::size_t j = 0; j < solids.size(); ++j) {
-      const Solid& other = solids[j].solid;
-      if (j == i || !solids[j].shades) continue;
-      if (const auto hides = may_hide(reaches[j], reaches[i], kSkyReach * other.thickness()))
+      const Solid& other = solids[j].caster;
+      if ((j == i && !solids[i].skin) || !solids[j].shades) continue;
+      if (const auto hides = may_hide(casts[j], reaches[i], kSkyReach * other.thickness()))
         found.push_back({(other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other, *hides});
     }
     // The nearest are kept.
@@ -175,11 +197,11 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
   Rectangle all;
   for (const LitSolid& lit : solids) {
     if (!lit.shades || support(lit.solid, Vec3::UnitZ()) <= height) continue;
-    const Rectangle area = shade_of(lit.solid, height, to_key);
+    const Rectangle area = shade_of(lit.caster, height, to_key);
     all.include(area.low, area.high, 0);
     Shade& shade = ground.shades.emplace_back();
     shade.quad = area.packed();
-    shade.occluder.add(lit.solid, Hides::both);
+    shade.occluder.add(lit.caster, Hides::both);
   }
   if (ground.shades.empty()) all.include({0, 0}, {1, 1}, 0);
   ground.region = all.packed();
@@ -227,7 +249,15 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
   for (const DrawShape& shape : drawn.shapes) {
     LitSolid& lit = solids.emplace_back();
     static_cast<DrawShape&>(lit) = shape;
-    lit.solid = bevelled(shape.solid);
+    lit.caster = lit.solid = bevelled(shape.solid);
+    if (!shape.skin) continue;
+    const double thickness = lit.caster.thickness();
+    lit.caster = shape.solid;
+    if (is_capsule(shape.solid))
+      lit.caster.round *= kUnderSkin;
+    else
+      lit.caster.half -= Vec3::Constant(kUnderRoundSkin * thickness);
+    lit.solid = box_about(*shape.skin, shape.solid.pose);
   }
   std::ranges::stable_sort(solids, [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;

@@ -33,8 +33,10 @@ struct Occluders {
   void add(const Solid& solid, Hides hides);
 };
 
-/// A bevelled shape, and the solids that shade it (at most kMaxOccluders of each form).
+/// A bevelled shape, and the solids that shade it (at most kMaxOccluders of each form). The solid of a piece
+/// of skin is a box about it.
 struct LitSolid : DrawShape {
+  Solid caster;  ///< that shades others, and of a hand with skin also its own skin
   Occluders occluders;
 };
 

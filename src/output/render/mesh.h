@@ -13,6 +13,7 @@ namespace handsim::output {
 struct Vertex {
   Eigen::Vector3f core;    ///< in units of the core's half extents, each -1..1
   Eigen::Vector3f normal;  ///< unit, outward
+  float finger = 0;        ///< of skin: beyond 0.3 it has the finger's colour
 };
 
 /// Triangles, counter-clockwise seen from outside.

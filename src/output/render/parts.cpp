@@ -9,25 +9,26 @@ namespace handsim::output {
 
 namespace {
 
-Buffer upload(const Mesh& mesh) {
-  Buffer buffer;
+Buffer upload(const Mesh& mesh, Buffer buffer = {}) {
   buffer.count = static_cast<GLsizei>(mesh.indices.size());
-  glGenVertexArrays(1, &buffer.array);
+  if (buffer.array == 0) {
+    glGenVertexArrays(1, &buffer.array);
+    glGenBuffers(2, buffer.data.data());
+  }
   glBindVertexArray(buffer.array);
-  std::array<GLuint, 2> data{};
-  glGenBuffers(2, data.data());
-  glBindBuffer(GL_ARRAY_BUFFER, data[0]);
+  glBindBuffer(GL_ARRAY_BUFFER, buffer.data[0]);
   glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.vertices.size() * sizeof(Vertex)),
                mesh.vertices.data(), GL_STATIC_DRAW);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, data[1]);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, buffer.data[1]);
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.indices.size() * sizeof(std::uint32_t)),
                mesh.indices.data(), GL_STATIC_DRAW);
   glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), nullptr);
-  // The second attribute follows the first; OpenGL takes the offset as a pointer.
+  // The other attributes follow the first; OpenGL takes the offset as a pointer.
   glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
                         reinterpret_cast<const void*>(sizeof(Eigen::Vector3f)));
-  glEnableVertexAttribArray(0);
-  glEnableVertexAttribArray(1);
+  glVertexAttribPointer(2, 1, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                        reinterpret_cast<const void*>(2 * sizeof(Eigen::Vector3f)));
+  for (const GLuint attribute : {0U, 1U, 2U}) glEnableVertexAttribArray(attribute);
   return buffer;
 }
 
@@ -77,6 +78,7 @@ Buffer Meshes::fitting(const RoundBuffers& buffers, const Scene& scene, const Dr
 }
 
 Buffer Meshes::buffer_of(const Scene& scene, const DrawShape& shape, int height) {
+  if (shape.skin) return upload_skin(*shape.skin);
   const Solid& solid = shape.solid;
   if (is_capsule(solid)) return fitting(capsule_, scene, shape, height);
   if (solid.core == Core::box) return box_;
@@ -86,8 +88,15 @@ Buffer Meshes::buffer_of(const Scene& scene, const DrawShape& shape, int height)
   return found->second;
 }
 
+Buffer Meshes::upload_skin(const Mesh& mesh) {
+  if (used_skins_ == skins_.size()) skins_.emplace_back();
+  Buffer& buffer = skins_[used_skins_++];
+  return buffer = upload(mesh, buffer);
+}
+
 std::vector<Part> Meshes::parts(const Scene& scene, int height) {
   std::vector<Part> parts;
+  used_skins_ = 0;
   for (const LitSolid& lit : scene.solids)
     parts.push_back({lit.solid, lit.colour, buffer_of(scene, lit, height), &lit});
   add_annotations(scene, parts);

@@ -14,6 +14,7 @@ namespace handsim::output {
 /// A mesh in the driver's memory.
 struct Buffer {
   GLuint array = 0;
+  std::array<GLuint, 2> data{};
   GLsizei count = 0;
 };
 
@@ -49,6 +50,7 @@ class Meshes {
   static RoundBuffers upload_round(struct Mesh (*make)(int));
   void add_annotations(const Scene& scene, std::vector<Part>& parts) const;
   Buffer buffer_of(const Scene& scene, const DrawShape& shape, int height);
+  Buffer upload_skin(const Mesh& mesh);
   /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
   static Buffer fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape, int height);
 
@@ -56,6 +58,9 @@ class Meshes {
   Buffer box_, cone_, ring_;
   /// Buffers of the polyhedra drawn so far; the keys keep the polyhedra alive.
   std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls_;
+  /// Pieces of skin of one picture; the next one uses the buffers again.
+  std::vector<Buffer> skins_;
+  std::size_t used_skins_ = 0;
 };
 
 }  // namespace handsim::output

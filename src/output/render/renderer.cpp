@@ -46,6 +46,8 @@ struct Tile {
   int x, y, width, height;
 };
 
+Eigen::Vector3f vector_of(const Colour& colour) { return {colour.r, colour.g, colour.b}; }
+
 /// Grey of the ground in a gap that is narrower than a pixel.
 constexpr std::uint8_t kShaded = 150;
 
@@ -208,7 +210,9 @@ void Renderer::Impl::draw_tile(const Scene& scene, const std::vector<Part>& part
 }
 
 void Renderer::Impl::place(const Program& program, const Part& part) {
-  const Solid& solid = part.solid;
+  // A piece of skin is in the world already.
+  const bool skin = part.lit && part.lit->skin;
+  const Solid solid = skin ? Solid{Core::hull, {}, 0, {}, {}} : part.solid;
   program.set("rotation", Eigen::Matrix3f(solid.pose.q.toRotationMatrix().cast<float>()));
   program.set("origin", Eigen::Vector3f(solid.pose.p.cast<float>()));
   program.set("half_size", solid.core == Core::hull ? Eigen::Vector3f(1, 1, 1)
@@ -256,7 +260,9 @@ void Renderer::Impl::draw_light(const Scene& scene, std::span<const Part> parts,
     program.use();
     program.set("rectangle", rectangle_of(part.solid, projection));
     program.set("id", part.id);
-    program.set("colour", Eigen::Vector3f(part.colour.r, part.colour.g, part.colour.b));
+    program.set("colour", vector_of(part.colour));
+    program.set("finger", vector_of(part.lit ? part.lit->finger : part.colour));
+    program.set("flesh", part.lit && part.lit->skin ? 1.0F : 0.0F);
     Eigen::Vector2f ground_shade(0, 0);
     if (scene.ground && part.lit)
       ground_shade << scene.ground->height, 3 * static_cast<float>(part.solid.thickness());

@@ -68,10 +68,8 @@ void add_tendons(const model::Model& model, const model::State& state, DrawList&
     if (segments.empty()) continue;
     const std::vector<Vec3> points = corners(segments);
     const double active = state.activation[m];
-    const auto share = static_cast<float>(active);
-    const auto mixed = [&](float rest, float most) { return rest + share * (most - rest); };
     DrawShape drawn;
-    drawn.colour = {mixed(kAtRest.r, kActive.r), mixed(kAtRest.g, kActive.g), mixed(kAtRest.b, kActive.b)};
+    drawn.colour = mixed(kAtRest, kActive, static_cast<float>(active));
     drawn.shape = static_cast<int>(segments.back().shape);
     drawn.mark = true;
     drawn.shades = false;

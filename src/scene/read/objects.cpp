@@ -103,19 +103,6 @@ double read_mass(MapReader& reader, double volume) {
   return result;
 }
 
-/// The `color` of an object or a part: "#RRGGBB", sRGB. Without quotes it is a comment of YAML.
-std::optional<std::uint32_t> read_colour(MapReader& reader) {
-  const char* need = "six hexadecimal digits in quotes, such as \"#c0392b\"";
-  const YamlNode* node = reader.value("color", {{YamlNode::Kind::scalar}, need, false});
-  if (!node) return std::nullopt;
-  std::uint32_t colour = 0;
-  const char* end = node->text.data() + node->text.size();
-  const bool good = node->text.size() == 7 && node->text.front() == '#' &&
-                    std::from_chars(node->text.data() + 1, end, colour, 16).ptr == end;
-  if (!good) reader.problem("color", node->described(), need);
-  return good ? std::optional(colour) : std::nullopt;
-}
-
 /// A shape with its pose in the object. Sizes of an unknown kind of shape are not checked.
 model::Shape read_form(MapReader& reader) {
   model::Shape shape;
@@ -217,6 +204,18 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
 }
 
 }  // namespace
+
+std::optional<std::uint32_t> read_colour(MapReader& reader, const char* key) {
+  const char* need = "six hexadecimal digits in quotes, such as \"#c0392b\"";
+  const YamlNode* node = reader.value(key, {{YamlNode::Kind::scalar}, need, false});
+  if (!node) return std::nullopt;
+  std::uint32_t colour = 0;
+  const char* end = node->text.data() + node->text.size();
+  const bool good = node->text.size() == 7 && node->text.front() == '#' &&
+                    std::from_chars(node->text.data() + 1, end, colour, 16).ptr == end;
+  if (!good) reader.problem(key, node->described(), need);
+  return good ? std::optional(colour) : std::nullopt;
+}
 
 model::Material read_surface(MapReader& reader, std::string name,
                              const std::vector<model::Material>& materials) {

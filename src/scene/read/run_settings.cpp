@@ -197,6 +197,13 @@ PictureSpec read_pictures(MapReader reader) {
     reader.problem("view", "a view beside a camera", "one of the two");
   if (reader.has("camera")) out.camera = read_camera(reader.map("camera"));
   out.floor = reader.flag("floor", true);
+  out.hands = reader.choice<HandLook>(
+      "hands", {{"skin", HandLook::skin}, {"shapes", HandLook::shapes}, {"both", HandLook::both}}, out.hands);
+  for (const char* key : {"finger_colors", "skin_color"})
+    if (out.hands == HandLook::shapes && reader.has(key))
+      reader.problem(key, "colors of skin beside hands: shapes", "hands: skin, or both");
+  out.finger_colours = reader.flag("finger_colors", false);
+  out.skin_colour = read_colour(reader, "skin_color").value_or(out.skin_colour);
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);
   out.contact_forces = reader.flag("contact_forces", false);

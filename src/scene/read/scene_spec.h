@@ -145,11 +145,17 @@ struct CameraSpec {
   double field_of_view = 0.6;        ///< vertical [rad]
 };
 
+/// What pictures show of a hand: skin, the shapes that touch, or shapes under skin like glass.
+enum class HandLook { skin, shapes, both };
+
 struct PictureSpec {
   std::array<int, 2> size = {1280, 960};  ///< pixels
   View view = View::three_quarter;        ///< from this side, framing all moving bodies
   std::optional<CameraSpec> camera;       ///< replaces the view
   bool floor = true;                      ///< draws a floor for shadows if the scene has no ground
+  HandLook hands = HandLook::skin;        ///< with drawn tendons, skin is like glass
+  bool finger_colours = false;            ///< of skin: each finger has the colour that its shapes have
+  std::uint32_t skin_colour = 0xD9AC94;   ///< sRGB
   bool joint_axes = false;
   bool contact_points = false;
   bool contact_forces = false;       ///< arrows, in front of everything
@@ -175,6 +181,9 @@ std::uint64_t read_seed(MapReader& reader);
 void read_solver(MapReader& reader, SceneSpec& scene);
 
 PictureSpec read_pictures(MapReader reader);
+
+/// A color "#RRGGBB", sRGB; without quotes it is a comment of YAML.
+std::optional<std::uint32_t> read_colour(MapReader& reader, const char* key = "color");
 
 // The scene itself.
 

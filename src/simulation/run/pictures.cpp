@@ -8,6 +8,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/output/render/renderer.h"
+#include "handsim/output/render/skin.h"
 #include "handsim/output/video/video.h"
 
 namespace handsim::simulation {
@@ -20,6 +21,8 @@ constexpr double kContactPointRadius = 0.0025;
 constexpr double kForceRadius = 0.0012;
 constexpr double kLongestForce = 0.1;
 constexpr double kShakeRadius = 0.002;
+/// Share of skin in a picture that shows what is under it.
+constexpr double kGlass = 0.5;
 /// A body further than this from every hand is lost [m].
 constexpr double kLost = 1;
 
@@ -97,6 +100,27 @@ bool follows(const scene::Scene& scene) {
   return !scene.model.hands.empty() && scene.spec.pictures.follow.value_or(!scene.plans.grasps.empty());
 }
 
+bool shows_tendons(const scene::Scene& scene) {
+  return scene.spec.pictures.muscles.value_or(scene.spec.solver.effects.has(model::Effect::muscles));
+}
+
+/// The list with hands as the scene wants them. Skin over shapes is a picture over a picture.
+output::Image drawn(output::Renderer& renderer, const scene::Scene& scene, const model::State& state,
+                    output::DrawList list, const output::Camera& camera) {
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  output::Image shapes;
+  const bool glass = pictures.hands == scene::HandLook::both || shows_tendons(scene);
+  if (pictures.hands == scene::HandLook::shapes || glass) shapes = renderer.draw(list, camera);
+  if (pictures.hands == scene::HandLook::shapes) return shapes;
+  for (const auto& skin : output::skins_of(scene.model))
+    output::put_on(*skin, scene.model, state, output::from_srgb(pictures.skin_colour),
+                   pictures.finger_colours, list);
+  output::Image out = renderer.draw(list, camera);
+  for (std::size_t i = 0; i < shapes.rgb.size(); ++i)
+    out.rgb[i] = static_cast<std::uint8_t>(kGlass * out.rgb[i] + (1 - kGlass) * shapes.rgb[i]);
+  return out;
+}
+
 /// Cameras of the moments, one each, and the height of the lowest point of all [m].
 std::pair<std::vector<output::Camera>, double> views(const scene::Scene& scene,
                                                      std::span<const Moment> moments,
@@ -154,8 +178,7 @@ output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::opt
   const std::vector<bool> lost = lost_bodies(model, moment.state);
   std::erase_if(list.shapes,
                 [&](const output::DrawShape& drawn) { return lost[at(model.shapes[at(drawn.shape)].body)]; });
-  if (pictures.muscles.value_or(scene.spec.solver.effects.has(model::Effect::muscles)))
-    output::add_tendons(model, moment.state, list);
+  if (shows_tendons(scene)) output::add_tendons(model, moment.state, list);
   if (force_scale)
     for (const engine::Contact& contact : moment.contacts)
       list.arrows.push_back({contact.position,
@@ -218,12 +241,14 @@ void draw(const scene::Scene& scene, std::span<const Moment> moments, const Draw
   const auto found = views(scene, moments, scale, drawing.smooth);
   const std::vector<output::Camera>& from = found.first;
   const double floor = found.second - kFloorClearance;
+  // Before processes begin: they share the skins.
+  if (pictures.hands != scene::HandLook::shapes) output::skins_of(scene.model);
   const auto maker = [&] {
     const auto renderer = std::make_shared<output::Renderer>(pictures.size[0], pictures.size[1], drawing.gl);
     return [&, renderer](std::size_t i) {
       output::DrawList list = shown(scene, moments[i], scale);
       if (pictures.floor && !list.ground_height) list.ground_height = floor;
-      output::Image image = renderer->draw(list, from[i]);
+      output::Image image = drawn(*renderer, scene, moments[i].state, std::move(list), from[i]);
       if (store) store(i, image);
       return image;
     };

@@ -1,6 +1,7 @@
 
 uniform sampler2D points, normals;
-uniform vec3 colour;
+uniform vec3 colour, finger;
+uniform float flesh;  // 1 for skin: light comes out beside where it falls in, red most
 uniform float id;
 uniform vec3 eye;
 uniform vec3 to_fill;
@@ -15,9 +16,13 @@ uniform vec4 solids[3 * kMaxOccluders];
 uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
 out vec4 pixel;
 
+// What comes out of skin in the shade is redder than what falls in.
+const vec3 kUnderSkin = vec3(1.22, 0.95, 0.86);
+
 void main() {
   vec3 world_point = texelFetch(points, ivec2(gl_FragCoord.xy), 0).xyz;
-  vec3 n = normalize(texelFetch(normals, ivec2(gl_FragCoord.xy), 0).xyz);
+  vec4 surface = texelFetch(normals, ivec2(gl_FragCoord.xy), 0);
+  vec3 n = normalize(surface.xyz);
   vec3 v = normalize(eye - world_point);
   float key = 1.0;
   float sky = 1.0;
@@ -38,10 +43,13 @@ void main() {
   sky *= mix(0.85 - 0.55 * max(-n.z, 0.0), 1.0, open);
   float up = 0.5 + 0.5 * dot(n, sky_up);
   float fill = 0.20 * max(dot(n, to_fill), 0.0) * (0.4 + 0.6 * sky);
-  vec3 light = kKey * facing * key + mix(kBounce, kSky, up) * sky + fill;
+  vec3 reach = flesh * vec3(0.20, 0.09, 0.06);
+  vec3 out_again = max((dot(n, to_key) + reach) / (1.0 + reach), 0.0) - facing;
+  vec3 light = kKey * (facing * key + out_again * sky) + mix(kBounce, kSky, up) * sky * mix(vec3(1.0), kUnderSkin, flesh) + fill;
   float rim = 1.0 - max(dot(n, v), 0.0);
   rim *= rim;
   float glance = max(dot(n, normalize(to_key + v)), 0.0);
   float shine = 0.13 * pow(glance, 36.0) * key * step(1e-4, facing) + 0.10 * rim * rim * sky * up;
-  pixel = vec4(to_srgb(colour * light + shine), id);
+  vec3 own = mix(colour, finger, flesh * smoothstep(0.28, 0.32, surface.w));
+  pixel = vec4(to_srgb(own * light + shine), id);
 }

@@ -1,0 +1,315 @@
+#include "handsim/output/render/skin_field.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/error.h"
+#include "handsim/core/index.h"
+#include "handsim/output/render/draw_list.h"
+
+namespace handsim::output {
+
+namespace {
+
+/// Between neighbouring fingers, beyond their splay: the grid must resolve the gap beside the web [rad].
+constexpr double kSpread = 11 * M_PI / 180;
+/// Radii of blending over half the palm's thickness: of the palm's shapes, of the wrist, of fingers on the
+/// palm, the thumb on the palm, neighbouring fingers at their roots, the thumb's web.
+constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbBlend = 0.5,
+                 kFingerBlend = 0.4, kWebBlend = 0.3;
+/// Of segments, over the radius.
+constexpr double kJointBlend = 0.15;
+/// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
+constexpr double kInset = 0.04;
+/// Of the thumb's web at its ends, over that of thumb and palm.
+constexpr double kWebThickness = 0.5;
+/// A fingertip is narrower than its segment.
+constexpr double kTip = 0.9;
+/// Of the wrist over the palm's breadth; of its end over the hand's length.
+constexpr double kWristWidth = 0.7, kWristThickness = 0.41, kWristEnd = 0.13;
+/// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre,
+/// and its inner skin turns over where theta times depth exceeds 2 width / 1.25, see ramp().
+constexpr double kHingeWidth = 1.25, kRootWidth = 1.4;
+/// Half of the gap over which skin between two fingers passes from one to the other, over the radius.
+constexpr double kShare = 0.7;
+/// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the
+/// skin; and where it alone moves that of the thumb, whose muscles are in the palm.
+constexpr double kFree = -1.2, kThumbFree = 1.8;
+
+/// Rises from 0 at `from` to 1 at `to`, with a slope of at most 1.25 / (to - from).
+double ramp(double x, double from, double to) {
+  const double t = std::clamp((x - from) / (to - from), 0.0, 1.0);
+  return 0.5 * (t + t * t * (3 - 2 * t));
+}
+
+/// The least of both, rounded where they differ by less than k (quadratic; Quilez, "smooth minimum").
+Sample joined(const Sample& a, const Sample& b, double k) {
+  const bool first = a.d < b.d;
+  const Sample &near = first ? a : b, &far = first ? b : a;
+  const double h = k > 0 ? std::max(1 - (far.d - near.d) / k, 0.0) : 0;
+  return {near.d - h * h * k / 4, (1 - h / 2) * near.gradient + h / 2 * far.gradient};
+}
+
+/// Smooth union of flesh; what is further than `limit` is left out.
+Sample united(const std::vector<Flesh>& flesh, const Vec3& x, double k, double limit = 1e9) {
+  Sample out;
+  for (const Flesh& each : flesh)
+    if (each.bound(x) < std::min(out.d + k, limit)) out = joined(out, each.distance(x), k);
+  return out;
+}
+
+Flesh nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
+  return *std::ranges::min_element(flesh, {}, [&](const Flesh& each) { return each.distance(x).d; });
+}
+
+/// A shape at pose X_HB of its body; a box is as round as it can be.
+Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB) {
+  const Solid exact = solid(model.shapes[at(shape)], x_HB * model.shapes[at(shape)].pose);
+  const double round = is_capsule(exact) ? 0 : exact.half.minCoeff();
+  return {exact.pose, exact.half - Vec3::Constant(round), exact.round + round, exact.round + round, shape,
+          body};
+}
+
+}  // namespace
+
+Sample Flesh::distance(const Vec3& x) const {
+  const Vec3 local = pose.q.conjugate() * (x - pose.p);
+  const Vec3 away = local - local.cwiseMax(-half).cwiseMin(half);
+  const double share = half.z() > 0 ? std::clamp(0.5 + 0.5 * local.z() / half.z(), 0.0, 1.0) : 0;
+  const double radius = near + share * (far - near), out = away.norm();
+  if (out > 1e-9) return {out - radius, pose.q * (away / out)};
+  return {(local.cwiseAbs() - half).maxCoeff() - radius, pose.q * Vec3::UnitY()};
+}
+
+SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
+    : x_HW_((model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse()) {
+  add_palm(model, hand);
+  add_rays(model, hand);
+  spread();
+  shape_rays();
+  for (const Ray& ray : rays_)
+    for (const Flesh& each : ray.flesh) length = std::max(length, each.end().norm() + each.far);
+  add_wrist(hand.forearm.has_value());
+  add_web();
+  set_hinges();
+  for (const Flesh& each : all()) {
+    low = low.cwiseMin(each.pose.p - each.reach());
+    high = high.cwiseMax(each.pose.p + each.reach());
+  }
+  low.y() = std::max(low.y(), cut_);
+}
+
+std::vector<Flesh> SkinField::all() const {
+  std::vector<Flesh> out = palm_;
+  out.push_back(stump_);
+  for (const Ray& ray : rays_) out.insert(out.end(), ray.flesh.begin(), ray.flesh.end());
+  return out;
+}
+
+void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand) {
+  bodies = {hand.palm};
+  bodies.insert(bodies.end(), hand.palm_parts.begin(), hand.palm_parts.end());
+  for (const int body : bodies) rest.push_back(x_HW_ * model.bodies[at(body)].zero_pose);
+  for (std::size_t i = 0; i < model.shapes.size(); ++i) {
+    const auto found = std::ranges::find(bodies, model.shapes[i].body);
+    if (found == bodies.end()) continue;
+    const auto body = static_cast<int>(found - bodies.begin());
+    palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[at(body)]));
+    scale_ += palm_.back().near;
+  }
+  if (palm_.empty()) throw input_error(hand.name, "a palm without shapes", "one or more, for a skin");
+  scale_ /= static_cast<double>(palm_.size());
+}
+
+/// Joints come after those of their parents.
+void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand) {
+  const std::size_t roots = bodies.size();
+  std::vector<std::pair<int, std::size_t>> ray_of;  // bodies of rays, with those that have no shape
+  for (const int index : hand.joints) {
+    const model::Joint& joint = model.joints[at(index)];
+    if (joint.closes_loop || joint.child == hand.forearm ||
+        std::find(bodies.begin(), bodies.begin() + static_cast<long>(roots), joint.child) !=
+            bodies.begin() + static_cast<long>(roots))
+      continue;
+    const auto parent = std::ranges::find(ray_of, joint.parent, &std::pair<int, std::size_t>::first);
+    const std::size_t ray = parent == ray_of.end() ? rays_.size() : parent->second;
+    if (ray == rays_.size()) rays_.emplace_back();
+    ray_of.emplace_back(joint.child, ray);
+    const Pose x_HB = x_HW_ * model.bodies[at(joint.child)].zero_pose;
+    const auto body = static_cast<int>(bodies.size());
+    std::vector<Flesh>& flesh = rays_[ray].flesh;
+    const std::size_t before = flesh.size();
+    for (std::size_t i = 0; i < model.shapes.size(); ++i) {
+      if (model.shapes[i].body != joint.child) continue;
+      flesh.push_back(flesh_of(model, static_cast<int>(i), body, x_HB));
+      rays_[ray].thumb = model.shapes[i].part == model::Part::thumb;
+    }
+    if (flesh.size() == before) continue;
+    bodies.push_back(joint.child);
+    rest.push_back(x_HB);
+    rays_[ray].hinges.push_back({body, x_HB * joint.child_frame.p, Vec3::UnitY(), 0});
+  }
+  std::erase_if(rays_, [](const Ray& ray) { return ray.flesh.empty(); });
+}
+
+void SkinField::spread() {
+  std::vector<Ray*> fingers;
+  for (Ray& ray : rays_)
+    if (!ray.thumb) fingers.push_back(&ray);
+  std::ranges::sort(fingers, {}, [](const Ray* ray) { return ray->hinges[0].centre.x(); });
+  for (std::size_t i = 0; i < fingers.size(); ++i) {
+    const double angle = kSpread * (0.5 * static_cast<double>(fingers.size() - 1) - static_cast<double>(i));
+    const Quat turn(Eigen::AngleAxisd(angle, Vec3::UnitZ()));
+    const Vec3 centre = fingers[i]->hinges[0].centre;
+    const Pose turned = {centre - turn * centre, turn};
+    for (Flesh& each : fingers[i]->flesh) each.pose = turned * each.pose;
+    for (Hinge& hinge : fingers[i]->hinges) {
+      hinge.centre = turned * hinge.centre;
+      rest[at(hinge.body)] = turned * rest[at(hinge.body)];
+    }
+  }
+}
+
+/// Segments become cones that meet without a step, and their axes distal.
+void SkinField::shape_rays() {
+  for (Ray& ray : rays_) {
+    ray.radius = ray.flesh[0].near;
+    Flesh* before = nullptr;
+    for (Flesh& each : ray.flesh) {
+      const Vec3 joint = std::ranges::find(ray.hinges, each.body, &Hinge::body)->centre;
+      if ((each.end() - joint).norm() < (each.pose * Vec3(0, 0, -each.half.z()) - joint).norm())
+        each.pose.q = each.pose.q * Quat(Eigen::AngleAxisd(M_PI, Vec3::UnitX()));
+      if (before && before->body != each.body && (before->end() - joint).norm() < each.near)
+        before->far = each.near = 0.5 * (before->far + each.near);
+      before = &each;
+    }
+    // The fingertip stays where it is.
+    const double less = (1 - kTip) * before->far;
+    before->half.z() += less / 2;
+    before->pose.p += before->pose.q * Vec3(0, 0, less / 2);
+    before->far -= less;
+  }
+}
+
+/// From the carpus to where the arm is cut off.
+void SkinField::add_wrist(bool on_forearm) {
+  Vec3 from = Vec3::Constant(1e9), to = -from;
+  for (const Flesh& each : palm_) {
+    from = from.cwiseMin(each.pose.p - each.reach());
+    to = to.cwiseMax(each.pose.p + each.reach());
+  }
+  const double breadth = to.x() - from.x(), round = kWristThickness * breadth / 2;
+  // A forearm's cap hides the end.
+  cut_ = -(on_forearm ? 0.4 : 1) * kWristEnd * length;
+  const Vec3 half = {std::max(kWristWidth * breadth / 2 - round, 0.0), 0.5 * (round - cut_), 0};
+  const Vec3 centre = {(from.x() + to.x()) / 2, -half.y(), (from.z() + to.z()) / 2};
+  stump_ = {{centre, Quat::Identity()}, half, round, round, palm_[0].shape, palm_[0].body};
+}
+
+/// Strands from the thumb's first segment to its neighbour's metacarpal.
+void SkinField::add_web() {
+  const auto thumb = std::ranges::find(rays_, true, &Ray::thumb);
+  if (thumb == rays_.end()) return;
+  const Flesh& first = thumb->flesh[0];
+  const Vec3 base = thumb->hinges[0].centre;
+  const Ray* beside = nullptr;
+  const auto distance = [&](const Ray& ray) { return (ray.hinges[0].centre - first.end()).norm(); };
+  for (const Ray& ray : rays_)
+    if (!ray.thumb && (!beside || distance(ray) < distance(*beside))) beside = &ray;
+  if (!beside) return;
+  for (const double share : {0.5, 0.75, 1.0}) {
+    const Vec3 from = base + share * (first.end() - base);
+    const Vec3 to = base + 0.8 * share * (beside->hinges[0].centre - base);
+    Flesh strand = first;
+    strand.pose = {0.5 * (from + to), Quat::FromTwoVectors(Vec3::UnitZ(), to - from)};
+    strand.half = {0, 0, 0.5 * (to - from).norm()};
+    strand.near = kWebThickness * first.near;
+    strand.far = kWebThickness * scale_;
+    web_.push_back(strand);
+  }
+}
+
+void SkinField::set_hinges() {
+  for (Ray& ray : rays_) {
+    ray.embedded = -palm(ray.hinges[0].centre).d - ray.radius;
+    const auto distal = [&](const Hinge& hinge) {
+      return Vec3(std::ranges::find(ray.flesh, hinge.body, &Flesh::body)->pose.q * Vec3::UnitZ());
+    };
+    for (std::size_t i = 0; i < ray.hinges.size(); ++i) {
+      Hinge& hinge = ray.hinges[i];
+      hinge.along = (distal(hinge) + distal(ray.hinges[i > 0 ? i - 1 : 0])).normalized();
+      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(-(*this)(hinge.centre).d, 0.5 * ray.radius);
+    }
+  }
+}
+
+Sample SkinField::palm(const Vec3& x) const {
+  Sample out = united(palm_, x, kPalmBlend * scale_);
+  out = joined(out, stump_.distance(x), kWristBlend * scale_);
+  out.d += kInset * scale_;
+  return out;
+}
+
+Sample SkinField::operator()(const Vec3& x) const {
+  Sample out = palm(x);
+  // Beyond their roots fingers do not melt, nor the thumb with the hand.
+  const double at_root = std::clamp(1.5 - out.d / scale_, 0.0, 1.0);
+  const double limit = std::max(out.d, 0.0) + 2 * scale_;
+  Sample fingers, thumb;
+  for (const Ray& ray : rays_) {
+    Sample& group = ray.thumb ? thumb : fingers;
+    group = joined(group, united(ray.flesh, x, kJointBlend * ray.radius, std::min(limit, group.d + scale_)),
+                   at_root * kFingerBlend * scale_);
+  }
+  if (!web_.empty()) thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
+  out = joined(out, fingers, at_root * kRootBlend * scale_);
+  out = joined(out, thumb, at_root * kThumbBlend * scale_);
+  Sample inside = {-out.d, -out.gradient};
+  inside = joined(inside, {x.y() - cut_, Vec3::UnitY()}, 0.3 * scale_);
+  return {-inside.d, -inside.gradient};
+}
+
+Eigen::RowVectorXf SkinField::shares(const Vec3& x) const {
+  const double palm_distance = palm(x).d;
+  std::vector<double> distances;
+  for (const Ray& ray : rays_) distances.push_back(united(ray.flesh, x, kJointBlend * ray.radius).d);
+  Eigen::RowVectorXf out(static_cast<long>(rays_.size()));
+  for (std::size_t i = 0; i < rays_.size(); ++i) {
+    const Ray& ray = rays_[i];
+    double share = ramp(palm_distance - distances[i] + ray.embedded, kFree * ray.radius,
+                        (ray.thumb ? kThumbFree : 0) * ray.radius);
+    for (std::size_t k = 0; k < rays_.size(); ++k) {
+      const double width = kShare * (ray.radius + rays_[k].radius) / 2;
+      if (k != i) share *= ramp(distances[k] - distances[i], -width, width);
+    }
+    out[static_cast<long>(i)] = static_cast<float>(share);
+  }
+  return out;
+}
+
+Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& shares) const {
+  Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
+  const int palm_body = nearest(palm_, x).body;
+  out[palm_body] = 1;
+  for (std::size_t i = 0; i < rays_.size(); ++i) {
+    auto share = static_cast<double>(shares[static_cast<long>(i)]);
+    int from = palm_body;
+    for (const Hinge& hinge : rays_[i].hinges) {
+      share *= ramp(hinge.along.dot(x - hinge.centre), -hinge.width, hinge.width);
+      out[hinge.body] += share;
+      out[from] -= share;
+      from = hinge.body;
+    }
+  }
+  return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
+}
+
+double SkinField::beyond_palm(const Vec3& x) const {
+  Sample fingers;
+  for (const Ray& ray : rays_) fingers = joined(fingers, united(ray.flesh, x, kJointBlend * ray.radius), 0);
+  return std::clamp((palm(x).d - fingers.d) / scale_, -9.0, 9.0);
+}
+
+int SkinField::nearest_shape(const Vec3& x) const { return nearest(all(), x).shape; }
+
+}  // namespace handsim::output

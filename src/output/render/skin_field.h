@@ -1,0 +1,90 @@
+// The distance field that a hand's skin is the zero of.
+#pragma once
+
+#include <vector>
+
+#include "handsim/model/model.h"
+
+namespace handsim::output {
+
+/// A value and its gradient.
+struct Sample {
+  double d = 1e9;  ///< [m], negative inside
+  Vec3 gradient = Vec3::UnitZ();
+};
+
+/// All points within a radius of a box, which has no width in a capsule; the radius may change along z.
+struct Flesh {
+  Pose pose;                 ///< X_HS in the spread hand
+  Vec3 half = Vec3::Zero();  ///< of the box [m]
+  double near = 0, far = 0;  ///< radius at the box's lower and upper end [m]
+  int shape = 0;             ///< index into Model::shapes
+  int body = 0;              ///< index into SkinField::bodies
+
+  Sample distance(const Vec3& x) const;
+  /// Less than distance(), and cheaper.
+  double bound(const Vec3& x) const { return (x - pose.p).norm() - half.norm() - std::max(near, far); }
+  Vec3 end() const { return pose * Vec3(0, 0, half.z()); }
+  /// Half of the box about it along the axes of the hand.
+  Vec3 reach() const {
+    return pose.q.toRotationMatrix().cwiseAbs() * half + Vec3::Constant(std::max(near, far));
+  }
+};
+
+/// A body that a joint moves: skin beyond a plane through the joint moves with it.
+struct Hinge {
+  int body = 0;                ///< index into SkinField::bodies
+  Vec3 centre = Vec3::Zero();  ///< of the joint, in the spread hand [m]
+  Vec3 along = Vec3::UnitY();  ///< normal of the plane, distal
+  double width = 0;            ///< half of that over which the share of the body rises from 0 to 1 [m]
+};
+
+/// A finger: bodies from a joint with the palm outward.
+struct Ray {
+  bool thumb = false;
+  std::vector<Flesh> flesh;
+  std::vector<Hinge> hinges;  ///< by body, from the palm
+  double radius = 0;          ///< of its first segment [m]
+  double embedded = 0;        ///< depth of the first segment in the palm at its joint [m]
+};
+
+/// In the hand frame, fingers spread.
+class SkinField {
+ public:
+  SkinField(const model::Model& model, const model::HandIndex& hand);
+
+  /// Negative within the skin.
+  Sample operator()(const Vec3& x) const;
+  /// Shares of the fingers in the motion of skin at a point, as far as it is beyond their first joints.
+  Eigen::RowVectorXf shares(const Vec3& x) const;
+  /// Shares of the bodies there; they sum to 1.
+  Eigen::RowVectorXf weights(const Vec3& x, const Eigen::RowVectorXf& shares) const;
+  int nearest_shape(const Vec3& x) const;
+  /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.
+  double beyond_palm(const Vec3& x) const;
+
+  std::vector<int> bodies;                       ///< indices into Model::bodies, the palm first
+  std::vector<Pose> rest;                        ///< X_HB, spread
+  Vec3 low = Vec3::Zero(), high = Vec3::Zero();  ///< bounds [m]
+  double length = 0;                             ///< from the wrist to the farthest fingertip [m]
+
+ private:
+  void add_palm(const model::Model& model, const model::HandIndex& hand);
+  void add_wrist(bool on_forearm);
+  void add_rays(const model::Model& model, const model::HandIndex& hand);
+  void spread();
+  void shape_rays();
+  void add_web();
+  void set_hinges();
+  Sample palm(const Vec3& x) const;
+  std::vector<Flesh> all() const;
+
+  Pose x_HW_;  ///< with all coordinates at zero
+  std::vector<Flesh> palm_, web_;
+  Flesh stump_;  ///< of the arm
+  std::vector<Ray> rays_;
+  double scale_ = 0;  ///< half the palm's thickness [m]
+  double cut_ = 0;    ///< y of the plane that ends the wrist [m]
+};
+
+}  // namespace handsim::output
