@@ -156,6 +156,14 @@ RolloutsArguments study_of(const RunArguments& arguments) {
   return of;
 }
 
+/// @throws Error (input) for options that many runs cannot have.
+void check_many(const RunArguments& of) {
+  if (of.frames > 0 || of.pose_pictures || of.video || of.plots || of.snapshot_at || of.from_snapshot ||
+      of.expected_hash || of.json || of.quiet)
+    throw input_error("--uncertain", "options of one run",
+                      "--out, --set, --engine and --report alone, or --rollout beside it");
+}
+
 /// A scene, or one of a study's rollouts.
 /// @param stop_lost whether the study ends a run that is decided.
 scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
@@ -219,7 +227,10 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
   if (arguments.report) output::require_three();
-  if (arguments.uncertain && !arguments.rollout) return rollouts_command(study_of(arguments));
+  if (arguments.uncertain && !arguments.rollout) {
+    check_many(arguments);
+    return rollouts_command(study_of(arguments));
+  }
   scene::Scene scene = scene_of(arguments, stop_lost);
   if (arguments.report) record_contacts(scene);
   print_warnings(scene.warnings);

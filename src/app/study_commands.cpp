@@ -90,9 +90,7 @@ void add_accuracy(CommandLine& line) {
 }
 
 int validate_command(const Asked<study::ValidateOptions>& asked) {
-  study::StudyRun run = asked.run;
-  run.tell = print_text;
-  return print_study(study::validate(asked, run), run.out);
+  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::validate(asked, run); });
 }
 
 void add_validate(CommandLine& line) {

@@ -167,10 +167,16 @@ void RolloutStudy::add_uncertain(const scene::Scene& scene) {
     return node && node->kind == YamlNode::Kind::scalar ? any_quantity(node->text) : std::nullopt;
   };
   const bool muscles = scene.spec.solver.effects.has(model::Effect::muscles);
-  for (std::size_t i = 0; i < scene.spec.hands.size(); ++i)
-    for (const std::string& name :
-         hand::uncertain_of(*scene.spec.hands[i].model, scene.spec.hands[i].person, muscles))
-      vary(fmt::format("hands.{}.person.deviations.{}", i, name), 0, 1);
+  const std::vector<scene::HandEntry>& hands = scene.spec.hands;
+  // Both hands of a person differ from what is predicted alike.
+  const bool one = std::ranges::all_of(hands, [&](const scene::HandEntry& hand) {
+    return hand::same_body(hand.person, hands.front().person) && hand.model == hands.front().model;
+  });
+  for (std::size_t i = 0; i < (one ? std::min<std::size_t>(1, hands.size()) : hands.size()); ++i)
+    for (const std::string& name : hand::uncertain_of(*hands[i].model, hands[i].person, muscles))
+      vary(fmt::format("hands.{}.person.deviations.{}", one && hands.size() > 1 ? "*" : std::to_string(i),
+                       name),
+           0, 1);
   const YamlNode* contacts = scene.resolved.find("contacts");
   const YamlNode* materials = contacts ? contacts->find("materials") : nullptr;
   for (std::size_t i = 0; materials && i < materials->items.size(); ++i)

@@ -21,6 +21,8 @@ namespace {
 
 /// Of more outcomes than this each is told in one line, and the first are drawn.
 constexpr std::size_t kTold = 6;
+/// The same of more outcomes and keys together.
+constexpr std::size_t kMostLines = 30;
 
 /// How many rows ended in each way.
 std::map<std::string, long> endings(const Table& table) {
@@ -182,6 +184,16 @@ std::string variance_text(const OutcomeEffects& of) {
   return of.variance.empty() ? "" : fmt::format("  variance of {}: {}\n", of.name, owners_text(of.variance));
 }
 
+/// The owners by the last words of their keys.
+std::string short_owners(std::vector<VarianceShare> shares) {
+  for (VarianceShare& each : shares)
+    for (std::size_t at; (at = each.of.find("hands.")) != std::string::npos;)
+      each.of.erase(at, each.of.find("deviations.", at) == std::string::npos
+                            ? 6
+                            : each.of.find("deviations.", at) + 11 - at);
+  return owners_text(shares);
+}
+
 /// An outcome in one line; nothing of one that does not vary.
 std::string line_of(const OutcomeEffects& of) {
   if (!of.varies()) return "";
@@ -190,7 +202,7 @@ std::string line_of(const OutcomeEffects& of) {
                      of.all->value,
                      of.verdict ? fmt::format("({:.3f} to {:.3f}, 95 %)", of.all->low, of.all->high)
                                 : fmt::format("{:.4g} to {:.4g}", low, high),
-                     owners_text(of.variance));
+                     short_owners(of.variance));
 }
 
 }  // namespace
@@ -225,7 +237,7 @@ std::string rollouts_screen(const Table& table) {
       fmt::format("{}\n  {} rollouts: {}\n", table.head.title, table.head.size, fmt::join(parts, ", "));
   const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
   for (const OutcomeEffects& of : outcomes) {
-    if (outcomes.size() > kTold) {
+    if (outcomes.size() > kTold || outcomes.size() * of.keys.size() > kMostLines) {
       if (&of == &outcomes.front())
         out += fmt::format("\n  {:<34} {:>11}  {:<25} {}\n", "figure", "mean", "nine in ten", "variance of");
       out += line_of(of);
@@ -251,10 +263,8 @@ std::string rollouts_screen(const Table& table) {
 bool write_rollouts(const Table& table, const std::filesystem::path& out) {
   write_hdf5(table, out / "rollouts.h5");
   std::vector<OutcomeEffects> outcomes = outcome_effects(table);
-  if (outcomes.size() > kTold) {
-    std::erase_if(outcomes, [](const OutcomeEffects& of) { return !of.varies(); });
-    outcomes.resize(std::min(outcomes.size(), kTold));
-  }
+  std::erase_if(outcomes, [&](const OutcomeEffects& of) { return of.name != "held" && !of.varies(); });
+  outcomes.resize(std::min(outcomes.size(), kTold));
   Report report;
   report.csv = csv_of(table);
   report.data = plot_data(outcomes);

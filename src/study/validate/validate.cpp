@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <mutex>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -224,13 +225,16 @@ class SimulatedScenes {
 };
 
 /// Draws hands of each person, and measures all rows that are no simulations on them.
-void draw_hands(const ValidateSpec& spec, int count, ValidateResult& out) {
+void draw_hands(const ValidateSpec& spec, int count, const std::function<void(double)>& progress,
+                ValidateResult& out) {
   std::map<std::string, UncertainPersons> drawn;
   for (const auto& [name, person] : spec.people)
     drawn.emplace(name, uncertain_persons(spec.hand, person, true, count));
   std::vector<std::vector<double>> ours(out.rows.size(), std::vector<double>(at(count)));
   std::atomic<int> next = 0;
   std::atomic<bool> stop = false;
+  std::mutex mutex;
+  double done = 0;
   in_threads(0, stop, [&] {
     for (int i = next++; i < count && !stop; i = next++) {
       std::map<std::string, Subject> subjects;
@@ -242,6 +246,8 @@ void draw_hands(const ValidateSpec& spec, int count, ValidateResult& out) {
             // Such a hand has no posture in which moments balance.
             ours[r][at(i)] = NAN;
           }
+      const std::lock_guard lock(mutex);
+      if (progress) progress(++done / count);
     }
   });
   double rows = 0, inside = 0;
@@ -267,7 +273,7 @@ bool ValidateResult::passed() const {
 }
 
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs,
-                            std::optional<int> uncertain) {
+                            std::optional<int> uncertain, const std::function<void(double)>& progress) {
   std::map<std::string, Subject> subjects;
   for (const auto& [name, person] : spec.people) subjects.emplace(name, Subject(spec.hand, person));
   ValidateResult out;
@@ -292,7 +298,7 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
     out.rows.push_back(row);
   }
   out.share = within / std::max(1.0, measured);
-  if (uncertain) draw_hands(spec, *uncertain, out);
+  if (uncertain) draw_hands(spec, *uncertain, progress, out);
   return out;
 }
 

@@ -94,7 +94,8 @@ void read_validate(YamlNode& root, Diagnostics& diagnostics);
 /// @param runs folder for the files of simulations; absent: these rows are not measured
 /// @param uncertain hands drawn of each person, for rows that are no simulations
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {},
-                            std::optional<int> uncertain = {});
+                            std::optional<int> uncertain = {},
+                            const std::function<void(double)>& progress = {});
 std::string validate_table(const ValidateSpec& spec, const ValidateResult& result);
 std::string validate_csv(const ValidateResult& result);
 /// Writes validate.csv, validate.json, and a plot of the differences over the spreads by kind. @return false

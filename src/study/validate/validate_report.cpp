@@ -205,8 +205,8 @@ StudyEnd validate(const ValidateOptions& options, const StudyRun& run) {
   if (!run.out.empty())
     folder.emplace(run.out, report_files("validate", {"validate"}),
                    [&] { return std::vector<std::filesystem::path>{file}; });
-  const ValidateResult result =
-      run_validate(spec, options.runs ? std::optional(run.out / "runs") : std::nullopt, options.uncertain);
+  const ValidateResult result = run_validate(
+      spec, options.runs ? std::optional(run.out / "runs") : std::nullopt, options.uncertain, run.progress);
   StudyEnd end{spec.title + "\n\n" + validate_table(spec, result)};
   end.passed = result.passed();
   tell(run, end);
