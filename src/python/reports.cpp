@@ -2,6 +2,7 @@
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
 #include "handsim/python/bindings.h"
+#include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
 
 namespace handsim::python {

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdarg>
-#include <cstdio>
 #include <cstdlib>
 #include <mutex>
 
