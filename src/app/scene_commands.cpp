@@ -44,8 +44,8 @@ void add_hand(CommandLine& line) {
   hand.add_option("--uncertain", arguments->uncertain,
                   "draw as many hands within what is uncertain: intervals of all figures, and what owns them")
       ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
-  CLI::Option* population =
-      hand.add_option("--population", arguments->population, "of a survey, in place of a person: percentiles of its hands");
+  CLI::Option* population = hand.add_option("--population", arguments->population,
+                                            "of a survey, in place of a person: percentiles of its hands");
   add_words(population, "ansur2");
   hand.add_option("--percentile", arguments->percentiles, "of these; may be repeated (default 5, 50 and 95)")
       ->check(number_from(0, 100, false, "a percentile, 0 to 100"))
@@ -93,9 +93,10 @@ void add_run(CommandLine& line) {
   run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
       ->check(from_0)
       ->needs(rollout);
-  run.add_option("--uncertain", arguments->uncertain,
-                 "as many runs with hands drawn within what is uncertain of them: figures with intervals, and "
-                 "which inputs own their variance")
+  run.add_option(
+         "--uncertain", arguments->uncertain,
+         "as many runs with hands drawn within what is uncertain of them: figures with intervals, and "
+         "which inputs own their variance")
       ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")

@@ -67,8 +67,10 @@ int with_bar(const study::StudyRun& asked, const Study& study, bool json = false
   return print_study(end, asked.out, json);
 }
 
-int accuracy_command(const Asked<study::AccuracyOptions>& asked) {
-  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::accuracy(asked, run); });
+/// The command of a study with a progress bar.
+template <auto kStudy, class Options>
+int bar_command(const Asked<Options>& asked) {
+  return with_bar(asked.run, [&](const study::StudyRun& run) { return kStudy(asked, run); });
 }
 
 void add_accuracy(CommandLine& line) {
@@ -76,7 +78,7 @@ void add_accuracy(CommandLine& line) {
   CLI::App& accuracy =
       line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
                "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
-               accuracy_command, asked);
+               bar_command<study::accuracy, study::AccuracyOptions>, asked);
   add_input(accuracy, "study", asked->study, "study file")->required();
   add_out(accuracy, asked->run.out, "folder for the study's files");
   accuracy
@@ -103,15 +105,12 @@ void add_validate(CommandLine& line) {
   validate.add_option("measurements", asked->file, "file of measurements (default: the installed ones)");
   CLI::Option* out = validate.add_option("--out", asked->run.out, "folder for the study's files and runs/");
   validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);
-  validate.add_option("--uncertain", asked->uncertain,
-                      "draw as many hands within what is uncertain: intervals of all rows, and how many measured "
-                      "values they cover")
+  validate
+      .add_option("--uncertain", asked->uncertain,
+                  "draw as many hands within what is uncertain: intervals of all rows, and how many measured "
+                  "values they cover")
       ->check(number_from(2, 1e5, true, "a whole number of hands, from 2"));
   add_report_flag(validate, asked->run)->needs(out);
-}
-
-int stability_command(const Asked<study::StabilityOptions>& asked) {
-  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::stability(asked, run); });
 }
 
 void add_stability(CommandLine& line) {
@@ -119,7 +118,8 @@ void add_stability(CommandLine& line) {
   CLI::App& stability = line.add(
       "stability",
       "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures",
-      "handsim stability config/stability.yaml --out out/stability --quick", stability_command, asked);
+      "handsim stability config/stability.yaml --out out/stability --quick",
+      bar_command<study::stability, study::StabilityOptions>, asked);
   add_input(stability, "study", asked->study, "study file")->required();
   add_out(stability, asked->run.out, "folder for the study's files");
   stability.add_option("--case", asked->cases, "run this case alone; may be repeated")

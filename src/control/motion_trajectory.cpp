@@ -73,8 +73,7 @@ class HandTable {
  private:
   std::optional<std::size_t> axis_of(const std::string& name) const {
     const bool own = name.starts_with(hand_.hand + ".");
-    const std::string axis = own ? name.substr(hand_.hand.size() + 1) : name;
-    const auto found = std::ranges::find(axes_, axis);
+    const auto found = std::ranges::find(axes_, own ? name.substr(hand_.hand.size() + 1) : name);
     if (found == axes_.end()) return std::nullopt;
     return static_cast<std::size_t>(found - axes_.begin());
   }

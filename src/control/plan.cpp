@@ -68,8 +68,7 @@ Trajectory make_trajectory(const HandDraft& hand, const ProgramChoice& choice, c
                            Diagnostics& diagnostics) {
   const PoseFile& file = input.poses ? *input.poses : kNoPoses;
   if (is_motion_file(choice.program)) {
-    const std::filesystem::path path =
-        std::filesystem::path(choice.place.file).parent_path() / choice.program;
+    const auto path = std::filesystem::path(choice.place.file).parent_path() / choice.program;
     std::vector<bool> driven;
     for (const auto& gains : hand.stated) driven.push_back(gains.has_value());
     try {
@@ -137,8 +136,7 @@ Gains make_gains(const AxisGains& stated, double inertia) {
 
 void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Plan& plan) {
   Eigen::VectorXd effective = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.axes.axes.size()));
-  for (const Eigen::MatrixXd& inertia : hand.inertias)
-    effective = effective.cwiseMax(effective_inertia(inertia));
+  for (const auto& inertia : hand.inertias) effective = effective.cwiseMax(effective_inertia(inertia));
   for (std::size_t i = 0; i < hand.stated.size(); ++i) {
     if (!hand.stated[i]) continue;
     const HandAxis& from = hand.axes.axes[i];

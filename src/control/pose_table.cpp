@@ -92,8 +92,7 @@ struct PoseSamples {
 
   void add(double time, const Pose& pose) {
     // q and -q are one rotation: the one nearer to the last.
-    const bool turned = !times.empty() && pose.q.dot(last_) < 0;
-    last_ = turned ? Quat(-pose.q.coeffs()) : pose.q;
+    last_ = !times.empty() && pose.q.dot(last_) < 0 ? Quat(-pose.q.coeffs()) : pose.q;
     times.push_back(time);
     const Vec3& p = pose.p;
     values.insert(values.end(), {p.x(), p.y(), p.z(), last_.w(), last_.x(), last_.y(), last_.z()});

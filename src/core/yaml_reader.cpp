@@ -157,8 +157,7 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
 std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, number_form(quantity, {}, false));
   const YamlNode* found = find(key);
-  if (!found) return std::nullopt;
-  return number_at(*found, key, quantity);
+  return found ? number_at(*found, key, quantity) : std::nullopt;
 }
 
 int MapReader::integer(std::string_view key, int min, int max, int fallback) {

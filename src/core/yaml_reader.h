@@ -84,8 +84,7 @@ class MapReader {
     for (const auto& word : words) names.push_back(word.first);
     const std::optional<std::string_view> default_name =
         fallback ? std::optional(name_of(words, *fallback)) : std::nullopt;
-    const std::size_t index = choice_index(key, names, default_name);
-    return words[index].second;
+    return words[choice_index(key, names, default_name)].second;
   }
 
   /// True if the key exists. Makes it a known key.

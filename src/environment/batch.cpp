@@ -206,8 +206,7 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
     return out;
   };
   auto& others = impl_->others;
-  auto other =
-      std::find_if(others.begin(), others.end(), [&](const auto& each) { return each.scene == scene; });
+  auto other = std::ranges::find_if(others, [&](const auto& each) { return each.scene == scene; });
   if (other == others.end()) {
     const std::shared_ptr<scene::Scene> shared = Environment::lean(*scene);
     Environment first(shared, impl_->setup.environment, true, nullptr);

@@ -84,8 +84,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
     options.progress = [&hooks](double share) { hooks.share = share; };
     const study::RolloutStudy study(std::move(spec));
     const output::OutputFolder folder(out, study::rollout_files());
-    const study::RolloutsResult result =
-        study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
+    const auto result = study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
     if (result.done < result.size) return std::string();
     study::finish_study(out, study::rollouts_commands(file, overrides, seed), false);
     return study::rollouts_screen(result.table);

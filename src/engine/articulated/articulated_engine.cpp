@@ -26,11 +26,6 @@ bool smooth(const Settings& settings) {
   return settings.articulated().method != ArticulatedMethod::semi_implicit_euler;
 }
 
-bool has_forces(const model::JointAxis& axis, const model::Effects& effects) {
-  return (axis.stop && effects.has(model::Effect::joint_stops)) ||
-         (axis.tissue && effects.has(model::Effect::passive_tissue));
-}
-
 bool same_motion(const model::State& a, const model::State& b) {
   const auto same = [](const model::BodyState& x, const model::BodyState& y) {
     return x.p == y.p && x.q.coeffs() == y.q.coeffs() && x.v == y.v && x.w == y.w;
@@ -49,7 +44,8 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
       momentum_(mechanism_) {
   for (const Cut& cut : mechanism_.topology().cuts)
     for (const model::JointAxis& axis : model.joints[at(cut.joint)].axes)
-      if (has_forces(axis, settings.effects))
+      if ((axis.stop && settings.effects.has(model::Effect::joint_stops)) ||
+          (axis.tissue && settings.effects.has(model::Effect::passive_tissue)))
         throw input_error(model.joints[at(cut.joint)].name, "a stop or tissue on every joint of a loop",
                           "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);

@@ -127,12 +127,6 @@ class Euler final : public Integrator {
   double erp_;
 };
 
-Mat3 cross_matrix(const Vec3& v) {
-  Mat3 out;
-  out << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return out;
-}
-
 }  // namespace
 
 std::unique_ptr<Integrator> make_euler(System system, const Settings& settings) {

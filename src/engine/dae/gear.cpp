@@ -324,8 +324,7 @@ Ida::Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope)
 Vector Ida::advance(double time, double limit) {
   if (std::isfinite(limit)) IDASetStopTime(ida_.get(), limit);
   double reached = 0;
-  const int flag = IDASolve(ida_.get(), time, &reached, y_.get(), slope_.get(), IDA_NORMAL);
-  if (flag < 0) {
+  if (IDASolve(ida_.get(), time, &reached, y_.get(), slope_.get(), IDA_NORMAL) < 0) {
     IDAGetCurrentTime(ida_.get(), &reached);
     throw IdaFailure{reached, worst_unknown(), message_};
   }

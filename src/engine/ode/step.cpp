@@ -153,8 +153,7 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
     if (!again) return true;
     const bool revised = contacts_->revise_limits();
     const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
-    const bool failed = report.lcp_failures > 0;
-    if (!wrong || (pass >= passes && !(failed && rigid_limits))) return true;
+    if (!wrong || (pass >= passes && !(report.lcp_failures > 0 && rigid_limits))) return true;
     // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
     if (pass >= passes) rigid_limits = false;
     contacts_->release();

@@ -143,8 +143,7 @@ class MjcfWriter {
   }
 
   void child(const model::Joint& joint, int indent) {
-    const Pose zero = joint.parent_frame * joint.child_frame.inverse();
-    open(joint.child, zero, indent);
+    open(joint.child, joint.parent_frame * joint.child_frame.inverse(), indent);
     if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
     close(joint.child, indent);
   }

@@ -212,8 +212,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       block,
       [&](const YamlEntry& entry) -> std::optional<std::string> {
         // A guard in the file is for the file's own engine.
-        const bool ignored = entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value);
-        if (ignored) return "";
+        if (entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value)) return "";
         for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
           if (entry.key == key) return "nothing: engine auto chooses it";
         return std::nullopt;

@@ -119,8 +119,7 @@ Peak Monitor::joint_gap() const {
 
 Peak Monitor::stop_rest(const model::State& state) const {
   Peak worst;
-  for (const StoppedAxis& stopped : stopped_)
-    worst.raise(stopped.overshoot_in(state), state.time, stopped.name());
+  for (const auto& stopped : stopped_) worst.raise(stopped.overshoot_in(state), state.time, stopped.name());
   return worst;
 }
 

@@ -186,8 +186,7 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
     std::fill_n(a.high, W, std::numeric_limits<double>::infinity());
   } else {
     // Empty lanes have the identity as pose.
-    const int w_at = b.kind == NodeKind::ball ? 3 : 6;
-    std::fill_n(tree_.q + b.q + w_at * W, W, 1.0);
+    std::fill_n(tree_.q + b.q + (b.kind == NodeKind::ball ? 3 : 6) * W, W, 1.0);
     std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
   }
   b.link = first.parent ? ParentLink::aligned : ParentLink::base;

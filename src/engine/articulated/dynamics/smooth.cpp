@@ -122,8 +122,7 @@ bool Smooth::advance(double from, double to) {
     if (driven_) apply_velocity_jumps(t);
     const double end = std::min(to, next_key_time_);
     std::copy(mechanism_.q().begin(), mechanism_.q().end(), y_.begin());
-    std::copy(mechanism_.u().begin(), mechanism_.u().end(),
-              y_.begin() + static_cast<std::ptrdiff_t>(mechanism_.q().size()));
+    std::ranges::copy(mechanism_.u(), y_.begin() + static_cast<std::ptrdiff_t>(mechanism_.q().size()));
     if (!integrate(t, end)) return false;
     t = end;
   }

@@ -56,10 +56,7 @@ const Kernel& choose_kernel(const std::vector<int>& level_sizes) {
     // A wider batch costs more: cache lines and slower divisions. The penalty of 6 % per lane is chosen, not
     // measured.
     double cost = 0;
-    for (const int size : level_sizes) {
-      const int batches = (size + kernel->width - 1) / kernel->width;
-      cost += batches;
-    }
+    for (const int size : level_sizes) cost += (size + kernel->width - 1) / kernel->width;
     cost *= 1 + 0.06 * (kernel->width - 1);
     if (kernel->width > 1 && !(cost < least)) continue;
     best = kernel;

@@ -249,8 +249,7 @@ class GroupOf final : public LaneGroup {
   template <class Item>
   static std::size_t numbers_of(const Item& item) {
     const auto until = [&](const auto& member) {
-      return static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&member) -
-                                      reinterpret_cast<const std::byte*>(&item)) /
+      return at(reinterpret_cast<const std::byte*>(&member) - reinterpret_cast<const std::byte*>(&item)) /
              sizeof(Lane<W>);
     };
     if constexpr (std::is_same_v<Item, Batch<W>>)
