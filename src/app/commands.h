@@ -22,8 +22,8 @@ struct HandArguments {
   std::map<std::string, std::string> measures;  ///< by key of a person file
   std::optional<std::filesystem::path> model;   ///< absent: the installed anatomical hand
   std::string side = "both";
-  std::optional<int> uncertain;              ///< hands that are drawn
-  std::optional<std::string> population;     ///< in place of a person: percentiles of its hands
+  std::optional<int> uncertain;           ///< hands that are drawn
+  std::optional<std::string> population;  ///< in place of a person: percentiles of its hands
   std::vector<double> percentiles = {5, 50, 95};
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };
@@ -58,11 +58,11 @@ int schema_command(const SchemaArguments& arguments);
 struct RunArguments : simulation::RunOptions {
   std::filesystem::path scene;
   std::vector<std::string> overrides;
-  std::optional<int> rollout;  ///< of the study that stands in the scene's place
+  std::optional<int> rollout;    ///< of the study that stands in the scene's place
   std::optional<int> uncertain;  ///< draws of the scene's hands
-  std::optional<int> seed;     ///< in place of the study's
-  bool report = false;         ///< writes report.html
-  bool passing = false;        ///< the folder is removed afterwards, and is not named
+  std::optional<int> seed;       ///< in place of the study's
+  bool report = false;           ///< writes report.html
+  bool passing = false;          ///< the folder is removed afterwards, and is not named
   bool quiet = false;
   bool json = false;
 };

@@ -12,7 +12,6 @@ namespace handsim::app {
 
 namespace {
 
-/// The options that say whose hands.
 void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
   add_input(hand, "--person", arguments->person, "person file (in place of --stature, --mass, --sex)",
             "config/persons");

@@ -45,7 +45,6 @@ void add_grasp(CommandLine& line) {
   add_drawing(grasp, arguments->video, arguments->gl, "in each run's folder: a name without one");
 }
 
-/// What a study's command was told.
 template <class Options>
 struct Asked : Options {
   study::StudyRun run;

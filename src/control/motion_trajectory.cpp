@@ -17,7 +17,6 @@ constexpr std::size_t kMostPlaces = 5;
 /// No joint turns this far [rad]; also the largest angle of a table in degrees that may be in radians.
 constexpr double kLargestTurn = 2 * M_PI;
 
-/// Where an axis of the hand gets its angles from.
 struct Source {
   std::optional<std::size_t> column;
   double sign = 1, offset = 0;         ///< of a renamed column
@@ -25,7 +24,6 @@ struct Source {
   std::optional<std::size_t> leader;   ///< axis that the coupling names
 };
 
-/// A table for one hand.
 class HandTable {
  public:
   HandTable(const MotionTable& table, const HandAxes& hand, const MotionOptions& options)

@@ -16,7 +16,6 @@ namespace {
 /// Largest number of postures of a trajectory for the design of gains and the check of stability.
 constexpr std::size_t kMaxPostures = 100;
 
-/// Intermediate data of a hand.
 struct HandDraft {
   const model::HandIndex* index = nullptr;
   HandAxes axes;
@@ -172,7 +171,6 @@ void limit_by_muscles(const model::Model& model, Plan& plan) {
       axis.gains.torque_limit = std::min(axis.gains.torque_limit, most);
 }
 
-/// Stability of one hand's explicit gains at the worst posture.
 Stability worst_stability(const HandDraft& hand, std::size_t hand_index, const Plan& plan, double step) {
   const auto n = static_cast<Eigen::Index>(hand.axes.axes.size());
   Eigen::VectorXd proportional = Eigen::VectorXd::Zero(n), derivative = Eigen::VectorXd::Zero(n);

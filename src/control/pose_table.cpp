@@ -16,7 +16,6 @@ namespace {
 
 constexpr double kKeyInterval = 1e-3;  ///< of the keyframes of a table [s]
 
-/// Columns of one hand's wrist.
 class WristColumns {
  public:
   WristColumns(const MotionTable& table, const std::string& hand) : table_(table), hand_(hand) {}
@@ -62,7 +61,6 @@ Vec3 vector_at(const MotionTable& table, std::size_t row, const std::array<std::
   return {table.at(row, columns[0]), table.at(row, columns[1]), table.at(row, columns[2])};
 }
 
-/// The columns of rotation that a table has.
 struct RotationColumns {
   std::optional<std::array<std::size_t, 4>> quaternion;
   Three vector, axis;
@@ -102,8 +100,7 @@ struct PoseSamples {
   Quat last_ = Quat::Identity();
 };
 
-/// A spline through the samples as keyframes that stand close together: engines take a wrist's velocity from
-/// its poses, and straight lines between recorded samples would give it a jerk at each of them.
+/// A spline through samples, as dense keyframes: straight lines would give the wrist a jerk at each of them.
 model::PoseMotion splined(PoseSamples samples) {
   model::PoseMotion out;
   out.interpolation = model::Interpolation::linear;

@@ -43,7 +43,6 @@ void set_pose(State& state, int body, const Pose& x_WB) {
   target.q = x_WB.q;
 }
 
-/// Every body at rest at its zero pose.
 State zero_state(const Model& model) {
   State state;
   state.bodies.resize(model.bodies.size());

@@ -20,8 +20,7 @@ std::shared_ptr<scene::Scene> with_forces(const SceneHandle& of, bool contact_fo
   return out;
 }
 
-/// Steps between two chances for Python's signal handlers.
-constexpr long kPolledEvery = 16;
+constexpr long kPolledEvery = 16;  ///< Steps between two chances for Python's signal handlers.
 /// Parts of an observation, in the order of Muscles in _simulation.py.
 const std::vector<std::string> kMuscleParts = {"excitation",  "activation",    "fibre_length",
                                                "fibre_speed", "tendon_length", "tendon_force"};

@@ -17,8 +17,7 @@ namespace {
 
 using std::filesystem::path;
 
-// Each study writes the files of its command into a folder, and returns the text that the command prints: the
-// Python side reads its tables from the files.
+// Each study writes its command's files into a folder; returns the command's text. Python reads the files.
 
 std::string accuracy(const path& study, const path& out, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {

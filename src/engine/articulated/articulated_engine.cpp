@@ -190,8 +190,7 @@ void ArticulatedEngine::accept(const StepInput& input) {
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were
-/// found.
+/// Accelerations of a step with stops and torque limits that agree. Returns 1 where none were found.
 int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();

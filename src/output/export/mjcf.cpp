@@ -125,7 +125,6 @@ class MjcfWriter {
                      wxyz(Quat(axes)), body.mass, numbers(principal.eigenvalues())));
   }
 
-  /// A body without a parent.
   void root(int index) {
     const model::BodyState& body = start_.bodies[at(index)];
     open(index, body.pose(), 4);

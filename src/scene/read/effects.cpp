@@ -79,7 +79,6 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
   effects.add(effect);
 }
 
-/// True if any axis of the mechanism's joints fulfils the predicate.
 template <class Predicate>
 bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
   return std::ranges::any_of(mechanism.joints, [&](const MechanismJointSpec& joint) {

@@ -14,7 +14,6 @@ namespace {
 
 using Visit = std::function<void(YamlNode& path)>;
 
-/// `mesh` of a shape.
 void visit_mesh(YamlNode& solid, const Visit& visit) {
   if (YamlNode* mesh = solid.find("mesh")) visit(*mesh);
 }

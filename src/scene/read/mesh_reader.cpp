@@ -170,7 +170,6 @@ Surface read_binary_stl(std::string_view bytes, const std::string& name) {
   return surface.take();
 }
 
-/// State of the reader of text STL.
 enum class Within { file, solid, facet, loop, end_of_facet };
 
 struct Statement {

@@ -110,7 +110,6 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
-/// Moments over the run, evenly.
 std::vector<Moment> moments_of(const RunFiles& run, const std::optional<ContactRows>& contacts,
                                std::size_t most) {
   std::vector<Moment> out;

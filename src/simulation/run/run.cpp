@@ -108,7 +108,6 @@ void write_files(const Simulation& simulation, const RunOptions& options, const 
   if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
 }
 
-/// The step after which a snapshot is written.
 std::optional<long> snapshot_step(const Simulation& simulation, const RunOptions& options, double step) {
   if (!options.snapshot_at) return std::nullopt;
   const double at = *options.snapshot_at / step;

@@ -12,8 +12,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// Overshoots that count for nothing [rad] or [m].
-constexpr double kTolerated = 1e-6;
+constexpr double kTolerated = 1e-6;  ///< Overshoots that count for nothing [rad] or [m].
 
 /// @param exists whether the scene has what is measured
 Verdict verdict(std::string name, std::string unit, bool exists, const Peak& peak,

@@ -82,7 +82,6 @@ void Mechanism::AlignedDelete::operator()(void* memory) const {
   ::operator delete(memory, std::align_val_t(kAlignment));
 }
 
-/// Zeros.
 void* Mechanism::allocate(std::size_t bytes) {
   bytes = std::max(bytes, kAlignment);
   memory_.emplace_back(::operator new(bytes, std::align_val_t(kAlignment)));
@@ -258,8 +257,7 @@ void Mechanism::update_bases() {
         put3(frame.v, lane, base.w);
         put3(frame.v + 3, lane, base.v + base.w.cross(r));
         put3(frame.a, lane, base.dw);
-        // Spatial acceleration: of the flow of velocity at a fixed point (Featherstone 2008, eq. 2.48, p.
-        // 28).
+        // Spatial acceleration: of the flow at a fixed point (Featherstone 2008, eq. 2.48, p. 28).
         put3(frame.a + 3, lane, base.dv + base.dw.cross(r) - base.w.cross(base.v) - gravity_);
       }
     }

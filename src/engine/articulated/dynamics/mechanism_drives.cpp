@@ -139,8 +139,7 @@ void Mechanism::restore(ArchiveReader& in) {
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
   });
   update_bases();
-  // The tree holds what it was last told, not what the next step is told.
-  servos_at_rest_ = false;
+  servos_at_rest_ = false;  // The tree holds what it was last told, not what the next step is told.
 }
 
 }  // namespace handsim::engine::articulated

@@ -75,8 +75,7 @@ void Smooth::place_bases(double t, model::KeySide side) {
   }
 }
 
-/// A drive that sets off with a jerk takes the joints along at once: what a moment's acceleration by the jump
-/// of its velocity does to the rates, less what goes on without it.
+/// A drive that sets off with a jerk takes the joints along: the rates' change, less what goes on without it.
 void Smooth::apply_velocity_jumps(double t) {
   std::vector<BaseMotion>& was = bases_before_;
   was.clear();

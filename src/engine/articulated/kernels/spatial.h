@@ -116,8 +116,7 @@ template <class V>
           {xz - wy, yz + wx, one - (xx + yy)}};
 }
 
-/// Articulated or rigid-body inertia (Featherstone 2008, eq. 2.63, p. 33, and section 7.1, p. 119):
-/// n = A w + B v, f = B^T w + C v.
+/// Inertia (Featherstone 2008, eq. 2.63, p. 33; section 7.1, p. 119): n = A w + B v, f = B^T w + C v.
 template <class V>
 struct Inertia {
   Sym3<V> A;

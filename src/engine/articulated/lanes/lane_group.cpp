@@ -342,8 +342,7 @@ class GroupOf final : public LaneGroup {
     }
   }
 
-  /// Torques of tendons, and B, of the lanes that stay; the others keep theirs, and those without an engine
-  /// do what another one does.
+  /// Tendon torques and B of lanes that stay; the others keep theirs; those without an engine copy another's.
   void pull_tendons(unsigned leave) {
     int like = W;
     for (int lane = 0; lane < W; ++lane) {
