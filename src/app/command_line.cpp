@@ -97,8 +97,7 @@ std::string got_need(const std::string& got, const std::string& need) {
 void add_words(CLI::Option* option, const std::string& bars) {
   option->type_name(bars)->check([bars](const std::string& text) {
     const std::vector<std::string> words = CLI::detail::split(bars, '|');
-    const bool known = std::ranges::find(words, text) != words.end();
-    return known ? "" : got_need(text, need_word(text, words));
+    return std::ranges::find(words, text) != words.end() ? "" : got_need(text, need_word(text, words));
   });
 }
 

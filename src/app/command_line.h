@@ -68,8 +68,7 @@ void add_time(CLI::App& command, const std::string& name, Target& target, const 
   add_parsed(command, name, target, parse, "a time from 0, such as 0.2 or \"200 ms\"", help);
 }
 
-/// Adds the path of an input, or the name of a shipped one.
-/// @param folder of the shipped ones, see find_input()
+/// Adds the path of an input, or the name of one shipped in `folder`, see find_input().
 template <class Target>
 CLI::Option* add_input(CLI::App& command, const std::string& name, Target& target, const std::string& help,
                        const char* folder = "config") {

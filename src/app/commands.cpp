@@ -78,7 +78,6 @@ std::optional<Error> option_error(const CLI::App& command) {
   return std::nullopt;
 }
 
-/// Reads the words and calls their command.
 int parse_and_call(int argc, const char* const* argv) {
   CommandLine line;
   CLI::App& app = line.app;

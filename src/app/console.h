@@ -18,7 +18,6 @@ namespace handsim::app {
 /// of a closed pipe or terminal and of the limit on file sizes end no process: writing then fails.
 void prepare_streams();
 
-/// Prints to standard output.
 void print_text(std::string_view text);
 /// Prints to standard error, unbuffered.
 void print_error_text(std::string_view text);
@@ -36,8 +35,7 @@ void print_error(fmt::format_string<Values...> format, Values&&... values) {
 /// Prints each to standard error in a line, after `warning: `.
 void print_warnings(const std::vector<std::string>& warnings);
 
-/// Flushes standard output. If any of it was lost, prints a message.
-/// @returns the command's exit status, or 1 if that is 0 and output was lost.
+/// Flushes standard output; prints a loss. @returns the exit status, or 1 if that is 0 and output was lost
 int finish_output(int status);
 
 /// The text after `files in DIR` and the exit status, 1 if gnuplot fails; that it is missing is no failure.
@@ -47,8 +45,7 @@ struct PlotNote {
 };
 PlotNote plot_note(bool plotted);
 
-/// Prints the end of a study, its JSON if wanted. @param out folder of its files; empty: there are none
-/// @returns the exit status
+/// Prints a study's end, or its JSON. @param out folder of its files, or empty. @returns the exit status
 int print_study(const study::StudyEnd& end, const std::filesystem::path& out, bool json = false);
 
 }  // namespace handsim::app

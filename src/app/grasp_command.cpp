@@ -1,4 +1,3 @@
-#include <cmath>
 #include <set>
 
 #include <fmt/format.h>
@@ -82,7 +81,6 @@ void print_table(const std::vector<study::GraspRow>& rows) {
   }
 }
 
-/// The page of each run.
 void add_reports(const study::GraspTables& tables, const std::filesystem::path& out) {
   std::set<std::filesystem::path> folders;
   const auto add = [&](const study::RunRow& row) {

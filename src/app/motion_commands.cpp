@@ -187,8 +187,7 @@ int inverse_command(const InverseArguments& arguments) {
       if (file) read.push_back(*file);
     return read;
   });
-  const study::InverseResult result =
-      with_progress([&](const auto& show) { return study::run_inverse(scene, input, show); });
+  const auto result = with_progress([&](const auto& show) { return study::run_inverse(scene, input, show); });
   print_warnings(result.warnings);
   folder.clear();
   study::StudyEnd end{scene.spec.title + "\n" + study::inverse_table(result)};
@@ -250,8 +249,7 @@ int track_command(const TrackArguments& arguments) {
       if (file) read.push_back(*file);
     return read;
   });
-  const study::TrackResult result =
-      with_progress([&](const auto& show) { return study::run_track(input, show); });
+  const auto result = with_progress([&](const auto& show) { return study::run_track(input, show); });
   folder.clear();
   study::StudyEnd end;
   end.plotted = study::write_track(input, result, arguments.out);

@@ -3,8 +3,6 @@
 #include <memory>
 #include <string>
 
-#include <fmt/format.h>
-
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
 #include "handsim/app/file_readers.h"
@@ -14,7 +12,6 @@ namespace handsim::app {
 
 namespace {
 
-/// The options that say whose hands.
 void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
   add_input(hand, "--person", arguments->person, "person file (in place of --stature, --mass, --sex)",
             "config/persons");

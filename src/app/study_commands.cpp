@@ -45,7 +45,6 @@ void add_grasp(CommandLine& line) {
   add_drawing(grasp, arguments->video, arguments->gl, "in each run's folder: a name without one");
 }
 
-/// What a study's command was told.
 template <class Options>
 struct Asked : Options {
   study::StudyRun run;
@@ -67,8 +66,10 @@ int with_bar(const study::StudyRun& asked, const Study& study, bool json = false
   return print_study(end, asked.out, json);
 }
 
-int accuracy_command(const Asked<study::AccuracyOptions>& asked) {
-  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::accuracy(asked, run); });
+/// The command of a study with a progress bar.
+template <auto kStudy, class Options>
+int bar_command(const Asked<Options>& asked) {
+  return with_bar(asked.run, [&](const study::StudyRun& run) { return kStudy(asked, run); });
 }
 
 void add_accuracy(CommandLine& line) {
@@ -76,7 +77,7 @@ void add_accuracy(CommandLine& line) {
   CLI::App& accuracy =
       line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
                "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
-               accuracy_command, asked);
+               bar_command<study::accuracy, study::AccuracyOptions>, asked);
   add_input(accuracy, "study", asked->study, "study file")->required();
   add_out(accuracy, asked->run.out, "folder for the study's files");
   accuracy
@@ -109,16 +110,13 @@ void add_validate(CommandLine& line) {
   add_report_flag(validate, asked->run)->needs(out);
 }
 
-int stability_command(const Asked<study::StabilityOptions>& asked) {
-  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::stability(asked, run); });
-}
-
 void add_stability(CommandLine& line) {
   const auto asked = std::make_shared<Asked<study::StabilityOptions>>();
   CLI::App& stability = line.add(
       "stability",
       "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures",
-      "handsim stability config/stability.yaml --out out/stability --quick", stability_command, asked);
+      "handsim stability config/stability.yaml --out out/stability --quick",
+      bar_command<study::stability, study::StabilityOptions>, asked);
   add_input(stability, "study", asked->study, "study file")->required();
   add_out(stability, asked->run.out, "folder for the study's files");
   stability.add_option("--case", asked->cases, "run this case alone; may be repeated")

@@ -27,8 +27,7 @@ struct AxisState {
 
 class Controller {
  public:
-  /// Model and plan must outlive the controller. @param step of the engine [s].
-  /// @param start the engine's state before its first step.
+  /// Model and plan must outlive this. @param step [s]. @param start the engine's state before its first step
   Controller(const model::Model& model, const Plan& plan, double step, const model::State& start);
 
   /// Angles [rad] that replace the targets of the trajectories from the next command() on, one for each of
@@ -47,7 +46,6 @@ class Controller {
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 
-  /// Constants of an axis.
   struct AxisConstants {
     Gains gains;
     std::size_t dof = 0;

@@ -27,8 +27,7 @@ const GainField kGainFields[] = {
 
 AxisGains read_gains(MapReader& reader) {
   AxisGains out;
-  for (const GainField& field : kGainFields)
-    out.*field.value = reader.maybe_number(field.key, field.quantity);
+  for (const auto& field : kGainFields) out.*field.value = reader.maybe_number(field.key, field.quantity);
   const bool given = out.proportional || out.derivative || out.integral;
   const bool designed = out.frequency || out.damping_ratio || out.integral_time;
   if (given && designed)
@@ -99,9 +98,8 @@ void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands,
   for (const GainRow& row : spec.rows) named.insert(named.end(), row.joints.begin(), row.joints.end());
   for (const GainRow& row : spec.rows)
     for (const std::string& name : row.joints) {
-      const bool matched =
-          name.find('*') != std::string::npos ||
-          std::ranges::any_of(hands, [&](const HandAxes& hand) { return hand.accepts(name); });
+      const bool matched = name.find('*') != std::string::npos ||
+                           std::ranges::any_of(hands, [&](const auto& hand) { return hand.accepts(name); });
       if (matched) continue;
       if (is_misspelt(name, known, named))
         diagnostics.problems.push_back({row.place, "gains.joints",

@@ -45,7 +45,6 @@ bool is_pose_column(std::string_view name) {
   });
 }
 
-/// One file being read.
 class Reader {
  public:
   Reader(const std::filesystem::path& path, TableContent content)
@@ -97,8 +96,7 @@ class Reader {
     factors_.push_back(factor);
   }
 
-  /// A label `NAME`, `NAME[unit]` or, in control.sto, `NAME.target[unit]`. Ignores columns without angles.
-  /// @param default_factor to rad, for a label without a unit.
+  /// A label `NAME`, `NAME[unit]` or `NAME.target[unit]`; others are ignored. @param default_factor to rad
   void read_label(std::string_view field, std::size_t index, double default_factor) {
     const std::size_t bracket = field.find('[');
     const std::string_view unit = bracket == std::string_view::npos ? "" : field.substr(bracket);

@@ -12,7 +12,6 @@ namespace handsim::control {
 inline constexpr std::size_t kMotionMaxBytes = 256U << 20U;
 inline constexpr std::size_t kMotionMaxRows = 1'000'000;
 
-/// The content of a motion file.
 struct MotionTable {
   std::string file;
   std::vector<std::string> names;  ///< of the columns after time, e.g. `right.index_mcp.flexion`

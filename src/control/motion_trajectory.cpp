@@ -17,7 +17,6 @@ constexpr std::size_t kMostPlaces = 5;
 /// No joint turns this far [rad]; also the largest angle of a table in degrees that may be in radians.
 constexpr double kLargestTurn = 2 * M_PI;
 
-/// Where an axis of the hand gets its angles from.
 struct Source {
   std::optional<std::size_t> column;
   double sign = 1, offset = 0;         ///< of a renamed column
@@ -25,7 +24,6 @@ struct Source {
   std::optional<std::size_t> leader;   ///< axis that the coupling names
 };
 
-/// A table for one hand.
 class HandTable {
  public:
   HandTable(const MotionTable& table, const HandAxes& hand, const MotionOptions& options)
@@ -73,8 +71,7 @@ class HandTable {
  private:
   std::optional<std::size_t> axis_of(const std::string& name) const {
     const bool own = name.starts_with(hand_.hand + ".");
-    const std::string axis = own ? name.substr(hand_.hand.size() + 1) : name;
-    const auto found = std::ranges::find(axes_, axis);
+    const auto found = std::ranges::find(axes_, own ? name.substr(hand_.hand.size() + 1) : name);
     if (found == axes_.end()) return std::nullopt;
     return static_cast<std::size_t>(found - axes_.begin());
   }

@@ -1,6 +1,5 @@
-// Makes trajectories of a hand from the angles of a motion file. The names that other programs give to joint
-// angles, and what an angle that a table lacks follows, are the content of a file such as
-// controllers/names_arms.yaml, and of the block `motion` of a scene's control.
+// Trajectories of a hand from the angles of a motion file. What other programs call the joint angles, and
+// what a missing angle follows, is in files such as controllers/names_arms.yaml, and in `motion` of control.
 #pragma once
 
 #include <map>
@@ -56,16 +55,13 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
                              std::span<const double> start, const MotionOptions& options,
                              Diagnostics& diagnostics);
 
-/// A low-pass filter of recorded motion without delay: Butterworth low-pass of second order, run forwards and
-/// backwards: order four, no phase shift. At the cut-off the amplitude is 1/sqrt(2) after both passes. Both
-/// ends are extended by their point reflection, so that the first and last values have little influence of
-/// the start of the filter.
-/// @param values samples of one quantity at equal intervals. @param step between them [s].
-/// @param cutoff [Hz], below half the sampling rate.
+/// A low-pass filter of recorded motion without delay: Butterworth of second order, forwards and backwards:
+/// order four, 1/sqrt(2) at the cut-off after both passes. The ends are extended by their point reflection,
+/// so that the filter's start has little influence on them.
+/// @param values samples of one quantity, `step` [s] apart. @param cutoff [Hz], below half the sampling rate
 void low_pass(std::vector<double>& values, double step, double cutoff);
 
-/// Filters a table of `width` quantities, sample after sample; a spline first makes unequal intervals equal.
-/// @returns false, and changes nothing, if the cut-off is not below half the rate.
+/// Filters rows of `width` quantities, by a spline if unequal in time; false (unchanged): too high a cut-off.
 bool low_pass_rows(std::vector<double>& times, std::vector<double>& values, std::size_t width, double cutoff);
 
 }  // namespace handsim::control

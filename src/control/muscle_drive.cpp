@@ -11,8 +11,7 @@ namespace handsim::control {
 
 namespace {
 
-/// Weight of a torque that is missing over the weight of activations [1/(N m)^2], by the largest torque that
-/// the coordinate's muscles have: a thousandth of it missing counts as much as an activation of 1.
+/// Weight of missing torque [1/(N m)^2]: a thousandth of a coordinate's largest counts as activation 1.
 constexpr double kMissing = 1e6;
 constexpr int kNoRow = -1;
 /// Of a muscle's isometric force, the least that it is counted with [1]: chosen.

@@ -1,6 +1,5 @@
-// Excitations of muscles: from a table over time, or from joint torques by static optimisation, which finds
-// the activations 0..1 with the least sum of squares that give the torques, as nearly as the muscles can
-// (Crowninshield & Brand 1981, J Biomech 14:793, with the power 2).
+// Excitations of muscles: from a table over time, or from joint torques by static optimisation: activations
+// 0..1 of the least sum of squares that give the torques (Crowninshield & Brand 1981, J Biomech 14:793).
 #pragma once
 
 #include <memory>
@@ -30,8 +29,7 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
 /// Smallest activations for torques, in a model at a state.
 class StaticOptimisation {
  public:
-  /// The model must outlive this. @param dofs coordinates whose torques count
-  /// @param least of every activation: co-contraction
+  /// The model must outlive this. @param dofs whose torques count. @param least activation: co-contraction
   StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least = 0);
 
   /// Activations, as Model::muscles. @param torques by Model::dof_count() [N m]

@@ -16,7 +16,6 @@ namespace {
 /// Largest number of postures of a trajectory for the design of gains and the check of stability.
 constexpr std::size_t kMaxPostures = 100;
 
-/// Intermediate data of a hand.
 struct HandDraft {
   const model::HandIndex* index = nullptr;
   HandAxes axes;
@@ -68,8 +67,7 @@ Trajectory make_trajectory(const HandDraft& hand, const ProgramChoice& choice, c
                            Diagnostics& diagnostics) {
   const PoseFile& file = input.poses ? *input.poses : kNoPoses;
   if (is_motion_file(choice.program)) {
-    const std::filesystem::path path =
-        std::filesystem::path(choice.place.file).parent_path() / choice.program;
+    const auto path = std::filesystem::path(choice.place.file).parent_path() / choice.program;
     std::vector<bool> driven;
     for (const auto& gains : hand.stated) driven.push_back(gains.has_value());
     try {
@@ -137,8 +135,7 @@ Gains make_gains(const AxisGains& stated, double inertia) {
 
 void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Plan& plan) {
   Eigen::VectorXd effective = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.axes.axes.size()));
-  for (const Eigen::MatrixXd& inertia : hand.inertias)
-    effective = effective.cwiseMax(effective_inertia(inertia));
+  for (const auto& inertia : hand.inertias) effective = effective.cwiseMax(effective_inertia(inertia));
   for (std::size_t i = 0; i < hand.stated.size(); ++i) {
     if (!hand.stated[i]) continue;
     const HandAxis& from = hand.axes.axes[i];
@@ -174,7 +171,6 @@ void limit_by_muscles(const model::Model& model, Plan& plan) {
       axis.gains.torque_limit = std::min(axis.gains.torque_limit, most);
 }
 
-/// Stability of one hand's explicit gains at the worst posture.
 Stability worst_stability(const HandDraft& hand, std::size_t hand_index, const Plan& plan, double step) {
   const auto n = static_cast<Eigen::Index>(hand.axes.axes.size());
   Eigen::VectorXd proportional = Eigen::VectorXd::Zero(n), derivative = Eigen::VectorXd::Zero(n);

@@ -26,7 +26,6 @@ struct Gains {
   std::optional<double> integral_zone;      ///< [rad]
 };
 
-/// A driven axis.
 struct DrivenAxis {
   std::string name;        ///< e.g. `right.index_mcp.flexion`
   std::size_t hand = 0;    ///< in Plan::hands
@@ -47,8 +46,7 @@ struct HandPlan {
 struct Plan {
   Form form = Form::implicit_gain;
   bool tissue_compensation = false;
-  /// The gravity that is compensated [m/s^2]; absent: no compensation.
-  std::optional<Vec3> gravity;
+  std::optional<Vec3> gravity;       ///< The gravity that is compensated [m/s^2]; absent: no compensation.
   bool feed_forward = false;         ///< torques of inverse dynamics along the targets
   Vec3 feed_gravity = Vec3::Zero();  ///< that they carry [m/s^2]
   std::vector<HandPlan> hands;

@@ -16,7 +16,6 @@ namespace {
 
 constexpr double kKeyInterval = 1e-3;  ///< of the keyframes of a table [s]
 
-/// Columns of one hand's wrist.
 class WristColumns {
  public:
   WristColumns(const MotionTable& table, const std::string& hand) : table_(table), hand_(hand) {}
@@ -62,7 +61,6 @@ Vec3 vector_at(const MotionTable& table, std::size_t row, const std::array<std::
   return {table.at(row, columns[0]), table.at(row, columns[1]), table.at(row, columns[2])};
 }
 
-/// The columns of rotation that a table has.
 struct RotationColumns {
   std::optional<std::array<std::size_t, 4>> quaternion;
   Three vector, axis;
@@ -92,8 +90,7 @@ struct PoseSamples {
 
   void add(double time, const Pose& pose) {
     // q and -q are one rotation: the one nearer to the last.
-    const bool turned = !times.empty() && pose.q.dot(last_) < 0;
-    last_ = turned ? Quat(-pose.q.coeffs()) : pose.q;
+    last_ = !times.empty() && pose.q.dot(last_) < 0 ? Quat(-pose.q.coeffs()) : pose.q;
     times.push_back(time);
     const Vec3& p = pose.p;
     values.insert(values.end(), {p.x(), p.y(), p.z(), last_.w(), last_.x(), last_.y(), last_.z()});
@@ -103,8 +100,7 @@ struct PoseSamples {
   Quat last_ = Quat::Identity();
 };
 
-/// A spline through the samples as keyframes that stand close together: engines take a wrist's velocity from
-/// its poses, and straight lines between recorded samples would give it a jerk at each of them.
+/// A spline through samples, as dense keyframes: straight lines would give the wrist a jerk at each of them.
 model::PoseMotion splined(PoseSamples samples) {
   model::PoseMotion out;
   out.interpolation = model::Interpolation::linear;

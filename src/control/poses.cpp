@@ -214,8 +214,7 @@ PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& di
   for (const std::string& name : poses.keys()) file.poses[name] = read_pose(poses.map(name), unit, file);
   if (reader.has("programs")) {
     MapReader programs = reader.map("programs");
-    for (const std::string& name : programs.keys())
-      file.programs[name] = read_program(programs.map(name), file);
+    for (const auto& name : programs.keys()) file.programs[name] = read_program(programs.map(name), file);
   }
   reader.finish();
   return file;

@@ -55,8 +55,7 @@ PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& di
 std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, const HandAxes& hand,
                                 Diagnostics& diagnostics);
 
-/// Trajectory of a hand through a program's keys.
-/// @param start angles before the first key, size hand.axes.
+/// Trajectory of a hand through a program's keys. @param start angles before the first key, size hand.axes
 Trajectory program_trajectory(const ProgramSpec& program, const std::vector<ProgramKey>& keys,
                               const PoseFile& file, const HandAxes& hand, std::span<const double> start,
                               Diagnostics& diagnostics);

@@ -19,8 +19,7 @@ void Trajectory::at(double time, std::span<double> out, std::span<double> rates,
   at(time, out);
   std::ranges::fill(rates, 0.0);
   std::ranges::fill(accelerations, 0.0);
-  const auto next =
-      static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
+  const auto next = static_cast<std::size_t>(std::ranges::upper_bound(times_, time) - times_.begin());
   if (next == 0 || next == times_.size()) return;
   const std::span<const double> a = knot(next - 1), b = knot(next);
   const double duration = times_[next] - times_[next - 1], share = (time - times_[next - 1]) / duration;
@@ -34,8 +33,7 @@ void Trajectory::at(double time, std::span<double> out, std::span<double> rates,
 
 void Trajectory::at(double time, std::span<double> out) const {
   if (spline_) return spline_->at(time, out);
-  const auto next =
-      static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
+  const auto next = static_cast<std::size_t>(std::ranges::upper_bound(times_, time) - times_.begin());
   if (next == 0 || next == times_.size()) {
     const std::span<const double> end = knot(next == 0 ? 0 : next - 1);
     std::copy(end.begin(), end.end(), out.begin());

@@ -44,8 +44,7 @@ enum class ErrorKind {
   output,   ///< a file could not be written, e.g. the disk is full: exit status 1
 };
 
-/// Largest number of problems that are reported.
-inline constexpr std::size_t kMostProblems = 1000;
+inline constexpr std::size_t kMostProblems = 1000;  ///< Largest number of problems that are reported.
 
 class Error : public std::runtime_error {
  public:

@@ -12,16 +12,6 @@
 
 namespace handsim {
 
-namespace {
-
-/// Name of a kind of file that is refused; null for a regular file.
-const char* refused_kind(mode_t mode) {
-  if (S_ISREG(mode)) return nullptr;
-  return S_ISDIR(mode) ? "a directory" : "a pipe, socket or device";
-}
-
-}  // namespace
-
 std::string bytes_text(std::size_t bytes) {
   constexpr std::size_t kMegabyte = 1U << 20U;
   return bytes > 0 && bytes % kMegabyte == 0 ? fmt::format("{} MB", bytes / kMegabyte)
@@ -61,7 +51,7 @@ Error InputFile::unreadable(const char* what) const {
 }
 
 void InputFile::check(unsigned mode) const {
-  if (const char* kind = refused_kind(mode)) throw error(kind, need_);
+  if (!S_ISREG(mode)) throw error(S_ISDIR(mode) ? "a directory" : "a pipe, socket or device", need_);
 }
 
 std::size_t InputFile::read(char* to, std::size_t most) {

@@ -26,8 +26,7 @@ class InputFile {
   std::size_t size() const { return size_; }
   /// The next bytes, at most `most`; returns their number, 0 at the end. @throws Error (input) as above.
   std::size_t read(char* to, std::size_t most);
-  /// The next line, without its end; false at the file's end. Memory for one line only.
-  /// @throws Error (input) as above, and at a line longer than kLongestLine.
+  /// The next line, without its end; false at the file's end. @throws Error (input), also above kLongestLine
   bool line(std::string& text);
   /// True after a last line without its end, as in a file that was cut.
   bool cut() const { return cut_; }
@@ -47,8 +46,7 @@ class InputFile {
   bool cut_ = false;
 };
 
-/// Bytes of a line at most.
-inline constexpr std::size_t kLongestLine = 16U << 20U;
+inline constexpr std::size_t kLongestLine = 16U << 20U;  ///< Bytes of a line at most.
 
 /// All bytes of a file. @throws Error (input) as InputFile.
 std::string read_input_file(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);

@@ -35,6 +35,10 @@ inline Pose mirrored(const Pose& x) { return {mirrored(x.p), mirrored(x.q)}; }
 Quat rotation_between(const Vec3& from, const Vec3& to);
 /// Rotation vector (axis times angle in 0..pi) [rad] of a unit quaternion.
 Vec3 rotation_vector(const Quat& q);
+/// [v]: its product with w is v x w.
+inline Mat3 cross_matrix(const Vec3& v) {
+  return Mat3{{0, -v.z(), v.y()}, {v.z(), 0, -v.x()}, {-v.y(), v.x(), 0}};
+}
 /// Unit quaternion of a rotation vector [rad].
 Quat rotation_quaternion(const Vec3& rotation_vector);
 

@@ -150,8 +150,7 @@ Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
 }
 
 const SchemaSource& find_source(std::string_view kind, std::span<const SchemaSource> sources) {
-  const auto found =
-      std::ranges::find_if(sources, [&](const SchemaSource& source) { return source.kind == kind; });
+  const auto found = std::ranges::find_if(sources, [&](const auto& source) { return source.kind == kind; });
   if (found == sources.end()) throw std::logic_error("no schema source of " + std::string(kind));
   return *found;
 }

@@ -1,6 +1,5 @@
-// Makes the JSON Schema (draft 2020-12) of a kind of file by running its reader: the schema holds exactly the
-// keys that the reader asks for. Keys of one choice only (`radius` of a sphere) are listed with all others
-// and are required only if every choice requires them: only the reader checks which keys may stand together.
+// Makes the JSON Schema (draft 2020-12) of a kind of file by running its reader: the keys it asks for. Keys
+// of one choice (`radius` of a sphere) stand with all others: only the reader checks what goes together.
 #pragma once
 
 #include <functional>
@@ -12,7 +11,6 @@
 
 namespace handsim {
 
-/// A kind of file.
 struct SchemaSource {
   std::string_view kind;  ///< as MapReader::file_or_block() calls it: `a person`
   /// Its reader; called many times, each time with more of the keys that it asked for.

@@ -116,9 +116,7 @@ std::string printable(std::string_view text, std::size_t limit) {
   std::string out;
   for (std::size_t at = 0; at < text.size(); ++at) {
     const char c = text[at];
-    const bool c1 =
-        c == '\xc2' && at + 1 < text.size() && is_c1_control(static_cast<unsigned char>(text[at + 1]));
-    if (c1)
+    if (c == '\xc2' && at + 1 < text.size() && is_c1_control(static_cast<unsigned char>(text[at + 1])))
       out += fmt::format("\\x{:02x}", static_cast<unsigned char>(text[++at]));
     else if (c == '\n')
       out += "\\n";

@@ -1,5 +1,4 @@
-// Checks text from files and command lines for invalid UTF-8, escapes control characters in messages, and
-// lists the known words and the one nearest to an unknown word.
+// Checks UTF-8, escapes control characters in messages, and finds the known word nearest to an unknown one.
 #pragma once
 
 #include <cstddef>

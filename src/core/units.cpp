@@ -83,10 +83,6 @@ constexpr DimensionText kTexts[] = {{"a number", "", {}},
                                     {"a force", "N", {{{20, "N"}}}}};
 static_assert(std::size(kTexts) == static_cast<std::size_t>(Dimension::force) + 1);
 
-double factor_of(std::string_view name) {
-  return std::ranges::find_if(kUnits, [&](const Unit& unit) { return unit.name == name; })->factor;
-}
-
 /// Removes a number from the start of `text` and returns it.
 std::optional<double> take_number(std::string_view& text) {
   double value = 0;
@@ -144,7 +140,8 @@ std::string Quantity::need(std::string_view got) const {
       return out + fmt::format(", such as \"{} {}\"", trimmed(got), other.name);
   for (const auto& [value, in] : text.examples)
     if (!in.empty() && allows(value))
-      return out + fmt::format(", such as {:.4g} or \"{:g} {}\"", value, value / factor_of(in), in);
+      return out + fmt::format(", such as {:.4g} or \"{:g} {}\"", value,
+                               value / std::ranges::find(kUnits, in, &Unit::name)->factor, in);
   return out;
 }
 

@@ -40,8 +40,7 @@ struct Quantity {
   double max = std::numeric_limits<double>::infinity();
   bool above_min = false;  ///< the minimum itself is not allowed
 
-  /// For messages, e.g. `a length, above 0 to 0.5 m, such as 0.02 or "20 mm"`; what it suggests is allowed.
-  /// @param got a text that is not allowed: a bare number may lack its unit
+  /// For messages, e.g. `a length, above 0 to 0.5 m, such as 0.02 or "20 mm"`. @param got may lack its unit
   std::string need(std::string_view got = {}) const;
   bool allows(double value) const;
 };

@@ -231,9 +231,9 @@ class TreeBuilder : public YAML::EventHandler {
 };
 
 bool plain_list(const YamlNode& node) {
-  for (const YamlNode& item : node.items)
-    if (item.kind == YamlNode::Kind::sequence || item.kind == YamlNode::Kind::map) return false;
-  return true;
+  return std::ranges::none_of(node.items, [](const YamlNode& item) {
+    return item.kind == YamlNode::Kind::sequence || item.kind == YamlNode::Kind::map;
+  });
 }
 
 void emit(YAML::Emitter& out, const YamlNode& node) {
@@ -280,15 +280,11 @@ std::optional<Place> first_tab(const std::string& text, const Place& last) {
   return std::nullopt;
 }
 
-/// @throws Error (input) if the file is too large.
-void check_size(std::uintmax_t bytes, const std::string& name) {
-  if (bytes > kYamlMaxBytes)
-    throw Error(std::vector<Problem>{{Place{name, 1, 1}, "", fmt::format("a file of {} bytes", bytes),
-                                      "at most " + bytes_text(kYamlMaxBytes)}});
-}
-
-/// @throws Error (input) at the first byte that is not text.
+/// @throws Error (input) if the file is too large, or at the first byte that is not text.
 void check_text(std::string_view text, const std::string& name) {
+  if (text.size() > kYamlMaxBytes)
+    throw Error(std::vector<Problem>{{Place{name, 1, 1}, "", fmt::format("a file of {} bytes", text.size()),
+                                      "at most " + bytes_text(kYamlMaxBytes)}});
   const std::optional<BadByte> bad = find_bad_byte(text);
   if (!bad) return;
   const std::string_view before = text.substr(0, bad->at);
@@ -322,12 +318,11 @@ bool YamlNode::same_as(const YamlNode& other) const {
   return (items.is(other.items) ||
           std::equal(items.begin(), items.end(), other.items.begin(), other.items.end(),
                      [](const YamlNode& a, const YamlNode& b) { return a.same_as(b); })) &&
-         (entries.is(other.entries) ||
-          std::equal(entries.begin(), entries.end(), other.entries.begin(), other.entries.end(),
-                     [](const YamlEntry& a, const YamlEntry& b) {
-                       return a.key == b.key && a.line == b.line && a.column == b.column &&
-                              a.value.same_as(b.value);
-                     }));
+         (entries.is(other.entries) || std::equal(entries.begin(), entries.end(), other.entries.begin(),
+                                                  other.entries.end(), [](const auto& a, const auto& b) {
+                                                    return a.key == b.key && a.line == b.line &&
+                                                           a.column == b.column && a.value.same_as(b.value);
+                                                  }));
 }
 
 std::string YamlNode::described() const {
@@ -347,7 +342,6 @@ std::string YamlNode::described() const {
 }
 
 YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget) {
-  check_size(text.size(), name);
   check_text(text, name);
   const YamlBudget whole = budget;
   TreeBuilder builder(std::make_shared<const std::string>(name), budget);

@@ -1,6 +1,5 @@
-// Parses YAML text into a tree of nodes with their places in the file, and writes it back. Stricter than
-// YAML: each key occurs once, no alias is inside its own value, file size, nesting and memory are limited.
-// yaml_reader.h reads values out of the tree.
+// Parses YAML text into a tree of nodes with their places, and writes it back; yaml_reader.h reads its
+// values. Each key occurs once, no alias is inside its own value, file size, nesting and memory are limited.
 #pragma once
 
 #include <filesystem>
@@ -46,8 +45,7 @@ struct YamlEntry {
   YamlNode value;
 };
 
-/// Largest file and deepest nesting accepted. A scene together with the files that it names has to stay
-/// within these limits, so that its resolved.yaml can be read again.
+/// Largest file and deepest nesting, of a scene with all its files: its resolved.yaml can be read again.
 inline constexpr std::size_t kYamlMaxBytes = 32U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
 /// Most memory for the trees of one scene, with aliases expanded, referenced files and `--set`.
@@ -60,14 +58,12 @@ struct YamlBudget {
   std::size_t left = kYamlMaxMemory;
 };
 
-/// @param name the file's name in messages. @param budget reduced by the tree's memory; without it the file
-/// has a full budget.
-/// @throws Error (input) with every syntax error, duplicate key and bad alias, or if the budget is used up.
+/// @param name of the file in messages. @param budget reduced by the tree's memory; without it, a full one.
+/// @throws Error (input) with every syntax error, duplicate key and bad alias, or if the budget is used up
 YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget);
 YamlNode parse_yaml(const std::string& text, const std::string& name);
 
-/// A file that has not changed since it was last loaded is not parsed again. Any thread.
-/// @throws Error (input) if the file is missing, not a regular file, too large, or invalid YAML.
+/// Not parsed again unless changed. Any thread. @throws Error (input): missing, irregular, too large, invalid
 YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget);
 YamlNode load_yaml(const std::filesystem::path& path);
 
@@ -81,18 +77,16 @@ YamlNode yaml_sequence();
 /// Adds or replaces `key` in a map.
 YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
 
-/// Replaces a scalar that names a YAML file (relative to the file that contains it) by that file's tree;
-/// other nodes stay as they are.
-/// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems.
+/// Replaces a scalar that names a YAML file (relative to the file that contains it) by that file's tree.
+/// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
 
 /// Puts one tree over another: maps key by key; of lists whose items all have a `name`, each item over the
 /// one of its name, and new ones before those of the base; anything else replaces what was there.
 void put_over(YamlNode& base, const YamlNode& over);
 
-/// Sets the value at a dotted path, e.g. `solver.step=5 ms` or `hands.0.side=left`, following file
-/// references and adding map keys on the way. A path has at most kYamlMaxDepth keys.
-/// @throws Error (input) naming the path if a node on it is neither map nor list.
+/// Sets the value at a path (`solver.step=5 ms`, `hands.0.side=left`), follows file references and adds map
+/// keys; kYamlMaxDepth keys at most. @throws Error (input) if a node on the path is neither map nor list
 void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget);
 void apply_override(YamlNode& root, std::string_view assignment);
 

@@ -1,5 +1,4 @@
-// YAML files, parsed once: a study loads the same hand model and controller thousands of times. Inserts
-// referenced files and applies `--set` to a tree before it is read.
+// YAML files, parsed once for thousands of loads; inserts referenced files and applies `--set` to a tree.
 #include <algorithm>
 #include <deque>
 #include <memory>

@@ -44,7 +44,6 @@ YamlNode vector_node(const Vec3& v) {
   return list;
 }
 
-/// The number of a text; nothing if it is none or out of range.
 std::optional<double> allowed_number(const std::string& text, const Quantity& quantity) {
   const std::optional<double> value = parse_quantity(text, quantity.dimension);
   return value && quantity.allows(*value) ? value : std::nullopt;
@@ -54,7 +53,6 @@ std::optional<double> allowed_number(const YamlNode& node, const Quantity& quant
   return node.kind == YamlNode::Kind::scalar ? allowed_number(node.text, quantity) : std::nullopt;
 }
 
-/// A whole number within these bounds.
 std::optional<int> allowed_integer(const std::string& text, int min, int max) {
   const std::optional<double> value = parse_number(text);
   const bool good = value && *value >= min && *value <= max && *value == std::floor(*value);
@@ -157,8 +155,7 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
 std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, number_form(quantity, {}, false));
   const YamlNode* found = find(key);
-  if (!found) return std::nullopt;
-  return number_at(*found, key, quantity);
+  return found ? number_at(*found, key, quantity) : std::nullopt;
 }
 
 int MapReader::integer(std::string_view key, int min, int max, int fallback) {

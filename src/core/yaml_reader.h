@@ -37,8 +37,7 @@ struct Diagnostics {
 };
 
 inline constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
-/// Default limit on the items of a list.
-inline constexpr std::size_t kMostItems = 10'000;
+inline constexpr std::size_t kMostItems = 10'000;  ///< Default limit on the items of a list.
 
 /// A value that the caller parses itself.
 struct ValueForm {
@@ -56,7 +55,6 @@ class MapReader {
 
   /// A number in SI. Without a fallback the key is required.
   double number(std::string_view key, const Quantity& quantity, std::optional<double> fallback = {});
-  /// An optional number.
   std::optional<double> maybe_number(std::string_view key, const Quantity& quantity);
   int integer(std::string_view key, int min, int max, int fallback);
   /// Text that is not empty and has no control characters other than line ends and tabs.
@@ -84,8 +82,7 @@ class MapReader {
     for (const auto& word : words) names.push_back(word.first);
     const std::optional<std::string_view> default_name =
         fallback ? std::optional(name_of(words, *fallback)) : std::nullopt;
-    const std::size_t index = choice_index(key, names, default_name);
-    return words[index].second;
+    return words[choice_index(key, names, default_name)].second;
   }
 
   /// True if the key exists. Makes it a known key.
@@ -96,8 +93,7 @@ class MapReader {
   YamlNode* value(std::string_view key, const ValueForm& form);
   /// A list of at most `most` items. Otherwise null, and a problem unless the key is absent and optional.
   YamlNode* list(std::string_view key, bool required, std::size_t most = kMostItems);
-  /// Calls `read` for each map of a list. A list with more than `most` or fewer than `least` items is a
-  /// problem and is not read. The list may be absent if `least` is 0.
+  /// Calls `read` for each map of a list of `least` to `most`; may be absent if `least` is 0. Else a problem.
   void each(std::string_view key, std::size_t least, std::size_t most,
             const std::function<void(MapReader)>& read);
   /// A required list of texts; a single text is accepted if `least` is at most 1.
@@ -157,8 +153,7 @@ class MapReader {
   std::vector<std::string> known_;  ///< keys that were asked for
 };
 
-/// A number at a node, for items of lists.
-/// @returns nothing if it is not a number or out of range, which is a problem.
+/// A number at a node, for items of lists; nothing, and a problem, if it is not a number or out of range.
 std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
                                   Diagnostics& diagnostics);
 

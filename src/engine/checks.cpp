@@ -32,7 +32,6 @@ bool has_stops(const model::Model& model) {
   return false;
 }
 
-/// Planes on bodies that move.
 std::vector<Problem> plane_defects(const model::Model& model, const model::Effects& effects) {
   std::vector<Problem> problems;
   if (!needs_contacts(model, effects)) return problems;

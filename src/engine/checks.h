@@ -5,8 +5,7 @@
 
 namespace handsim::engine {
 
-/// Number of the step that starts at a time [s]. Steps count from time zero, so that times have no
-/// accumulated rounding error and a resumed run has the same ones.
+/// Number of the step that starts at a time [s], from time zero on: times gather no rounding error.
 long long step_number(double time, double step);
 /// End [s] of the step that starts at a time [s].
 double next_time(double time, double step);
@@ -17,9 +16,8 @@ std::vector<bool> immovable_bodies(const model::Model& model, const model::Effec
 /// True if shapes are tested for contact.
 bool needs_contacts(const model::Model& model, const model::Effects& effects);
 
-/// @throws Error (input) for settings out of range, effects that the engine does not have, or an invalid
-/// model.
-/// @return the model
+/// @return the model. @throws Error (input): settings out of range, effects the engine lacks, an invalid
+/// model
 const model::Model& checked(const model::Model& model, const Settings& settings);
 
 /// @return the fault of the first torque that is not finite. @throws Error (input) for another number.

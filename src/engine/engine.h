@@ -126,13 +126,11 @@ class Engine {
   /// Writes the internal state on which the next steps depend, beside state(), so that a run after `restore`
   /// has the same bits. The default writes nothing. @throws Error (physics) if the engine has failed.
   virtual void save(ArchiveWriter& out) const;
-  /// Restores a state() and the data that `save` wrote with it, in an engine of the same model and settings.
-  /// @throws Error (input) for a state of another model or an archive that does not fit; the engine then
-  ///         needs another restore or set_state. Error (physics) if the engine has failed.
+  /// Restores a state() and what `save` wrote with it, for the same model and settings. @throws Error (input)
+  /// for another model's state or archive (restore or set_state is then due), Error (physics) after a failure
   virtual void restore(const model::State& state, ArchiveReader& in);
-  /// Takes over masses, inertias, gravity and materials of the model, which have changed. Principal axes of
-  /// inertia and all else have to be as they were. Engines ode and articulated. @throws Error (input) by
-  /// another engine; Error (physics) of an engine that has failed.
+  /// Takes over changed masses, inertias (same principal axes), gravity and materials of the model. @throws
+  /// Error (input) by engine dae; Error (physics) of an engine that has failed
   virtual void refresh();
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;
@@ -144,9 +142,8 @@ class Engine {
   virtual std::vector<std::string> notes() const = 0;
 };
 
-/// Builds the engine of the settings, in the state model::initial_state(model). The model must outlive the
-/// engine.
-/// @throws Error (input) with every invalid part of the model and the settings.
+/// The engine of the settings, in model::initial_state(model). The model must outlive it. @throws Error
+/// (input) with every invalid part of the model and the settings
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings);
 /// Rejects a temporary model, which would end before its engine.
 std::unique_ptr<Engine> make_engine(const model::Model&& model, const Settings& settings) = delete;

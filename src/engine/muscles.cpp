@@ -96,8 +96,7 @@ void Muscles::go_back() {
   auto from = before_.begin();
   for (int i = 0; i < layout_.arrays().blocks; ++i, from += kTendonLanes)
     std::copy_n(from, kTendonLanes, layout_.arrays().block[i].activation);
-  // Fibres are where the step before has ended.
-  goes_on_ = false;
+  goes_on_ = false;  // Fibres are where the step before has ended.
 }
 
 void Muscles::by_coordinate(std::span<const double> u, std::span<const double> given,

@@ -52,15 +52,13 @@ struct alignas(32) ElasticRow {
 struct alignas(32) TendonBlock {
   // Constants: muscles.
   TendonLane strength, length, per_length, height, reach, least, max_speed, drag;  ///< model::HillConstants
-  TendonLane up, down;  ///< times of activation [s]
-  // Bands.
-  TendonLane stiffness, damping, rest;
-  TendonLane one_way;  ///< 1: pulls only
+  TendonLane up, down;                  ///< times of activation [s]
+  TendonLane stiffness, damping, rest;  // Bands.
+  TendonLane one_way;                   ///< 1: pulls only
   // From step to step.
   TendonLane activation;
-  // Of the step.
-  TendonLane force, slope, rate, excursion;
-  int tendon[kTendonLanes];  ///< of the model: muscle or band; kNoTendon
+  TendonLane force, slope, rate, excursion;  // Of the step.
+  int tendon[kTendonLanes];                  ///< of the model: muscle or band; kNoTendon
   bool muscles;
   int elastic;  ///< in TendonArrays::elastic, or kRigid
   int arms, first_arm;

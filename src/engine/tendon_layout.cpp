@@ -16,26 +16,15 @@ bool starts(const Dofs& list, const Dofs& with) {
   return with.size() <= list.size() && std::equal(with.begin(), with.end(), list.begin());
 }
 
-Dofs dofs_of(const model::TendonPath& path) {
-  Dofs out;
-  for (const model::MomentArm& arm : path.arms) out.push_back(arm.dof);
-  return out;
-}
-
 bool same(const model::ArmProduct& a, const model::ArmProduct& b) {
   return a.a == b.a && a.b == b.b && a.power_a == b.power_a && a.power_b == b.power_b;
-}
-
-bool same_products(const model::TendonPath& a, const model::TendonPath& b) {
-  return std::equal(a.products.begin(), a.products.end(), b.products.begin(), b.products.end(), same);
 }
 
 /// The chain of each list: the one list that it is the beginning of, or itself. Numbers into `chains`.
 std::vector<int> chains_of(const std::vector<Dofs>& lists, std::vector<Dofs>& chains) {
   std::vector<Dofs> longest;
   for (const Dofs& list : lists) {
-    if (std::any_of(longest.begin(), longest.end(), [&](const Dofs& each) { return starts(each, list); }))
-      continue;
+    if (std::ranges::any_of(longest, [&](const Dofs& each) { return starts(each, list); })) continue;
     std::erase_if(longest, [&](const Dofs& each) { return starts(list, each); });
     longest.push_back(list);
   }
@@ -67,12 +56,6 @@ TendonBlock empty_block() {
        {&out.length, &out.per_length, &out.reach, &out.least, &out.max_speed, &out.up, &out.down})
     fill(*each, 1);
   std::fill(std::begin(out.tendon), std::end(out.tendon), kNoTendon);
-  return out;
-}
-
-ElasticRow empty_elastic() {
-  ElasticRow out{};
-  for (TendonLane* each : {&out.per_stretch, &out.fibre, &out.reach}) fill(*each, 1);
   return out;
 }
 
@@ -127,7 +110,10 @@ TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<con
 
 void TendonLayout::add_tendons(std::vector<Tendon> tendons, const Solves& solves) {
   std::vector<Dofs> lists, chains;
-  for (const Tendon& each : tendons) lists.push_back(dofs_of(*each.path));
+  for (const Tendon& each : tendons) {
+    Dofs& dofs = lists.emplace_back();
+    for (const model::MomentArm& arm : each.path->arms) dofs.push_back(arm.dof);
+  }
   const std::vector<int> chain_of = chains_of(lists, chains);
   for (std::size_t i = 0; i < tendons.size(); ++i) tendons[i].chain = chain_of[i];
   std::vector<bool> placed(chains.size(), false);
@@ -159,18 +145,16 @@ void TendonLayout::add_tendons(std::vector<Tendon> tendons, const Solves& solves
 void TendonLayout::add_family(const Family& family, std::vector<std::vector<Tendon>> lanes,
                               const Solves& solves) {
   for (std::vector<Tendon>& lane : lanes)
-    std::stable_sort(lane.begin(), lane.end(), [](const Tendon& a, const Tendon& b) {
-      return a.path->arms.size() > b.path->arms.size();
-    });
+    std::ranges::stable_sort(
+        lane, [](const Tendon& a, const Tendon& b) { return a.path->arms.size() > b.path->arms.size(); });
   while (true) {
-    const auto open =
-        std::find_if(lanes.begin(), lanes.end(), [](const auto& lane) { return !lane.empty(); });
+    const auto open = std::ranges::find_if(lanes, [](const auto& lane) { return !lane.empty(); });
     if (open == lanes.end()) return;
     const Tendon sort = open->front();
     std::array<Tendon, kTendonLanes> row;
     for (std::size_t k = 0; k < lanes.size(); ++k) {
-      const auto next = std::find_if(lanes[k].begin(), lanes[k].end(), [&](const Tendon& each) {
-        return same_products(*each.path, *sort.path);
+      const auto next = std::ranges::find_if(lanes[k], [&](const Tendon& each) {
+        return std::ranges::equal(each.path->products, sort.path->products, same);
       });
       if (next == lanes[k].end()) continue;
       row[k] = *next;
@@ -196,7 +180,8 @@ void TendonLayout::add_block(const Family& family, const std::array<Tendon, kTen
       if (tendon.muscle->tendon_strain) {
         if (block.elastic == kRigid) {
           block.elastic = static_cast<int>(elastic_.size());
-          elastic_.push_back(empty_elastic());
+          ElasticRow& empty = elastic_.emplace_back();
+          for (TendonLane* each : {&empty.per_stretch, &empty.fibre, &empty.reach}) fill(*each, 1);
         }
         elastic_.back().per_stretch[k] = model::per_stretch(*tendon.muscle);
       }

@@ -1,6 +1,5 @@
-// Which tendon of a model stands in which lane (tendon_lanes.h). Tendons whose coordinates are the first of
-// one list form a chain, such as those of a finger; chains of as many coordinates stand side by side, one to
-// a lane, so that their sums are the same registers, and a chain that is alone takes all lanes.
+// Which tendon stands in which lane (tendon_lanes.h). Tendons whose coordinates begin one list (a finger's)
+// form a chain; chains of equal length stand side by side and share sums; a lone one takes all lanes.
 #pragma once
 
 #include <functional>

@@ -17,8 +17,7 @@
 
 namespace handsim::environment {
 
-/// Steps of several environments of one scene in the lanes of the vector unit (articulated/lane_group.h), to
-/// the bits of the same steps one by one.
+/// Steps of environments of one scene in lanes (articulated/lane_group.h), to the bits of single steps.
 class Lanes {
  public:
   /// @param like an environment of the scene, @param widest BatchSetup::lanes
@@ -50,8 +49,7 @@ class Lanes {
 
 namespace {
 
-/// Environments that one task steps.
-constexpr std::size_t kGrain = 8;
+constexpr std::size_t kGrain = 8;  ///< Environments that one task steps.
 /// Single steps are faster one by one than in lanes, because environments are loaded and stored in each call.
 constexpr int kFewestSteps = 2;
 
@@ -206,8 +204,7 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
     return out;
   };
   auto& others = impl_->others;
-  auto other =
-      std::find_if(others.begin(), others.end(), [&](const auto& each) { return each.scene == scene; });
+  auto other = std::ranges::find_if(others, [&](const auto& each) { return each.scene == scene; });
   if (other == others.end()) {
     const std::shared_ptr<scene::Scene> shared = Environment::lean(*scene);
     Environment first(shared, impl_->setup.environment, true, nullptr);

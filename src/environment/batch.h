@@ -1,6 +1,5 @@
-// Many environments of one scene, stepped on all cores. Actions and observations are contiguous arrays with
-// one row per environment. Every environment has the same bits for any number of threads, in a batch of any
-// size, and alone.
+// Many environments of one scene on all cores. Actions and observations: contiguous arrays, a row for each.
+// Each has the same bits in any number of threads, in a batch of any size, and alone.
 #pragma once
 
 #include <functional>
@@ -28,8 +27,7 @@ struct BatchSetup {
   /// reset. Several threads call it at once, for different environments. Null: never done.
   std::function<bool(const Environment&)> done = {};
   int threads = 0;  ///< at most 1024; 0: one per core
-  /// So many environments share vector lanes at most: 8, 4 or 2, as the processor has them; 0: none. The same
-  /// bits.
+  /// Most environments that share vector lanes: 8, 4 or 2, by processor; 0: none. The same bits.
   int lanes = 8;
 };
 
@@ -48,14 +46,12 @@ class Batch {
   void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {});
   /// The same to a motion instead of the start (Environment::reset); numbers are drawn where there are seeds.
   void reset(const Moment& moment, std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask);
-  /// Steps the environments that are neither done nor failed. A motion that diverges does not throw: see
-  /// failed(). @throws Error (input) for an action of another size, or with numbers that are not finite;
-  /// other environments may then have moved.
+  /// Steps environments neither done nor failed; diverging motion does not throw, see failed(). @throws Error
+  /// (input) for actions of wrong size or not finite; other environments may have moved.
   void step(const BatchAction& action = {}, int substeps = 1);
 
-  /// Environment i becomes one of another scene, e.g. of another person, at its start. A scene that stays the
-  /// same object is prepared once. @throws Error (input) where bodies, joints, driven axes, muscles, wrists,
-  /// observed numbers, engine or step differ.
+  /// Environment i becomes one of another scene (prepared once), at its start. @throws Error (input) where
+  /// bodies, joints, driven axes, muscles, wrists, observed numbers, engine or step differ
   void replace(std::size_t i, const std::shared_ptr<const scene::Scene>& scene);
 
   Environment& operator[](std::size_t i);

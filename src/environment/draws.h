@@ -1,5 +1,4 @@
-// Random numbers as a function of seed, draw and name, whoever computes them and in whatever order:
-// Philox4x64-10 (Salmon, Moraes, Dror and Shaw 2011).
+// Random numbers of seed, draw and name, in any order: Philox4x64-10 (Salmon, Moraes, Dror and Shaw 2011).
 #pragma once
 
 #include <array>

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
@@ -22,8 +21,7 @@ void require_size(const char* what, std::size_t got, std::size_t need, const cha
 
 }  // namespace
 
-/// What a simulation needs of a scene. What the model and the plans were made from is left behind: thousands
-/// of environments may have a copy each.
+/// What a simulation needs of a scene, without its sources: thousands of environments may have a copy.
 std::shared_ptr<scene::Scene> Environment::lean(const scene::Scene& scene) {
   auto out = std::make_shared<scene::Scene>();
   out->spec.title = scene.spec.title;
@@ -82,7 +80,6 @@ Environment::Environment(Environment&&) noexcept = default;
 Environment& Environment::operator=(Environment&&) noexcept = default;
 Environment::~Environment() = default;
 
-/// A copy of a shared scene, in which numbers may change.
 void Environment::own_scene() {
   if (!std::exchange(shared_, false)) return;
   // The simulation, up to the next reset, and the observation read the shared one.

@@ -1,5 +1,4 @@
-// A scene that a caller resets, steps with actions and observes, again and again, without building it anew.
-// batch.h steps many of them at once.
+// A scene to reset, step with actions and observe, without building it anew; batch.h steps many at once.
 #pragma once
 
 #include <cstdint>
@@ -23,11 +22,9 @@ struct Setup {
   simulation::MakeWatchers watchers = simulation::no_watchers;
 };
 
-/// The caller's action in a call of step(). Torques and forces are added to those of the scene; angles and
-/// wrists replace its own targets. Empty parts have no effect.
+/// The caller's action: torques and forces are added, angles and wrists replace targets; empty: no effect.
 struct Action {
-  /// [N m] or [N], one for each coordinate, positive along it.
-  std::span<const double> torques = {};
+  std::span<const double> torques = {};  ///< [N m] or [N], one for each coordinate, positive along it.
   /// [rad], that the scene's controller holds: one for each of its axes (Controller::axes).
   std::span<const double> angles = {};
   /// X_WH of each driven wrist (Model::drives) at the end of the action; it moves there at constant velocity.
@@ -36,8 +33,7 @@ struct Action {
   std::span<const model::PoseRate> wrist_rates = {};
   /// Of the muscles, 0 to 1 as Model::muscles, in place of those of the scene.
   std::span<const double> excitations = {};
-  /// Forces on bodies; engines ode and articulated.
-  std::span<const engine::BodyForce> forces = {};
+  std::span<const engine::BodyForce> forces = {};  ///< Forces on bodies; engines ode and articulated.
 };
 
 /// The motion at one time; environments of the same scene can exchange them.
@@ -55,8 +51,7 @@ class Environment {
  public:
   /// @throws Error (input) where the scene does not run, or the setup names what there is not.
   Environment(const scene::Scene& scene, Setup setup = {});
-  /// The same with all of a scene that is the environment's own from here on: its snapshots are those of
-  /// runs.
+  /// The same with a scene of the environment's own from here on: its snapshots are those of runs.
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup);
   Environment(Environment&&) noexcept;
   Environment& operator=(Environment&&) noexcept;
@@ -73,11 +68,9 @@ class Environment {
   /// Continues a run: Simulation::restore.
   void restore(const simulation::RunSnapshot& snapshot);
 
-  /// @param substeps steps of the scene's solver. @param after is called after each; what it throws ends the
-  ///        call
-  /// @throws Error (input) for an action of another size or with numbers that are not finite: nothing has
-  ///         moved then. Error (physics) where the motion diverges: `failure` then says so, and every step
-  ///         throws the same until the next reset.
+  /// @param substeps steps of the scene's solver. @param after is called after each; what it throws ends this
+  /// @throws Error (input) for an action of another size or not finite: nothing has moved then. Error
+  /// (physics) where the motion diverges: `failure` then says so; every step throws it until the next reset.
   void step(const Action& action = {}, int substeps = 1, const std::function<void()>& after = {});
   /// Why the environment needs a reset; null where it does not.
   const Error* failure() const { return failure_ ? &*failure_ : nullptr; }
@@ -99,8 +92,7 @@ class Environment {
  private:
   friend class Batch;
   friend class Lanes;
-  /// @param shared others have the scene, too: it is copied before a number in it changes
-  /// @param like one of them, or null
+  /// @param shared others have the scene: copied before it changes. @param like one of them, or null
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared, const Environment* like);
   static std::shared_ptr<scene::Scene> lean(const scene::Scene& scene);
   void own_scene();

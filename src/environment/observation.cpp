@@ -86,8 +86,7 @@ std::span<const Observation::Kind> Observation::kinds() {
       {"wrists",
        [](auto& of) {
          Columns out;
-         for (const model::HandIndex& hand : of.scene_.model.hands)
-           add_body_columns(out, hand.name + ".wrist");
+         for (const auto& hand : of.scene_.model.hands) add_body_columns(out, hand.name + ".wrist");
          return out;
        },
        [](auto& of, auto& run, Values to) {
@@ -177,8 +176,7 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
   if (!problems.empty()) throw Error(std::move(problems));
   find_things();
   for (const std::string& name : names) {
-    const Kind& kind =
-        *std::find_if(kinds().begin(), kinds().end(), [&](auto& each) { return each.name == name; });
+    const Kind& kind = *std::ranges::find_if(kinds(), [&](auto& each) { return each.name == name; });
     kinds_.push_back(&kind);
     parts_.push_back({name, size_, kind.columns(*this)});
     size_ += parts_.back().columns.size();
@@ -212,8 +210,7 @@ void Observation::find_things() {
 }
 
 bool Observation::has(std::string_view part) const {
-  return std::any_of(parts_.begin(), parts_.end(),
-                     [&](const ObservedPart& each) { return each.name == part; });
+  return std::ranges::any_of(parts_, [&](const ObservedPart& each) { return each.name == part; });
 }
 
 void Observation::write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,

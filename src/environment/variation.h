@@ -70,7 +70,6 @@ class Variation {
   };
   /// The object of a name such as objects.0.mass. @throws Error (input)
   std::size_t object_index(std::string_view name, std::string_view& key) const;
-  /// The material of an object's shapes.
   std::size_t material_of(std::size_t object) const;
   std::size_t size_of(std::string_view name) const;
   void set_of_object(std::string_view name, std::span<const double> values);

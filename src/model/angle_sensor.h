@@ -1,5 +1,4 @@
-// Joint coordinates and rates from the poses and velocities of bodies. Faster than model::joint_coordinates,
-// same values; for engines whose unknowns are body velocities, once a step.
+// Joint coordinates and rates from the states of bodies: the values of model::joint_coordinates, faster.
 #pragma once
 
 #include <optional>

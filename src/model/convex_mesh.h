@@ -1,7 +1,6 @@
 // Convex polyhedra as shapes, built once from a hull: vertices, faces, edges, mass of the uniform solid.
 #pragma once
 
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -40,8 +39,7 @@ struct ConvexMesh {
   double support(const Vec3& n) const;
 };
 
-/// A polyhedron of these vertices and faces, moved to its centroid, with edges and mass properties: exact
-/// integrals over the tetrahedra of the faces and a point inside.
+/// A polyhedron of these vertices and faces, moved to its centroid, with edges and exact mass properties.
 /// @param faces vertices of each, counter-clockwise seen from outside. Not checked: closed and convex.
 /// @param centroid set to its position in the given coordinates.
 ConvexMesh make_convex_mesh(std::vector<Vec3> vertices, const std::vector<std::vector<int>>& faces,

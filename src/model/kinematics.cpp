@@ -43,7 +43,6 @@ void set_pose(State& state, int body, const Pose& x_WB) {
   target.q = x_WB.q;
 }
 
-/// Every body at rest at its zero pose.
 State zero_state(const Model& model) {
   State state;
   state.bodies.resize(model.bodies.size());
@@ -185,8 +184,7 @@ void place_joints(const Model& model, std::span<const double> q, std::span<const
 void rest_muscles(const Model& model, State& state) {
   for (std::size_t i = 0; i < model.muscles.size(); ++i) {
     const Muscle& muscle = model.muscles[i];
-    const RestingMuscle rest =
-        at_rest(muscle, path_state(muscle.path, state.q).excursion, state.activation[i]);
+    const auto rest = at_rest(muscle, path_state(muscle.path, state.q).excursion, state.activation[i]);
     state.fibre_length[i] = rest.fibre_length;
     state.fibre_speed[i] = 0;
     state.tendon_force[i] = rest.force;

@@ -1,6 +1,5 @@
-// Joint coordinates from body poses and back, Jacobians and the mass matrix, without any engine. Coordinates
-// of a joint: hinge, universal, slider as in `Joint`; ball: the rotation vector of R_FM. Angles are in
-// (-pi, pi]. Torques of a motion: newton_euler.h; energy and momentum: energy.h.
+// Coordinates from poses and back (hinge, universal, slider: `Joint`; ball: rotation vector of R_FM; angles
+// in (-pi, pi]), Jacobians, mass matrix; no engine. Torques: newton_euler.h; energy and momentum: energy.h.
 #pragma once
 
 #include <span>
@@ -22,8 +21,7 @@ void update_coordinates(const Model& model, State& state);
 /// Position error of the joint's constraint [m]: between the anchor points (slider: across the axis).
 double joint_gap(const Joint& joint, const State& state);
 
-/// Direction of a joint's axis in the world, unit: the first is fixed in the parent, the second in the child.
-/// @param parent, child q_WB of the two bodies
+/// A joint's unit axis in the world: the first is fixed in `parent`, the second in `child` (q_WB of both).
 Vec3 axis_in_world(const Joint& joint, std::size_t axis, const Quat& parent, const Quat& child);
 
 /// X_FM at the given coordinates of this joint.

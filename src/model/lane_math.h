@@ -1,5 +1,4 @@
-// One name for what a double and a vector register with one double a lane do differently. Inlined always: GCC
-// passes registers of numbers through memory where it calls a function.
+// One name for what a double and a register of doubles do differently. Always inlined: calls use memory.
 #pragma once
 
 #include <cmath>

@@ -1,6 +1,5 @@
-// The compiled description of everything a scene simulates: bodies, joints, shapes, materials, contact
-// rules and driven bodies, in SI and radians. Constant once built; independent of engines, YAML and OpenGL.
-// Body 0 is the world. Parents come before children, except for loop-closing joints.
+// The compiled description of a simulation (SI, radians): bodies (0: the world), joints, shapes, materials,
+// contact rules, drives. Constant once built. Parents before children but for loop-closing joints.
 #pragma once
 
 #include <cstdint>
@@ -15,8 +14,7 @@
 
 namespace handsim::model {
 
-/// Index of the world in `Model::bodies`.
-inline constexpr int kWorld = 0;
+inline constexpr int kWorld = 0;  ///< Index of the world in `Model::bodies`.
 
 /// What a shape belongs to: contact sums and tables group shapes by it, pictures colour them by it.
 enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
@@ -115,7 +113,6 @@ struct Compliance {
   double damping = 0;    ///< [N s/m], >= 0
 };
 
-/// Surface of a shape.
 struct Material {
   std::string name;
   double friction = 0.8;                 ///< Coulomb coefficient, >= 0
@@ -136,8 +133,7 @@ struct ContactGroup {
   std::string name;
 };
 
-/// The pair's material is combined from its shapes' own.
-inline constexpr int kCombined = -1;
+inline constexpr int kCombined = -1;  ///< The pair's material is combined from its shapes' own.
 
 /// Two groups whose shapes are tested (a rule may name one twice), but not jointed or two immovable bodies.
 struct ContactRule {

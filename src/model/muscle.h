@@ -1,7 +1,6 @@
 // Muscles and ligaments of a model: tendons with a moment arm about each joint coordinate that they cross.
-// Length and arms agree by construction: both come from one polynomial, the excursion e(q), with
-// length = length at zero - e(q) and moment arm = de/dq = -dlength/dq. No time, no activation:
-// muscle_curves.h and engine/muscles.h have the dynamics.
+// Length and arms agree: one polynomial, the excursion e(q), gives length = length at zero - e(q) and moment
+// arm = de/dq = -dlength/dq. No time, no activation: see muscle_curves.h and engine/muscles.h.
 #pragma once
 
 #include <array>
@@ -12,8 +11,7 @@
 
 namespace handsim::model {
 
-/// Coefficients of a moment arm's polynomial.
-inline constexpr int kArmTerms = 5;
+inline constexpr int kArmTerms = 5;  ///< Coefficients of a moment arm's polynomial.
 /// Most coordinates that a tendon may cross: two of the wrist, four of a finger, and a second finger's.
 inline constexpr int kMostArms = 12;
 

@@ -20,10 +20,8 @@ inline constexpr double kPassiveShape = 5;     ///< k_PE
 inline constexpr double kPassiveStrain = 0.6;  ///< epsilon_0
 inline constexpr double kSpeedShape = 0.25;    ///< A_f
 inline constexpr double kLengthening = 1.4;    ///< largest force of lengthening over the isometric one
-/// Lengths of fibres with an active force.
-inline constexpr double kShortest = 0.2, kLongest = 1.8;
-/// Slope of lengthening.
-inline constexpr double kSteep = (2 + 2 / kSpeedShape) / (kLengthening - 1);
+inline constexpr double kShortest = 0.2, kLongest = 1.8;  ///< Lengths of fibres with an active force.
+inline constexpr double kSteep = (2 + 2 / kSpeedShape) / (kLengthening - 1);  ///< Slope of lengthening.
 }  // namespace hill
 
 template <class V>
@@ -43,7 +41,6 @@ struct Fibre {
 /// @param excursion of the path [m]
 Fibre fibre_at(const Muscle& muscle, double excursion);
 
-/// Tension of the tendon.
 struct Tension {
   double force = 0;      ///< [N], >= 0
   double stiffness = 0;  ///< by the length of muscle and tendon [N/m], may be negative

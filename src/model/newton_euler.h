@@ -23,8 +23,7 @@ struct Wrench {
 
 class NewtonEuler {
  public:
-  /// The model must outlive this. @param gravity [m/s^2].
-  /// @throws Error (input) for a model with loops.
+  /// The model must outlive this. @param gravity [m/s^2]. @throws Error (input) for a model with loops
   NewtonEuler(const Model& model, const Vec3& gravity);
 
   /// Bodies without a parent joint move as in the state, unaccelerated; driven ones as at `time` [s].
@@ -35,8 +34,7 @@ class NewtonEuler {
   void place(const State& from, const State& to);
 
   /// Torques along all coordinates for the motion of place() [N m] or [N], size model.dof_count(): what acts
-  /// on the child in addition to gravity and loads.
-  /// @param loads on bodies from outside, at the indices of Model::bodies, or empty.
+  /// beside gravity and loads. @param loads on bodies from outside, as Model::bodies, or empty
   std::span<const double> torques(std::span<const Wrench> loads = {});
   /// Of the last torques(): what the parent exerts on the child in each joint, at the index of Model::joints.
   std::span<const Wrench> reactions() const { return reactions_; }
@@ -54,9 +52,8 @@ class NewtonEuler {
   std::vector<double> torques_;
 };
 
-/// Torques [N m] or [N] that accelerate the motion of a state, size model.dof_count(): NewtonEuler::torques()
-/// at its coordinates and rates. @param change of the rates [rad/s^2] or [m/s^2], size model.dof_count()
-/// @throws as NewtonEuler
+/// Torques [N m] or [N] that accelerate a state's motion, size model.dof_count(): NewtonEuler::torques().
+/// @param change of the rates [rad/s^2] or [m/s^2], size model.dof_count(). @throws as NewtonEuler
 std::vector<double> inverse_dynamics(const Model& model, const State& state, std::span<const double> change,
                                      const Vec3& gravity);
 

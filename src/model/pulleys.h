@@ -17,8 +17,7 @@ struct FlexorTensions {
   double deep = 0, superficial = 0;
 };
 
-/// Tensions that give the moments of DIP and PIP [N m] without antagonists: the deep flexor alone crosses the
-/// DIP.
+/// Tensions for the moments of DIP and PIP [N m] without antagonists; the deep flexor alone crosses the DIP.
 /// @param deep_dip, deep_pip, superficial_pip moment arms [m], > 0
 inline FlexorTensions flexor_tensions(double dip, double pip, double deep_dip, double deep_pip,
                                       double superficial_pip) {

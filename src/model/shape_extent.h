@@ -7,8 +7,7 @@
 
 namespace handsim::model {
 
-/// Largest n . x over a shape [m]: the support function of its solid about its centre; 0 for a plane.
-/// @param n unit vector in the shape's frame
+/// Largest n . x over a shape about its centre [m], n unit in its frame: support function; 0 for a plane.
 double support(const Shape& shape, const Vec3& n);
 
 /// Distance of a shape's farthest point from the origin of its body [m]; 0 for a plane.

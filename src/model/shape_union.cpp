@@ -46,7 +46,6 @@ const Arc& arc(int panels) {
   return arcs[static_cast<std::size_t>(panels - 1)];
 }
 
-/// Part of a line inside a solid.
 struct Interval {
   double low = std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
@@ -120,8 +119,7 @@ class RoundSection {
     out.add(centre.z() + half);
   }
 
-  /// Points at distance r of the axis between its ends: |w|^2 - (w . u)^2 = r^2 with w = w0 + z e_z.
-  /// @returns true if both are there.
+  /// Points at distance r of the axis: |w|^2 - (w . u)^2 = r^2, w = w0 + z e_z. @returns true for both
   bool add_side(double y, Interval& out) const {
     const RoundCore& core = *core_;
     const Vec3& u = core.along;
@@ -215,7 +213,6 @@ void integrate(const std::vector<Interval>& solids, At at) {
   }
 }
 
-/// Sums over columns.
 struct Moments {
   double volume = 0;
   Vec3 first = Vec3::Zero();

@@ -31,8 +31,7 @@ CubicSpline::CubicSpline(std::vector<double> times, std::vector<double> values, 
 
 void CubicSpline::at(double time, std::span<double> value, std::span<double> rate,
                      std::span<double> acceleration) const {
-  const auto next =
-      static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
+  const auto next = static_cast<std::size_t>(std::ranges::upper_bound(times_, time) - times_.begin());
   const bool outside = next == 0 || (next == times_.size() && time > times_.back()) || times_.size() == 1;
   if (outside) {
     const double* end = values_.data() + (next == 0 ? 0 : (times_.size() - 1) * width_);

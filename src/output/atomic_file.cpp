@@ -94,8 +94,7 @@ int AtomicFile::create() {
     errno = EISDIR;
     return -1;
   }
-  const fs::path folder = folder_of(path_);
-  const int file = open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode);
+  const int file = open(folder_of(path_).c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode);
   if (file >= 0 && access(open_name(file).c_str(), F_OK) == 0) return file;
   if (file >= 0) close(file);
   name_part();

@@ -1,6 +1,5 @@
-// A file that appears under its name only when it is complete. Until commit() it has no name if the file
-// system supports files without a name, and otherwise a temporary name in the same folder,
-// `.handsim.PROCESS.NUMBER.part`, that no other writer uses.
+// A file that appears under its name only when complete. Before commit() it has no name, or, where the file
+// system demands one, `.handsim.PROCESS.NUMBER.part` in the same folder, which no other writer uses.
 #pragma once
 
 #include <cstdio>
@@ -21,8 +20,7 @@ class AtomicFile {
 
   /// @throws Error (output) if the disk is full.
   void write(std::string_view text);
-  /// Replaces as many bytes as the text has, from byte `at` on; they must have been written before.
-  /// @throws as write.
+  /// Replaces as many bytes as the text has, from byte `at` on, which are written already. @throws as write
   void overwrite(long at, std::string_view text);
   /// Gives the file its name. @throws Error (output) if that fails.
   void commit();

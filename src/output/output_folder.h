@@ -25,8 +25,7 @@ class OutputFolder {
   OutputFolder(OutputFolder&& other) noexcept;
   OutputFolder& operator=(OutputFolder&&) = delete;
 
-  /// Removes all files of these names, and temporary files of processes that were killed.
-  /// @throws Error (output) if that fails.
+  /// Removes all files of these names, and temporary ones of killed processes. @throws Error (output)
   void clear() const;
   const std::filesystem::path& path() const { return path_; }
 
@@ -48,9 +47,8 @@ struct FileKind {
 inline constexpr std::size_t kMarkBytes = 1000;
 
 /// What may be written to the path of `--out`, `--video` and the like: a new file, or one in place of an
-/// empty file or a file of the same kind. Everything else that exists is the user's and stays.
-/// @param option for messages. @throws Error (input) for another file, for one of the inputs, where
-///        file_target does, and for a folder that cannot be written.
+/// empty file or one of its kind; all else is the user's. @param option for messages. @throws Error (input)
+/// for another file, one of the inputs, as file_target, and for a folder that cannot be written
 void check_target(const std::string& option, const std::filesystem::path& path, const FileKind& kind,
                   const OutputFolder::Inputs& inputs = {});
 

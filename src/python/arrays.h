@@ -16,8 +16,7 @@ namespace py = pybind11;
 class Numbers {
  public:
   Numbers() = default;
-  /// @param shape that is needed. @param name for messages.
-  /// @throws Error (input) for another shape or dtype.
+  /// @param shape that is needed. @param name for messages. @throws Error (input) for another shape or dtype
   Numbers(const py::object& array, const std::vector<py::ssize_t>& shape, const std::string& name);
 
   std::span<const double> span() const { return span_; }

@@ -18,8 +18,7 @@ namespace {
 using environment::Batch;
 using Drawn = std::tuple<std::string, std::string, double, double>;
 
-/// A longer step of a batch is cut into parts of so many substeps. Each environment's step ends with a chance
-/// for Python's signal handlers; shorter parts would take the environments through the cache too often.
+/// Substeps between Python's signal handlers; fewer would take environments through the cache more often.
 constexpr int kMostSubsteps = 500;
 
 environment::BatchSetup setup_of(std::vector<std::string> observe, const std::vector<Drawn>& randomise,
@@ -172,8 +171,7 @@ class BatchHandle {
     } while (left > 0);
   }
 
-  /// Called after each environment's step, by all threads. @throws Interrupted, which ends the step of the
-  /// batch
+  /// Called after each environment's step, by all threads. @throws Interrupted, which ends the batch's step
   void poll() {
     if (polled_ != nullptr && std::this_thread::get_id() == caller_) polled_->poll(0);
   }

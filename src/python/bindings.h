@@ -1,5 +1,4 @@
-// The Python module handsim._core: thin bindings of the library. The package in python/handsim/ has the
-// public classes with their documentation; nothing here is public.
+// The module handsim._core: thin bindings. Public classes and their documentation are in python/handsim/.
 #pragma once
 
 #include <memory>

@@ -12,7 +12,6 @@ py::tuple problem_tuple(const Problem& problem) {
                         problem.got, problem.need);
 }
 
-/// Raises handsim.Error.
 void raise(const Error& error) {
   const char* kind = error.kind() == ErrorKind::input     ? "input"
                      : error.kind() == ErrorKind::physics ? "physics"

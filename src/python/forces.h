@@ -10,8 +10,7 @@
 
 namespace handsim::python {
 
-/// Rows of seven numbers: position [m], quaternion w x y z, which is normalised.
-/// @throws Error (input) for a quaternion of zero length.
+/// Rows of position [m] and quaternion w x y z, normalised here. @throws Error (input) for one of zero length
 std::vector<Pose> poses_of(const Numbers& numbers, const char* name = "wrists");
 
 /// Forces by name of the body or the object: each three numbers [N], or six with the moment [N m]; world

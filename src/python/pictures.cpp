@@ -90,16 +90,9 @@ py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::
   if (pictures.empty() || captions.size() != pictures.size())
     throw input_error("captions", std::to_string(captions.size()),
                       "one for each of " + std::to_string(pictures.size()) + " pictures, at least one");
-  const auto of = [](const Pixels& pixels) {
-    if (pixels.ndim() != 3 || pixels.shape(2) != 3)
-      throw input_error("pictures", "an array of another shape", "shape (height, width, 3), dtype uint8");
-    output::Image image{static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)), {}};
-    image.rgb.assign(pixels.data(), pixels.data() + pixels.size());
-    return image;
-  };
-  const output::Image first = of(pictures[0]);
+  const output::Image first = image_of(pictures[0]);
   output::ContactSheet page({static_cast<int>(pictures.size()), first.width, first.height, title, width});
-  for (std::size_t i = 0; i < pictures.size(); ++i) page.add(of(pictures[i]), captions[i]);
+  for (std::size_t i = 0; i < pictures.size(); ++i) page.add(image_of(pictures[i]), captions[i]);
   return image_array(page.image());
 }
 

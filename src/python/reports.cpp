@@ -2,6 +2,7 @@
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
 #include "handsim/python/bindings.h"
+#include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
 
 namespace handsim::python {
@@ -23,10 +24,7 @@ class Video {
       : writer_({file, width, height, fps}) {}
 
   void add(const VideoPixels& pixels) {
-    if (pixels.ndim() != 3 || pixels.shape(2) != 3)
-      throw input_error("pictures", "an array of another shape", "shape (height, width, 3), dtype uint8");
-    output::Image image{static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)), {}};
-    image.rgb.assign(pixels.data(), pixels.data() + pixels.size());
+    const output::Image image = image_of(pixels);
     without_gil([&] {
       writer_.add(image);
       return 0;

@@ -84,11 +84,6 @@ class MemoryRun {
   Finished out_;
 };
 
-Finished run_in_memory(const SceneHandle& of, int frames, bool stop_lost, const py::object& progress) {
-  Signals signals(progress);
-  return without_gil([&] { return MemoryRun(of, frames, stop_lost).run(signals); });
-}
-
 py::object cell(const study::Cell& of) {
   if (const auto* number = std::get_if<double>(&of)) return py::float_(*number);
   if (const auto* text = std::get_if<std::string>(&of)) return py::str(*text);
@@ -112,7 +107,8 @@ py::dict result_dict(const simulation::RunResult& result) {
 }
 
 py::dict run_scene(const SceneHandle& of, int frames, bool stop_lost, const py::object& progress) {
-  const Finished run = run_in_memory(of, frames, stop_lost, progress);
+  Signals signals(progress);
+  const Finished run = without_gil([&] { return MemoryRun(of, frames, stop_lost).run(signals); });
   py::dict out = result_dict(run.result);
   const std::vector<std::string> columns = output::trajectory_columns(of.scene->model);
   out["columns"] = columns;

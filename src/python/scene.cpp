@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <limits>
 
 #include "handsim/core/index.h"
@@ -57,8 +56,7 @@ std::vector<std::size_t> driven_coordinates(const SceneHandle& of) {
 
 std::vector<std::string> driven_wrists(const SceneHandle& of) {
   std::vector<std::string> out;
-  for (const model::Drive& drive : of.scene->model.drives)
-    out.push_back(of.scene->model.bodies[at(drive.body)].name);
+  for (const auto& drive : of.scene->model.drives) out.push_back(of.scene->model.bodies[at(drive.body)].name);
   return out;
 }
 

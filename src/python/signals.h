@@ -1,5 +1,4 @@
-// Work without the GIL that Ctrl-C ends: it calls a function of this header now and then, which runs Python's
-// signal handlers.
+// Work without the GIL that Ctrl-C ends: it now and then calls what runs Python's signal handlers.
 #pragma once
 
 #include <atomic>
@@ -17,12 +16,10 @@ namespace handsim::python {
 
 namespace py = pybind11;
 
-/// A handler or a callback has raised; the thread's error indicator is set. Not a std::exception, so that the
-/// library does not take it for a failure of its own.
+/// A handler or callback raised; the error indicator is set. No std::exception: the library did not fail.
 struct Interrupted {};
 
-/// Between two runs of the handlers.
-inline constexpr std::chrono::milliseconds kSignalInterval{50};
+inline constexpr std::chrono::milliseconds kSignalInterval{50};  ///< Between two runs of the handlers.
 
 /// Runs work without the GIL. @throws py::error_already_set where a handler has raised.
 template <class Work>
@@ -35,8 +32,7 @@ auto without_gil(Work&& work) {
   }
 }
 
-/// Calls of one object: one thread at a time, without the GIL. A call from within another one (by a signal
-/// handler) would wait for itself: it is an Error (input).
+/// An object's calls, without the GIL: one thread at a time. One from within another is an Error (input).
 class Calls {
  public:
   template <class Work>
@@ -66,8 +62,7 @@ class Signals {
   explicit Signals(const py::object& progress = py::none())
       : progress_(progress.is_none() ? nullptr : progress.ptr()) {}
 
-  /// Every kSignalInterval runs the handlers and calls `progress`. To be called without the GIL.
-  /// @throws Interrupted where one raises.
+  /// Every kSignalInterval runs the handlers and `progress`. Call without the GIL. @throws Interrupted
   void poll(double share) {
     const auto now = std::chrono::steady_clock::now();
     if (now < next_) return;
@@ -102,9 +97,8 @@ struct StudyHooks {
   std::atomic<double> share = 0;
 };
 
-/// Runs a study, which has threads of its own, in another thread, and Python's signal handlers in this one. A
-/// study ends when it next tells its share.
-/// @param study called with StudyHooks&.
+/// Runs a study, with threads of its own, in another thread, and Python's signal handlers in this one, which
+/// end it when it next tells its share. @param study called with StudyHooks&
 template <class Study>
 auto run_study(const py::object& progress, Study&& study) {
   StudyHooks hooks;

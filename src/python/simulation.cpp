@@ -20,8 +20,7 @@ std::shared_ptr<scene::Scene> with_forces(const SceneHandle& of, bool contact_fo
   return out;
 }
 
-/// Steps between two chances for Python's signal handlers.
-constexpr long kPolledEvery = 16;
+constexpr long kPolledEvery = 16;  ///< Steps between two chances for Python's signal handlers.
 /// Parts of an observation, in the order of Muscles in _simulation.py.
 const std::vector<std::string> kMuscleParts = {"excitation",  "activation",    "fibre_length",
                                                "fibre_speed", "tendon_length", "tendon_force"};
@@ -165,8 +164,7 @@ void reset_to(SimulationHandle& self, const py::object& q, const py::object& u, 
   const auto dofs = static_cast<py::ssize_t>(self.q.size());
   const Numbers q_given = Numbers::optional(q, {dofs}, "q"), u_given = Numbers::optional(u, {dofs}, "u");
   py::ssize_t movable = 0;
-  for (const scene::ObjectSpec& object : self.simulation().scene().plans.objects)
-    movable += !object.is_static;
+  for (const auto& object : self.simulation().scene().plans.objects) movable += !object.is_static;
   const std::vector<Pose> poses = poses_of(Numbers::optional(objects, {movable, 7}, "objects"), "objects");
   self.guarded([&] {
     if (q.is_none() && u.is_none() && objects.is_none()) return self.environment().reset();

@@ -17,8 +17,7 @@ namespace {
 
 using std::filesystem::path;
 
-// Each study writes the files of its command into a folder, and returns the text that the command prints: the
-// Python side reads its tables from the files.
+// Each study writes its command's files into a folder; returns the command's text. Python reads the files.
 
 std::string accuracy(const path& study, const path& out, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
@@ -85,8 +84,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
     options.progress = [&hooks](double share) { hooks.share = share; };
     const study::RolloutStudy study(std::move(spec));
     const output::OutputFolder folder(out, study::rollout_files());
-    const study::RolloutsResult result =
-        study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
+    const auto result = study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
     if (result.done < result.size) return std::string();
     study::finish_study(out,
                         uncertain ? study::uncertain_commands(file, overrides, *count)

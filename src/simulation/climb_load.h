@@ -1,5 +1,4 @@
-// The actuator of a climbing hand's palm on its rail: a servo moves it to the hold and keeps it there while
-// the fingers close; then a force along the rail grows with time.
+// The actuator of a climbing palm on its rail: a servo while the fingers close, then a force that grows.
 #pragma once
 
 #include <span>

@@ -25,12 +25,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Deepest that an object may start in a hand [m].
-constexpr double kDeepestStart = 1e-3;
-/// Steps from one that is timed to the next.
-constexpr long kTimedEvery = 16;
-/// Pairs of shapes that are named for one object; more are counted.
-constexpr std::size_t kNamedPairs = 10;
+constexpr double kDeepestStart = 1e-3;   ///< Deepest that an object may start in a hand [m].
+constexpr long kTimedEvery = 16;         ///< Steps from one that is timed to the next.
+constexpr std::size_t kNamedPairs = 10;  ///< Pairs of shapes that are named for one object; more are counted.
 
 double ns_between(Clock::time_point a, Clock::time_point b) {
   return std::chrono::duration<double, std::nano>(b - a).count();

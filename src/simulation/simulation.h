@@ -18,9 +18,8 @@ namespace handsim::simulation {
 /// @throws Error (input) with all objects that start inside a hand, because contact would accelerate them.
 void check_start(const scene::Scene& scene);
 
-/// Places the joints of a state at coordinates and rates of a caller, of size dof_count(): a start.
-/// @throws Error (input) with all coordinates that are not finite, angles beyond half a turn, and coordinates
-///         beyond stops in effect: these give, so that states of a run may be beyond by kBeyondStop.
+/// Places a state's joints at coordinates and rates of size dof_count(). @throws Error (input) with all that
+/// are not finite, beyond half a turn, or more than kBeyondStop beyond stops in effect
 void place_start(const scene::Scene& scene, std::span<const double> q, std::span<const double> u,
                  model::State& state);
 inline constexpr double kBeyondStop = 0.05;         ///< of an angle [rad]
@@ -29,11 +28,9 @@ inline constexpr double kSliderBeyondStop = 0.005;  ///< [m]
 /// Movable. Several threads may call const methods at the same time.
 class Simulation {
  public:
-  /// Shares the scene. @param watchers makes the watchers: standard_watchers, no_watchers,
-  /// `only<Monitor, RunHash>` or a function of the caller. Without watchers the loop takes the time of its
-  /// engine.
-  /// @throws Error (input) if the engine refuses the model or an object starts more than 1 mm inside a hand
-  /// that it can touch without `overlap: allowed`.
+  /// Shares the scene. @param watchers makes the watchers: standard_watchers, no_watchers (as fast as the
+  /// engine), `only<Monitor, RunHash>` or a function of the caller. @throws Error (input) if the engine
+  /// refuses the model, or for an object over 1 mm inside a hand it can touch without `overlap: allowed`
   explicit Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers watchers = standard_watchers);
   /// The same, with a scene that the simulation owns.
   explicit Simulation(scene::Scene scene, MakeWatchers watchers = standard_watchers)
@@ -120,18 +117,15 @@ class Simulation {
 
   /// The motion without the watchers, which is faster. @throws Error (physics) if the simulation has failed.
   MotionSnapshot motion() const;
-  // The resets work after a failure, too.
-  /// To the start of the scene, with the bits of a new simulation.
+  /// To the start of the scene, with the bits of a new simulation. Resets work after a failure, too.
   void reset();
-  /// Continues from a motion, with the same bits; the watchers are new ones.
-  /// @throws Error (input) for a motion of a scene that was compiled separately.
+  /// Continues a motion to the bit, with new watchers. @throws Error (input) for a scene compiled apart
   void reset(const MotionSnapshot& motion);
   /// Goes on from a state, at the step that is next to its time; controller and watchers begin anew.
   /// @throws Error (input) as Engine::set_state.
   void reset(const model::State& state);
-  /// Takes over masses, inertias, gravity and materials of the scene's model, and gains of its control, that
-  /// its owner has changed; the controller begins anew.
-  /// @throws as Engine::refresh
+  /// Takes over changed masses, inertias, gravity and materials of the scene's model, and gains of its
+  /// control; the controller begins anew. @throws as Engine::refresh
   void refresh();
 
  private:

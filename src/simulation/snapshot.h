@@ -13,9 +13,8 @@
 
 namespace handsim::simulation {
 
-/// Identifies the scene and the mathematics library of a simulation, so that no other one restores its
-/// snapshots: name (`solver.step`, `hands.0`) and hash of each part of a scene on which its motion depends,
-/// to name a difference in messages. Without title, duration, recording, pictures and criteria.
+/// Identifies a simulation's scene and mathematics library, so that no other restores its snapshots: name and
+/// hash of each part that motion depends on. Not title, duration, recording, pictures, criteria.
 using Fingerprint = std::vector<std::pair<std::string, std::uint64_t>>;
 
 Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine);

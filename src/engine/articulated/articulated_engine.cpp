@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <thread>
 
 #include <fmt/format.h>
@@ -27,11 +26,6 @@ bool smooth(const Settings& settings) {
   return settings.articulated().method != ArticulatedMethod::semi_implicit_euler;
 }
 
-bool has_forces(const model::JointAxis& axis, const model::Effects& effects) {
-  return (axis.stop && effects.has(model::Effect::joint_stops)) ||
-         (axis.tissue && effects.has(model::Effect::passive_tissue));
-}
-
 bool same_motion(const model::State& a, const model::State& b) {
   const auto same = [](const model::BodyState& x, const model::BodyState& y) {
     return x.p == y.p && x.q.coeffs() == y.q.coeffs() && x.v == y.v && x.w == y.w;
@@ -50,7 +44,8 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
       momentum_(mechanism_) {
   for (const Cut& cut : mechanism_.topology().cuts)
     for (const model::JointAxis& axis : model.joints[at(cut.joint)].axes)
-      if (has_forces(axis, settings.effects))
+      if ((axis.stop && settings.effects.has(model::Effect::joint_stops)) ||
+          (axis.tissue && settings.effects.has(model::Effect::passive_tissue)))
         throw input_error(model.joints[at(cut.joint)].name, "a stop or tissue on every joint of a loop",
                           "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
@@ -195,8 +190,7 @@ void ArticulatedEngine::accept(const StepInput& input) {
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were
-/// found.
+/// Accelerations of a step with stops and torque limits that agree. Returns 1 where none were found.
 int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();

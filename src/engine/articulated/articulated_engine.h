@@ -25,9 +25,8 @@ namespace handsim::engine::articulated {
 
 class ArticulatedEngine final : public Engine {
  public:
-  /// The model must outlive the engine. @param kernel null: the fastest one. @throws Error (input), also for
-  ///        joint_stops where a joint has any, and contact, where the method is for smooth motion, and for
-  ///        loops that cannot be closed.
+  /// The model must outlive this. @param kernel null: the fastest one. @throws Error (input), also for loops
+  /// that cannot be closed and, by methods for smooth motion, for joint_stops with stops and for contact
   ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
 
   StepReport step(const StepInput& input) override;
@@ -60,7 +59,6 @@ class ArticulatedEngine final : public Engine {
   bool spins_beyond(double turn) const {
     return placed_ && mechanism_.spin() * settings_.step * settings_.step > turn * turn;
   }
-  /// FastSpin::calm_turn
   double calm_turn(const StepInput& input) const { return fast_spin_->calm_turn(input); }
   /// State whose bodies the group places, for `find_contacts` or when it ends.
   model::State& state_in_lanes();

@@ -16,8 +16,7 @@ void ArticulatedEngine::find_targets(std::span<const Pose> given, double end) {
   }
 }
 
-/// Gives driven bodies the constant velocities with which they meet their targets. False where all of them
-/// stand still.
+/// Gives driven bodies the constant velocities that reach their targets. False where all of them stand still.
 bool ArticulatedEngine::set_base_velocities() {
   const double h = settings_.step;
   bool moving = false;

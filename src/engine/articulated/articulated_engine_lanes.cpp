@@ -11,9 +11,8 @@ namespace handsim::engine::articulated {
 bool ArticulatedEngine::suits_lanes() const {
   const std::vector<Node>& nodes = mechanism_.topology().nodes;
   return fast_spin_ && !momentum_.jointed() && !loops_ && (!muscles_ || muscles_->single()) && !failure_ &&
-         !nodes.empty() && std::none_of(nodes.begin(), nodes.end(), [](const Node& node) {
-           return node.kind == NodeKind::ball;
-         });
+         !nodes.empty() &&
+         std::ranges::none_of(nodes, [](const Node& node) { return node.kind == NodeKind::ball; });
 }
 
 bool ArticulatedEngine::stands() {

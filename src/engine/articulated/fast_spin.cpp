@@ -61,8 +61,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
     for (const model::Muscle& muscle : model.muscles)
       for (const model::MomentArm& arm : muscle.path.arms)
         for (Tree& tree : trees_)
-          tree.pulled =
-              tree.pulled || std::count(tree.driven_by.begin(), tree.driven_by.end(), at(arm.dof)) > 0;
+          tree.pulled = tree.pulled || std::ranges::count(tree.driven_by, at(arm.dof)) > 0;
   // A lone free body has spin.h; one axis that is fixed in its base has no velocity products to balance.
   std::erase_if(trees_, [&](const Tree& tree) {
     return tree.nodes.size() == 1 && topology.nodes[at(tree.nodes[0])].kind != NodeKind::ball;

@@ -12,16 +12,14 @@
 // whose work is not known, is left alone, and so are all trees in a step with forces from outside.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "handsim/engine/articulated/momentum.h"
 
 namespace handsim::engine::articulated {
 
-/// Turns per step from which on a tree is watched [rad]: one that nothing drives; one with a servo or a
-/// torque, whose work hides a gain of 1 %; and one that muscles pull, whose forces change more in a step than
-/// the motion gains. At 1 ms these are 2, 20 and 100 rad/s.
+/// Turns per step at which a tree is watched [rad]: nothing drives it; a servo or torque does (its work hides
+/// a gain of 1 %); muscles do (their forces change more in a step). At 1 ms 2, 20 and 100 rad/s.
 inline constexpr double kPassiveTurn = 0.002, kDrivenTurn = 0.02, kPulledTurn = 0.1;
 class FastSpin {
  public:
@@ -34,17 +32,15 @@ class FastSpin {
   void forget();
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
-  /// Finds the fast trees; before bases get the step's velocities. @param step [s]
-  /// @returns false where none is fast: the step needs nothing of what follows
+  /// Finds the fast trees; before bases get the step's velocities. @param step [s]. @returns false: none
   bool begin(const StepInput& input, double step);
   /// Turn of a step up to which no tree is fast, whatever moves [rad].
   double calm_turn(const StepInput& input) const;
   /// Adds the work and impulses of the accelerations found, Mechanism::du(); before these move anything.
   /// @param constrained loops or contacts act, too, and not the forces of the joints alone
   void add_work(bool constrained);
-  /// Projects the rates of fast trees at the end of the step, where that is due; `kinematics` has to be
-  /// found, and is again. @param sound what it returned
-  /// @returns false where a speed leaves its bounds
+  /// Projects fast trees' rates at the step's end, where due; `kinematics` has to be found, and is again.
+  /// @param sound what it returned. @returns false where a speed leaves its bounds
   bool correct(bool sound);
 
  private:

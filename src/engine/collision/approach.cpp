@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
 
 #include "handsim/engine/collision/clearance.h"
@@ -85,9 +84,8 @@ std::optional<double> Approach::meeting(const Side& a, const Side& b, double way
   }
 }
 
-/// What the points at a share of the ways are at the start. Levers stay as they are where the two touch: the
-/// way is the one that the velocities there make, as the contact's row has it, and a ball may spin.
-/// @param least points that come nearer by no more are left out [m]
+/// The points at a share of the ways, moved back to the start. Levers stay as where the two touch: the
+/// contact's row then makes the same way, and a ball may spin. @param least approach of points that count [m]
 void Approach::measure(const Side& a, const Side& b, double share, double least) {
   const auto way_of = [&](const Side& side, const Vec3& arm) -> Vec3 {
     return share * (side.way.shift + side.way.turn.cross(arm));

@@ -1,9 +1,8 @@
 // Where two shapes that are apart will touch within a step if their bodies go on as they do: points with the
-// gap that is left between the surfaces there. An engine lets them come nearer by that gap and no more
-// (speculative contacts), so that a fast body does not end a step within or behind another.
-//
-// Against a plane these are the points of the shape that the plane moved out by the shape's way touches;
-// against others those of the shapes moved on to where they first meet, and a little into each other.
+// gap that is left there. An engine lets them come nearer by that gap and no more (speculative contacts), so
+// that a fast body does not end a step within or behind another. Against a plane these are the shape's points
+// that the plane moved out by its way touches; against others those of the shapes moved to where they first
+// meet, and a little into each other.
 #pragma once
 
 #include <memory>
@@ -17,8 +16,7 @@
 
 namespace handsim::engine {
 
-/// Contact points that one pair of shapes can have.
-inline constexpr int kMaxPairContacts = 8;
+inline constexpr int kMaxPairContacts = 8;  ///< Contact points that one pair of shapes can have.
 
 class Approach {
  public:
@@ -28,10 +26,9 @@ class Approach {
     points_.reserve(kMaxPairContacts);
   }
 
-  /// Points of two shapes as they are at the start of the step: normals out of b into a, depth less the gap
-  /// between the surfaces (0 or less). None where they do not meet within the step.
+  /// Points of two shapes as they are at the step's start: normals out of b into a, depth less the gap
+  /// between the surfaces (0 or less). None where they do not meet within the step. @throws OdeFault
   /// @param touching they touch already: only where they do not yet. @param ways of every body
-  /// @throws OdeFault
   std::span<const ManifoldPoint> find(std::size_t a, std::size_t b, bool touching, const model::State& state,
                                       std::span<const Way> ways);
 

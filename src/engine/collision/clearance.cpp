@@ -11,10 +11,8 @@ using model::Extent;
 using model::Shape;
 using model::ShapeKind;
 
-/// Rounding of poses and distances within a few metres [m].
-constexpr double kRounding = 1e-12;
-/// So many pairs are looked at together.
-constexpr std::size_t kGroup = 12;
+constexpr double kRounding = 1e-12;  ///< Rounding of poses and distances within a few metres [m].
+constexpr std::size_t kGroup = 12;   ///< So many pairs are looked at together.
 
 /// Gap along the axes of the first.
 double gap_along(const Extent& a, const Mat3& R_A, const Extent& b, const Mat3& R_B, const Vec3& from_a) {
@@ -23,8 +21,7 @@ double gap_along(const Extent& a, const Mat3& R_A, const Extent& b, const Mat3& 
   return (apart - wide).maxCoeff() - a.round - b.round;
 }
 
-/// Squared distance of two segments through p and q, half as long as a and b reach.
-/// Source: C. Ericson, Real-Time Collision Detection (2005), section 5.1.9.
+/// Squared distance of segments through p and q, half as long as a and b reach (Ericson 2005, section 5.1.9).
 double square_between(const Vec3& p, const Vec3& a, const Vec3& q, const Vec3& b) {
   const Vec3 r = p - q;
   const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b), ar = a.dot(r), br = b.dot(r);

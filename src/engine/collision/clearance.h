@@ -1,6 +1,5 @@
-// The broad phase: which pairs of shapes may touch. Every pair keeps how far apart it was when it was last
-// tested, or by how much its bounds overlapped, and is tested again once its two shapes together have moved
-// so far. Exact: a pair left out does not touch. Knows nothing of time or speeds: states may jump.
+// The broad phase: which pairs of shapes may touch. A pair is tested again once its shapes together have
+// moved as far as they were apart or overlapped. Exact: pairs left out do not touch. States may jump.
 #pragma once
 
 #include <cstdint>
@@ -13,16 +12,14 @@
 
 namespace handsim::engine {
 
-/// Least distance between two shapes that their extents along the axes of both and, of two capsules or
-/// spheres, the nearest points of their segments tell [m]; negative where these do not part them. Never more
-/// than the distance itself. At most one of them a plane.
+/// Least distance of two shapes by their extents along both axes and, of capsules and spheres, segments [m];
+/// negative where these do not part them. Never above the distance. At most one is a plane.
 double least_gap(const model::Shape& a, const Pose& x_WA, const model::Shape& b, const Pose& x_WB);
 
 class Clearance {
  public:
   using Pair = std::pair<std::uint32_t, std::uint32_t>;
-  /// So many near pairs need no allocation in a step.
-  static constexpr std::size_t kUsualNear = 64;
+  static constexpr std::size_t kUsualNear = 64;  ///< So many near pairs need no allocation in a step.
 
   /// The model must outlive this. @param pairs that are to be watched
   Clearance(const model::Model& model, std::vector<Pair> pairs);

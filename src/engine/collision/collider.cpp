@@ -10,8 +10,7 @@ namespace handsim::engine {
 
 namespace {
 
-/// So many need no allocation in a step.
-constexpr std::size_t kUsualContacts = 32, kUsualTouches = 16;
+constexpr std::size_t kUsualContacts = 32, kUsualTouches = 16;  ///< So many need no allocation in a step.
 /// Least share of a pad's stiffness: a point that just touches has a spring still.
 constexpr double kLeastStiffness = 1e-3;
 

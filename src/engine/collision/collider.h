@@ -5,7 +5,6 @@
 #include <memory>
 #include <optional>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "handsim/engine/collision/approach.h"
@@ -28,9 +27,8 @@ struct Touch {
 
 class Collider {
  public:
-  /// @param speculative contacts that are about to happen are found, too
-  /// @param bodies as Model::bodies, the ODE bodies to which shapes are fixed (null: none); empty: to none
-  /// @throws OdeFault. The model must outlive this.
+  /// @param speculative finds coming contacts, too. @param bodies as Model::bodies, the ODE bodies of the
+  /// shapes (null or empty: none). @throws OdeFault. The model must outlive this.
   Collider(const model::Model& model, const model::Effects& effects, bool speculative,
            std::span<const dBodyID> bodies = {});
 
@@ -72,8 +70,7 @@ class Collider {
   std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space_;
   std::vector<dGeomID> geoms_;  ///< as Model::shapes; null where no rule speaks of the shape
   std::vector<Clearance::Pair> near_pairs_;
-  /// Where no shape is fixed to an ODE body: in place of the space.
-  std::optional<Clearance> clearance_;
+  std::optional<Clearance> clearance_;  ///< Where no shape is fixed to an ODE body: in place of the space.
   /// Where speculative only.
   std::optional<Sweep> sweep_;
   NarrowPhase narrow_;

@@ -23,8 +23,7 @@ struct Part {
     else if (start > top)
       high = -1;
   }
-  /// Keeps the part of the line within a radius: where a t^2 + 2 b t + c, the squared distance less the
-  /// squared radius, is below 0.
+  /// Keeps the part of the line where a t^2 + 2 b t + c, squared distance less squared radius, is below 0.
   void within(double a, double b, double c) {
     const double root2 = b * b - a * c;
     if (!(a > 0)) {

@@ -11,8 +11,7 @@ namespace {
 
 /// Points of one manifold nearer to each other than this share of the radius are one point.
 constexpr double kApart = 0.02;
-/// A third point is worth its rows where it is deeper than the line between the outer two by this share of
-/// the radius; more, and depths would jump where it goes.
+/// A third point counts where it is this share of the radius deeper than the outer two's line; more: jumps.
 constexpr double kBulge = 1e-4;
 constexpr int kSearchSteps = 40;
 constexpr double kSearchEnd = 1e-12;  ///< share of the segment

@@ -16,9 +16,8 @@ class NarrowPhase {
   /// The model must outlive this.
   explicit NarrowPhase(const model::Model& model);
 
-  /// Contact points of two shapes, normals out of b into a; nothing for a pair without a manifold of its own:
-  /// capsules on boxes, cylinders and convex meshes, convex meshes on all but cylinders, and boxes on boxes
-  /// where one is a pad have one.
+  /// Contact points of two shapes, normals out of b into a, if the pair has a manifold of its own: capsules
+  /// on boxes, cylinders and convex meshes, convex meshes on all but cylinders, boxes on boxes with a pad.
   /// @param x_WA, x_WB poses of the shapes' frames; @param pad the surfaces are compliant
   std::optional<Manifold> manifold(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB,
                                    bool pad = false) const;

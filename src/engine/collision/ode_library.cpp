@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstdarg>
-#include <cstdio>
 #include <cstdlib>
 #include <mutex>
 
@@ -57,8 +56,7 @@ struct ThreadData {
     const std::lock_guard lock(mutex);
     if (!initialised) initialise_process();
     initialised = true;
-    // Freed by ODE with the thread where it is per thread; Debian's build has one set for all threads,
-    // which no thread may clean up under the others.
+    // ODE frees it with the thread. Debian's build has one set for all threads, which none may clean up.
     dAllocateODEDataForThread(static_cast<unsigned>(dAllocateMaskAll));
   }
 };

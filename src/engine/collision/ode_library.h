@@ -1,8 +1,7 @@
-// ODE as a library: its initialisation, its error handlers, and owners of what it hands out. Every engine
-// borrows its collision tests. ODE aborts the process on errors and prints messages by default; here errors
-// become the exception OdeFault, thrown through ODE's frames (not in ODE's documented contract;
-// tests/engine/ode/faults_test.cpp holds it up), and messages are counted and not printed. Memory that ODE
-// does not get is such an error too.
+// ODE as a library: its initialisation, error handlers, and owners of what it hands out. Every engine borrows
+// its collision tests. ODE's errors, which abort by default, become the exception OdeFault, thrown through
+// ODE's frames (in no documented contract; tests/engine/ode/faults_test.cpp holds it up); messages are
+// counted, not printed. Memory that ODE does not get is such an error too.
 #pragma once
 
 #include <string>
@@ -19,8 +18,7 @@ struct OdeFault {
   std::string message;  ///< ODE's text, with file and line of its source where it gives them
 };
 
-/// Number of the fault of memory that ODE did not get.
-inline constexpr int kNoMemory = -1;
+inline constexpr int kNoMemory = -1;  ///< Number of the fault of memory that ODE did not get.
 
 template <auto Destroy>
 struct Destroyer {
@@ -37,8 +35,7 @@ void enter_ode();
 /// How often the direct solver has given up in the calling thread since it started (d_ERR_LCP messages).
 int lcp_failures();
 
-/// Creates the geom of a shape, its index as user data, at the origin.
-/// @throws OdeFault
+/// Creates the geom of a shape, its index as user data, at the origin. @throws OdeFault
 dGeomID make_geom(dSpaceID space, const model::Shape& shape, std::size_t index);
 
 /// Fixes a geom to the ODE body of its shape. Planes cannot be.

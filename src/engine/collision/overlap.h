@@ -15,9 +15,8 @@ struct Overlap {
   double depth = 0;  ///< deepest penetration [m]
 };
 
-/// Every pair of shapes that penetrate by more than 1e-9 m, except on one body, on two bodies with a joint
-/// between them, or on two kinematic bodies (the world is one). In order of the indices.
-/// @param model without model::defects. @throws Error (input) where a shape cannot be tested.
+/// Pairs of shapes that penetrate by more than 1e-9 m, by index; not of one body, jointed or two kinematic
+/// ones. @param model free of defects. @throws Error (input) for a shape that cannot be tested
 std::vector<Overlap> initial_overlaps(const model::Model& model, const model::State& state);
 
 /// True where both ends lie outside the shape and the line between them passes through it; never of a plane,

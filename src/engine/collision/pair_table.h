@@ -24,8 +24,7 @@ class PairTable {
   std::vector<const model::ContactRule*> rules_;  ///< groups by groups, symmetric; null: never meet
 };
 
-/// Pairs of bodies that are never tested: a body and itself, jointed ones (but palm and world), two fixed
-/// ones.
+/// Pairs of bodies never tested: a body and itself, jointed ones (but palm and world), two fixed ones.
 class UntestedPairs {
  public:
   UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);

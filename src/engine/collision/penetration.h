@@ -1,5 +1,4 @@
-// How surfaces found inside each other are driven apart, and which bodies were put through each other, such
-// as fingers that start crossed.
+// How penetrating surfaces are driven apart, and which bodies were put through each other at the start.
 #pragma once
 
 #include <vector>
@@ -13,8 +12,7 @@ inline constexpr double kSurfaceLayer = 1e-5;
 /// Fastest at which rigid surfaces found inside each other are driven apart [m/s]. ODE gives that speed to
 /// the bodies for good: at 1 m/s a ball of restitution 0 that falls 1 m jumps back at a fifth of its speed.
 inline constexpr double kMaxCorrectingSpeed = 0.1;
-/// Deeper than this rigid surfaces of two moving bodies have not been pressed: the bodies were put through
-/// each other [m].
+/// Rigid surfaces are never pressed deeper [m]: such bodies were put through each other.
 inline constexpr double kCrossedDepth = 2e-3;
 /// How far such bodies' contacts give way, against the pair's own inertia. Near 0: contacts that cannot all
 /// part at once throw the bodies (fingers crossed by 15 degrees: 72 m/s). Above 1: they part too slowly.

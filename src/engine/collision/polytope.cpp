@@ -1,7 +1,6 @@
 #include "handsim/engine/collision/polytope.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -13,9 +12,8 @@ using model::ConvexMesh;
 
 /// A face is the contact unless another feature is nearer by this share of the smaller solid (rounding).
 constexpr double kPrefer = 1e-4;
-/// Of pads two edges stand for the contact where they are nearer than this share of what the faces overlap
-/// within each other's outline. A corner beyond the outline may be deeper; compared with it, an edge that
-/// lies along a face flips between one point at its end and its two.
+/// Pads: edges stand for the contact where nearer than this share of the faces' overlap within each other's
+/// outline. Corners beyond it may be deeper: an edge along a face would flip between one point and two.
 constexpr double kEdgeShare = 0.8;
 
 struct Point {

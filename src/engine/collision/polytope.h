@@ -5,12 +5,11 @@
 
 namespace handsim::engine {
 
-/// Two polyhedra by their separating axis of least penetration (faces of both, pairs of edges that can meet):
-/// where a face is nearest, the other's most opposed face clipped to it, four points at most; where two edges
-/// are, their nearest points. Normals out of b into a.
-/// Source: D. Gregorius, The Separating Axis Test between Convex Polyhedra, GDC 2013.
-/// @param pad compliant surfaces: faces stand for the contact unless edges are much nearer, for which the
-/// contact of an edge that lies along a face would flip between one point and two.
+/// Two polyhedra by their separating axis of least penetration (faces of both, pairs of edges that can meet;
+/// D. Gregorius, The Separating Axis Test between Convex Polyhedra, GDC 2013): where a face is nearest, the
+/// other's most opposed face clipped to it, four points at most; where two edges are, their nearest points.
+/// Normals out of b into a. @param pad compliant surfaces: faces stand for the contact unless edges are much
+/// nearer; an edge along a face would flip between one point and two.
 Manifold mesh_on_mesh(const model::ConvexMesh& a, const Pose& x_WA, const model::ConvexMesh& b,
                       const Pose& x_WB, bool pad = false);
 

@@ -1,6 +1,5 @@
-// Which pairs of shapes may pass each other within a step: those that go further against each other than half
-// the smaller of their smallest radii. All other pairs are seen where they touch before either is deep in
-// the other. Slow scenes pay some nanoseconds for each body.
+// Pairs of shapes that may pass each other in a step: they go further than half the smaller of their smallest
+// radii; others touch before either is deep in the other. Some nanoseconds per body in slow scenes.
 #pragma once
 
 #include <span>
@@ -50,15 +49,13 @@ class Sweep {
 
   /// Bodies that move and have a shape that something can touch.
   std::span<const int> bodies() const { return bodies_; }
-  /// True where a body goes far enough for a pair of its shapes to be looked at.
-  /// @param shift2, turn2 squares of how far it goes and turns [m^2], [rad^2]
+  /// True where a body goes far enough for its pairs to matter. @param shift2, turn2 squares [m^2], [rad^2]
   bool fast(int body, double shift2, double turn2) const {
     const Limit& limit = limits_[static_cast<std::size_t>(body)];
     // (x + y)^2 is at most 2 (x^2 + y^2).
     return 2 * (shift2 + limit.lever2 * turn2) > limit.way2;
   }
-  /// The pairs that go so far and whose surroundings meet on their ways, in ascending order.
-  /// @param state at the start; @param ways of every body
+  /// Pairs that go so far and meet on their ways, in ascending order. @param state at the start
   std::span<const Pair> find(const model::State& state, std::span<const Way> ways);
 
  private:

@@ -16,13 +16,12 @@
 
 namespace handsim::engine::dae {
 
-// The differential-algebraic engine: the reference for models with smooth motion, that is, without contacts
-// and joint stops. Maximal coordinates, exact gyroscopic torques; driven and kinematic bodies have prescribed
-// motion. Each island (e.g. a finger on a fixed palm) is integrated separately by the method of the settings.
-//
-// set_state is a new start: positions and velocities are projected onto the joint constraints (except with
-// euler_linearised) and multistep methods start again at order one: such a run agrees only within the error
-// of the method; restore continues with the same bits. The poses of driven bodies follow from their drives.
+// The differential-algebraic engine: the reference for smooth motion, without contacts and joint stops.
+// Maximal coordinates, exact gyroscopic torques; driven and kinematic bodies have prescribed motion. Each
+// island (e.g. a finger on a fixed palm) is integrated separately by the method of the settings. set_state is
+// a new start: positions and velocities are projected onto the joint constraints (except with
+// euler_linearised) and multistep methods start at order one: such a run agrees only within the method's
+// error; restore continues with the same bits. The poses of driven bodies follow from their drives.
 class DaeEngine final : public Engine {
  public:
   /// The model must outlive the engine. @throws Error (input) also for contact effects, for joint_stops if a
@@ -66,7 +65,6 @@ namespace {
 /// Joint gap of a start [m] above which a note reports that the start was moved.
 constexpr double kMovedGap = 1e-9;
 
-/// The integrator of the method of the settings.
 std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings) {
   switch (settings.dae().method) {
     case DaeMethod::stabilised_gear:

@@ -19,8 +19,7 @@ namespace {
 constexpr double kRankThreshold = 1e-12;
 /// Largest share of a step's displacement that the projection may undo; smooth motion: half the step's turn.
 constexpr double kMaxUndone = 0.9;
-/// Displacements below this are rounding errors [m].
-constexpr double kMinDisplacement = 1e-9;
+constexpr double kMinDisplacement = 1e-9;  ///< Displacements below this are rounding errors [m].
 
 /// Solves A u = b + G^T P, G u = r for u. P is the minimum-norm solution if rows of G are linearly dependent.
 Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matrix& jacobian,
@@ -75,9 +74,8 @@ class Euler final : public Integrator {
   void restore(const model::State& /*state*/, ArchiveReader& /*in*/) override {}
 
  private:
-  /// Rejects steps whose displacement the projection undoes almost completely: there the velocities satisfy
-  /// the constraints, but the joints allow no finite motion (e.g. a fully stretched four-bar linkage).
-  /// @param free the step's end before the projection
+  /// Rejects steps that the projection undoes almost completely: the joints allow these velocities but no
+  /// finite motion (a fully stretched four-bar linkage). @param free the step's end before the projection
   void check_displacement(const model::State& free, const model::State& before, double end,
                           const model::State& closed) const {
     const Vector x0 = system_.positions(before), x1 = system_.positions(free), x2 = system_.positions(closed);
@@ -126,12 +124,6 @@ class Euler final : public Integrator {
   bool projected_;
   double erp_;
 };
-
-Mat3 cross_matrix(const Vec3& v) {
-  Mat3 out;
-  out << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return out;
-}
 
 }  // namespace
 

@@ -27,7 +27,6 @@ namespace handsim::engine::dae {
 
 namespace {
 
-/// IDA failed.
 struct IdaFailure {
   double time = 0;     ///< time that was reached [s]
   Index worst = 0;     ///< index of the unknown with the largest weighted error
@@ -49,9 +48,8 @@ class Ida {
  public:
   /// Starts at consistent y and y'.
   Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope);
-  /// The solution at a time [s], which must not decrease between calls. Internal steps may pass it, but not
-  /// `limit` [s].
-  /// @throws IdaFailure
+  /// The solution at times [s] that do not decrease; internal steps may pass it, not `limit`. @throws
+  /// IdaFailure
   Vector advance(double time, double limit);
 
  private:
@@ -324,8 +322,7 @@ Ida::Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope)
 Vector Ida::advance(double time, double limit) {
   if (std::isfinite(limit)) IDASetStopTime(ida_.get(), limit);
   double reached = 0;
-  const int flag = IDASolve(ida_.get(), time, &reached, y_.get(), slope_.get(), IDA_NORMAL);
-  if (flag < 0) {
+  if (IDASolve(ida_.get(), time, &reached, y_.get(), slope_.get(), IDA_NORMAL) < 0) {
     IDAGetCurrentTime(ida_.get(), &reached);
     throw IdaFailure{reached, worst_unknown(), message_};
   }

@@ -11,17 +11,14 @@ namespace handsim::engine::dae {
 class Integrator {
  public:
   virtual ~Integrator() = default;
-  /// Starts from a state without history, and may project its bodies onto the joints.
-  /// @throws Error (physics) if the joints cannot be closed.
+  /// Starts without history; may project onto the joints. @throws Error (physics) if they cannot be closed
   virtual void start(model::State& state) = 0;
-  /// Advances the island's bodies from state.time to `end` [s]; changes nothing else. The bodies must be as
-  /// the previous call left them. @param torques size model.dof_count() or empty, constant over the step.
-  /// @throws Error (physics)
+  /// Advances the island's bodies, as the last call left them, from state.time to `end` [s]; nothing else.
+  /// @param torques constant, size model.dof_count() or empty. @throws Error (physics)
   virtual void advance(std::span<const double> torques, double end, model::State& state) = 0;
   /// Writes the history on which the next steps depend, beside the state.
   virtual void save(ArchiveWriter& out) const = 0;
-  /// Reads the history, so that the next steps have the same bits.
-  /// @throws Error (input) for an archive that does not fit
+  /// Reads the history, so that the next steps have the same bits. @throws Error (input) if it does not fit
   virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
 

@@ -21,8 +21,7 @@ constexpr double kRedundantShift = 1e-10;
 constexpr double kMaxUnreachable = 1e-3;
 /// Accelerations below this are rounding errors [m/s^2 or rad/s^2].
 constexpr double kMinUnreachable = 1e-6;
-/// Velocities below this have no usable direction [m/s, rad/s].
-constexpr double kAtRest = 1e-9;
+constexpr double kAtRest = 1e-9;  ///< Velocities below this have no usable direction [m/s, rad/s].
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
 

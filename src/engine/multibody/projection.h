@@ -1,18 +1,15 @@
-// Projections onto the joint constraints, in the metric of the mass matrix: positions at which every joint is
-// closed, velocities that keep the joints closed, and consistent accelerations. They are least-squares
-// solutions, so constraints may be redundant if they are consistent.
+// Projections onto the joint constraints in the metric of the mass matrix: positions, velocities,
+// accelerations that keep joints closed. Least squares: constraints may be redundant if they are consistent.
 #pragma once
 
 #include "handsim/engine/multibody/system.h"
 
 namespace handsim::engine {
 
-/// Largest constraint error of a closed joint [m, or 1].
-inline constexpr double kMaxClosedError = 1e-13;
+inline constexpr double kMaxClosedError = 1e-13;  ///< Largest constraint error of a closed joint [m, or 1].
 
-/// Moves the island's bodies until every constraint error is below kMaxClosedError times the largest
-/// coordinate (at least 1).
-/// @throws Error (physics) naming the joint that stays open.
+/// Moves the island's bodies until constraint errors are below kMaxClosedError times the largest coordinate
+/// (at least 1). @throws Error (physics) naming the joint that stays open
 void project_positions(const System& system, model::State& state);
 
 /// Changes the velocities by joint impulses so that the constraint errors have zero rates.

@@ -18,9 +18,8 @@ namespace handsim::engine::ode {
 
 /// Owns all ODE objects of an engine; bodies and joints die with the world. Move-only.
 struct OdeIds {
-  /// Runs the steps of this world in the calling thread. ODE's default is one such object for all worlds of
-  /// the process, without a lock: worlds stepped in two threads at once crash on it, and a step left by an
-  /// exception leaves its jobs there for other worlds to find.
+  /// Runs this world's steps in the calling thread. ODE's default is one for all worlds, without a lock:
+  /// steps in two threads crash, and a step left by an exception leaves its jobs to other worlds.
   std::unique_ptr<dxThreadingImplementation, Destroyer<dThreadingFreeImplementation>> threading;
   std::unique_ptr<dxWorld, Destroyer<dWorldDestroy>> world;
   std::unique_ptr<dxJointGroup, Destroyer<dJointGroupDestroy>> contact_joints;  ///< with the space only
@@ -44,8 +43,7 @@ OdeIds make_world();
 
 /// Gives an ODE body the mass and inertia of the model's.
 void set_mass(dBodyID id, const model::Body& body);
-/// Creates the bodies, in the order of Model::bodies, at the origin.
-/// @throws OdeFault
+/// Creates the bodies, in the order of Model::bodies, at the origin. @throws OdeFault
 std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
                                  const std::vector<bool>& immovable);
 OdeBody handle(dBodyID id);

@@ -16,10 +16,8 @@ std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
   return out;
 }
 
-/// Slower sliding has no direction that outlasts rounding [m/s].
-constexpr double kStill = 1e-9;
-/// Moment per normal force that stands for none [m].
-constexpr double kLeastMoment = 1e-9;
+constexpr double kStill = 1e-9;        ///< Slower sliding has no direction that outlasts rounding [m/s].
+constexpr double kLeastMoment = 1e-9;  ///< Moment per normal force that stands for none [m].
 /// Normal force that stands for none where friction's limits are set [N].
 constexpr double kLeastForce = 1e-9;
 /// Least limit of the second friction row, as a share of the first: together they exceed the cone by 8e-4.

@@ -26,8 +26,7 @@ class Contacts {
   }
   /// Recalls the last step's friction at the contacts found.
   void recall(const model::State& state, bool iterative);
-  /// Makes the joints of the contacts found. @param iterative for quick_step
-  /// @param rigid_limits friction of rigid contacts has limits of their own normal forces, too
+  /// Makes the joints of the contacts. @param iterative quick_step. @param rigid_limits for rigid ones, too
   void join(const model::State& state, bool iterative, bool rigid_limits);
   /// Reads the forces of the step just made.
   void read_forces();

@@ -15,9 +15,8 @@
 
 namespace handsim::engine::ode {
 
-/// Longest displacement that is taken back [m], of rigid surfaces and of pads; skin shears by more before it
-/// slides. Shorter: a hold that the solver leaves a large residual of creeps on. Longer: sliding bodies
-/// spring back farther when they stop.
+/// Longest displacement that is taken back [m], rigid and pads; skin shears by more. Shorter: holds with a
+/// large residual creep. Longer: sliding bodies spring back farther when they stop.
 inline constexpr double kLongestRigidShift = 2e-5, kLongestPadShift = 3e-4;
 /// Share of it that friction rows take back in a step. Near 1: a residual's noise is fed back.
 inline constexpr double kPullBack = 0.5;

@@ -19,11 +19,6 @@ constexpr double kOnStop = 1e-6;
 /// Of a row of tissue or tendons [N m s/rad]: far below any that is felt.
 constexpr double kLeastDamping = 1e-15;
 
-/// Axes with an end that passive tissue pulls at.
-bool acts(const std::optional<model::Tissue>& tissue) {
-  return tissue && (tissue->stiffness > 0 || tissue->damping > 0);
-}
-
 std::unique_ptr<dJointFeedback> with_feedback(dJointID motor) {
   auto out = std::make_unique<dJointFeedback>();
   dJointSetFeedback(motor, out.get());
@@ -153,11 +148,12 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
 void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
   const model::Joint& joint = *link.joint;
   for (std::size_t i = 0; i < joint.axes.size(); ++i) {
-    const bool tissue = with_tissue && acts(joint.axes[i].tissue);
+    const std::optional<model::Tissue>& own = joint.axes[i].tissue;
+    const bool tissue = with_tissue && own && (own->stiffness > 0 || own->damping > 0);
     has_tissue_ = has_tissue_ || tissue;
     if (!tissue && !dragged_[at(joint.first_dof) + i]) continue;
     link.motor_axes.push_back(i);
-    link.tissue.push_back(tissue ? *joint.axes[i].tissue : model::Tissue{});
+    link.tissue.push_back(tissue ? *own : model::Tissue{});
   }
   if (link.motor_axes.empty()) return;
   link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
@@ -172,8 +168,7 @@ void Joints::soften_tissue(const Link& link) const {
     const model::Tissue& tissue = link.tissue[at(i)];
     const std::size_t dof = at(joint.first_dof) + link.motor_axes[at(i)];
     // A row without stiffness and damping would not be one.
-    const SoftRow row =
-        soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
+    const auto row = soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
     const int group = kParamGroup * i;
     if (joint.kind == model::JointKind::slider) {
       // An LMotor has no position: it gets the speed that the same row would ask for.

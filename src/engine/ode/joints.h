@@ -1,7 +1,6 @@
-// Joints of a Model as ODE joints: stops, passive tissue and torques on their coordinates. Body 1 of
-// every ODE joint is our child and body 2 our parent, so that ODE's angles and rates carry our signs and
-// no joint is one of ODE's reversed ones. For a universal joint ODE's axis 1 is therefore our axis 1 (in
-// the child) and ODE's axis 2 our axis 0.
+// Joints of a Model as ODE joints: stops, passive tissue and torques on their coordinates. Body 1 of every
+// ODE joint is our child and body 2 our parent, so that angles and rates have our signs and no joint is
+// reversed; ODE's axis 1 of a universal joint is therefore our axis 1 (in the child), its axis 2 our axis 0.
 #pragma once
 
 #include <array>
@@ -24,9 +23,8 @@ inline constexpr double kSliderStopMargin = 1e-5;  ///< slider [m]
 
 class Joints {
  public:
-  /// Creates all joints between bodies that may move against each other, each in its zero configuration.
-  /// Leaves the bodies wherever that takes them. The model must outlive this. @param start poses of
-  /// immovable parents. @throws OdeFault
+  /// Creates all joints between bodies that may move against each other, in zero configuration, and leaves
+  /// bodies there. The model must outlive this. @param start poses of immovable parents. @throws OdeFault
   Joints(dWorldID world, const model::Model& model, const Settings& settings,
          const std::vector<OdeBody>& bodies, const model::State& start);
 
@@ -40,8 +38,7 @@ class Joints {
   /// @param tau the servos' torques of the step before, or empty: see Servos::relax
   void relax_servos(std::span<const double> tau) { servos_.relax(tau); }
   bool servos_beyond_limits(std::span<const double> tau) const { return servos_.beyond_limits(tau); }
-  /// Damping of the coordinates in the steps to come, beside that of tissue [N m s/rad]; size
-  /// model.dof_count(). Coordinates that no tendon in effect crosses have none.
+  /// Damping of coordinates beside tissue [N m s/rad], by dof_count(); none where no tendon acts.
   void set_drag(std::span<const double> damping);
   /// Length of the steps to come [s].
   void set_step(double step);

@@ -9,10 +9,7 @@ double world_step_cost(int rows) {
   return 160 * m + 0.11 * m * m * m;
 }
 
-double quick_step_cost(int rows, int iterations) {
-  const double m = rows;
-  return (60 + 13.0 * iterations) * m;
-}
+double quick_step_cost(int rows, int iterations) { return (60 + 13.0 * iterations) * rows; }
 
 MethodChoice::MethodChoice(const model::Model& model, const Joints& joints,
                            const std::vector<OdeBody>& bodies, const Settings& settings)

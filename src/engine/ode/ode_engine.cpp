@@ -244,7 +244,6 @@ std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) con
   return std::nullopt;
 }
 
-/// Back to the start of the step.
 void OdeEngine::restore() {
   write(before_);
   if (contacts_) contacts_->set_memory(memory_before_);

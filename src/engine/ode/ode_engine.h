@@ -1,7 +1,5 @@
-// The engine on the Open Dynamics Engine. One ODE world per engine, built from the model with the effects
-// asked for and nothing else.
-// With a guard a step that goes wrong is taken back to the bit and tried again (see GuardLimits).
-//
+// The engine on the Open Dynamics Engine: one ODE world, built from the model with the effects asked for and
+// nothing else. With a guard a failed step is taken back to the bit and tried again (see GuardLimits).
 // world_step is bit-reproducible in any number of threads. quick_step draws from ODE's one process-wide
 // random generator: each step seeds it from (seed, step number) under a process-wide lock, so runs are
 // bit-reproducible too, also from a saved state, but quick_step steps of several threads take turns.

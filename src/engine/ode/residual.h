@@ -17,9 +17,8 @@ class ResidualMeter {
   /// The model must outlive this.
   ResidualMeter(const model::Model& model, double erp);
 
-  /// Largest of all joints, as vectors' lengths, and of all contacts.
-  /// @param before state at the start of the step. @param bodies as Model::bodies, with the velocities of its
-  /// end. @param step its length [s]. @param contacts null: there are none.
+  /// Largest of all joints, as vectors' lengths, and of all contacts. @param before the step. @param bodies
+  /// with velocities after it, as Model::bodies. @param step [s]. @param contacts null: none
   Residual measure(const model::State& before, std::span<const OdeBody> bodies, double step,
                    const Contacts* contacts) const;
 

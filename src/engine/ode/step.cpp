@@ -24,8 +24,7 @@ double ns_since(Clock::time_point start) {
 
 constexpr const char* kRemedy = "use a smaller step, weaker gains or torques, or a start without overlap";
 
-/// Seed of one step (splitmix64, Steele, Lea & Flood 2014): a function of the run's seed and the step's
-/// number, so that a saved state needs no generator state beside it.
+/// Seed of one step (splitmix64, Steele, Lea & Flood 2014) of run's seed and step number: no state to save.
 std::uint64_t step_seed(std::uint64_t seed, long long number) {
   std::uint64_t z = seed + 0x9e3779b97f4a7c15ULL * (static_cast<std::uint64_t>(number) + 1);
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
@@ -126,9 +125,8 @@ void OdeEngine::solve(const StepInput& input, double step, OdeMethod method, Ste
   }
 }
 
-/// The direct solver's step is made again where its normal forces are not those that friction's limits are
-/// of, or where what had no limit passes it.
-/// @return false where ODE did not make the step
+/// Makes the direct solver's step again where friction's limits are of other normal forces, or something
+/// without a limit passes its own. @return false where ODE did not make the step
 bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
   const int passes = again ? settings_.ode().friction_passes : 1;
@@ -153,8 +151,7 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
     if (!again) return true;
     const bool revised = contacts_->revise_limits();
     const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
-    const bool failed = report.lcp_failures > 0;
-    if (!wrong || (pass >= passes && !(failed && rigid_limits))) return true;
+    if (!wrong || (pass >= passes && !(report.lcp_failures > 0 && rigid_limits))) return true;
     // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
     if (pass >= passes) rigid_limits = false;
     contacts_->release();

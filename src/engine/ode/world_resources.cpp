@@ -34,10 +34,7 @@ extern "C" void* handsim_ode_shrink_step_block(void* block, dsizeint /*size*/, d
 
 extern "C" void handsim_ode_free_step_block(void* block, dsizeint /*size*/) { std::free(block); }
 
-std::mutex& random_mutex() {
-  static std::mutex mutex;
-  return mutex;
-}
+constinit std::mutex random_mutex;
 
 }  // namespace
 
@@ -58,7 +55,7 @@ void guard_step_memory(dxWorld* world) {
 
 RefusedMemory refused_memory() { return refused; }
 
-RandomSeed::RandomSeed(std::uint64_t seed) : lock_(random_mutex()), previous_(dRandGetSeed()) {
+RandomSeed::RandomSeed(std::uint64_t seed) : lock_(random_mutex), previous_(dRandGetSeed()) {
   dRandSetSeed(static_cast<unsigned long>(seed));
 }
 

@@ -24,10 +24,9 @@ RefusedMemory refused_memory();
 /// freed. A few hundred bytes for each fault, held until the process ends.
 void abandon(dxThreadingImplementation* threading);
 
-/// Gives ODE's process-wide random generator a seed for as long as this lives, then puts the old one back.
-/// Lives are exclusive: quick_step steps of all threads run one after the other, because ODE has a single
-/// generator and bit-reproducibility is promised. An uncontended lock costs about 20 ns. Parallel
-/// quick_step runs belong in separate processes.
+/// Gives ODE's one process-wide random generator a seed while this lives, then puts the old one back. Lives
+/// are exclusive, for bit-reproducibility: quick_step steps of all threads take turns. An uncontended lock
+/// costs about 20 ns. Parallel quick_step runs belong in separate processes.
 class RandomSeed {
  public:
   explicit RandomSeed(std::uint64_t seed);

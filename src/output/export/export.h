@@ -13,7 +13,6 @@
 
 namespace handsim::output {
 
-/// A moment of a run.
 struct Moment {
   model::State state;
   std::vector<model::Servo>
@@ -22,9 +21,8 @@ struct Moment {
 /// The moment after a step. @param controller that commanded the step; null: none
 Moment moment_after(const model::State& state, const control::Controller* controller);
 
-/// MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, who
-/// touches whom and with what surfaces, masses, an actuator on every axis, and the initial state as keyframe
-/// `initial`.
+/// MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, contact
+/// pairs and surfaces, masses, an actuator on every axis, the initial state as keyframe `initial`.
 ///
 /// Body frames are the model's (origin at the centre of mass), angles are in radians, and all digits are
 /// written. Each joint axis becomes a joint named `joint.axis`; a ball joint keeps its name; an actuator has

@@ -125,7 +125,6 @@ class MjcfWriter {
                      wxyz(Quat(axes)), body.mass, numbers(principal.eigenvalues())));
   }
 
-  /// A body without a parent.
   void root(int index) {
     const model::BodyState& body = start_.bodies[at(index)];
     open(index, body.pose(), 4);
@@ -143,8 +142,7 @@ class MjcfWriter {
   }
 
   void child(const model::Joint& joint, int indent) {
-    const Pose zero = joint.parent_frame * joint.child_frame.inverse();
-    open(joint.child, zero, indent);
+    open(joint.child, joint.parent_frame * joint.child_frame.inverse(), indent);
     if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
     close(joint.child, indent);
   }

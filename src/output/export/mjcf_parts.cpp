@@ -16,7 +16,6 @@ namespace handsim::output {
 
 namespace {
 
-/// `joint.axis` of every coordinate.
 std::vector<std::string> coordinate_labels(const model::Model& model) {
   std::vector<std::string> out(at(model.dof_count()));
   for (const model::Joint& joint : model.joints)

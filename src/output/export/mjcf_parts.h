@@ -27,9 +27,8 @@ struct MjcfTendons {
   int count = 0;  ///< of actuators
 };
 
-/// MJCF's fixed tendons have constant moment arms: a tendon gets the arms that it has at the state, an
-/// actuator the isometric force of its muscle there, per activation, beside the passive one. Excitation
-/// drives activation by MuJoCo's muscle law, which is that of muscle_curves.h.
+/// MJCF's fixed tendons have constant moment arms: those at the state; an actuator has its muscle's isometric
+/// force there, per activation, beside the passive one. MuJoCo's law of activation is muscle_curves.h's.
 MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& settings,
                          const model::State& state);
 

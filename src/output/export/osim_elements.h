@@ -20,9 +20,8 @@ inline std::string element(const char* tag, double value) {
   return element(tag, fmt::format("{:.17g}", value));
 }
 
-/// Muscles and bands in effect, for the ForceSet. A tendon's length is one polynomial of all coordinates that
-/// it crosses, exact within the range of its arms; OpenSim's moment arms are the polynomial's derivatives.
-/// Coordinates of joints that are welded in the file keep their values of the start.
+/// Muscles and bands in effect, for the ForceSet: each length is one polynomial of its coordinates, exact
+/// within its arms' range; OpenSim's arms are its derivatives. Welded coordinates stay at the start.
 std::string osim_muscles(const model::Model& model, const engine::Settings& settings,
                          const model::State& start);
 

@@ -12,8 +12,7 @@ namespace handsim::output {
 
 namespace {
 
-/// Powers of the variables of a term.
-using Powers = std::vector<int>;
+using Powers = std::vector<int>;  ///< Powers of the variables of a term.
 
 /// A tendon's length as a polynomial of the coordinates that move.
 struct Polynomial {

@@ -15,9 +15,8 @@ std::string base64(std::span<const float> values);
 std::string base64(std::span<const std::uint16_t> values);
 
 /// Rows of a table over time such that straight lines between kept rows pass every other row within the
-/// tolerance of each column. Keeps the first and last row. Takes one pass: from a kept row, the admissible
-/// slopes of each column narrow until a row is outside them; the row before it is kept (the swinging door of
-/// Bristol, 1990).
+/// tolerance of each column; first and last stay. One pass: from a kept row, each column's admissible slopes
+/// narrow until a row is outside them; the row before it is kept (swinging door, Bristol 1990).
 /// @param times increasing [s]. @param values row by row. @param tolerances of each column.
 std::vector<std::size_t> kept_rows(std::span<const double> times, std::span<const float> values,
                                    std::span<const double> tolerances);

@@ -1,6 +1,5 @@
-// One self-contained HTML page from a JSON text: template, style and scripts are in the program, so the page
-// opens from the disk and asks no network. The scripts are the files beside this one; three.js, which draws
-// in 3D, is Debian's and is taken into the program when it is built.
+// One HTML page from a JSON text, with template, style and scripts (the files beside this one, and Debian's
+// three.js) in the program: it opens from the disk and asks no network.
 #pragma once
 
 #include <string>

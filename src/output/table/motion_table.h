@@ -1,6 +1,5 @@
 // Tables over time in OpenSim's format: .mot (joint angles) and .sto (any quantities); angles in degrees,
-// which inDegrees=yes in the header states.
-// Each row is written to the disk at once.
+// which inDegrees=yes in the header states. Each row is written to the disk at once.
 #pragma once
 
 #include <filesystem>
@@ -12,7 +11,6 @@
 
 namespace handsim::output {
 
-/// The header of a table.
 struct MotionHead {
   std::string title;
   std::vector<std::string> names;  ///< names of the columns after time, without white space

@@ -21,17 +21,14 @@ struct NumberTable {
   double at(std::size_t row, std::size_t column) const { return values[row * columns.size() + column]; }
 };
 
-/// Bytes of a table at most.
-inline constexpr std::size_t kTableMostBytes = 4UL << 30U;
+inline constexpr std::size_t kTableMostBytes = 4UL << 30U;  ///< Bytes of a table at most.
 
-/// A table whose first column is an increasing time. @param finite all numbers must be, as float32.
-/// @throws Error (input) at the line of the first field that is no such number, of a time that does not
-///         increase, or of a row with another number of fields than the head has; and as InputFile.
+/// A table whose first column is an increasing time. @param finite all numbers, as float32. @throws Error
+/// (input) at the line of a wrong field, a time that does not increase, a row of wrong length; as InputFile
 NumberTable read_numbers(const std::filesystem::path& path, bool finite = true);
 
-/// Calls `take` with the fields of each row after the head; returns the names of the columns. A field of CSV
-/// in double quotes may have commas and doubled quotes.
-/// @throws Error (input) as read_numbers, and where take throws.
+/// Calls `take` with the fields of each row after the head; returns the columns' names. CSV fields in double
+/// quotes may have commas and doubled quotes. @throws Error (input) as read_numbers, and where take throws
 std::vector<std::string> read_rows(
     const std::filesystem::path& path,
     const std::function<void(std::size_t line, std::span<const std::string_view> fields)>& take);

@@ -65,7 +65,6 @@ int wait_for(pid_t child) {
   return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/// A file in memory.
 int memory_file() { return memfd_create("handsim", MFD_CLOEXEC); }
 
 bool has_ffmpeg() {

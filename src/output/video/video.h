@@ -21,9 +21,8 @@ struct VideoFormat {
   double fps = 30;             ///< frames in a second
 };
 
-/// Finds what would fail after a run, before it. @throws Error (input) for another ending than .mp4 and .gif,
-/// for `fps` out of 0 to kMostFps (a GIF: kMostGifFps), for a file that must stay (check_target) or cannot be
-/// written, and where there is no ffmpeg.
+/// Finds what would fail after a run. @throws Error (input) for an ending but .mp4 and .gif, `fps` out of 0
+/// to kMostFps (GIF: kMostGifFps), a file that must stay (check_target) or cannot be written, no ffmpeg
 void check_video(const std::filesystem::path& file, double fps, const OutputFolder::Inputs& inputs = {});
 
 /// The file appears under its name only when it is complete.
@@ -44,12 +43,10 @@ class VideoWriter {
   std::unique_ptr<Encoder> encoder_;
 };
 
-/// Makes picture i of a sequence.
-using MakeImage = std::function<Image(std::size_t)>;
+using MakeImage = std::function<Image(std::size_t)>;  ///< Makes picture i of a sequence.
 
-/// Starts `processes` forks, of which fork k makes the pictures k, k + processes, ...; passes them on in
-/// order. With one process, or one picture, nothing is forked. Not for a process that has OpenGL contexts or
-/// other threads.
+/// Starts `processes` forks; fork k makes pictures k, k + processes, ..., passed on in order. One process or
+/// picture: no fork. Not for a process that has OpenGL contexts or other threads.
 /// @param maker called once in each process, for what its pictures share, such as a Renderer.
 /// @param take called in this process.
 /// @throws Error (output) with what a fork failed of, and what `take` throws.

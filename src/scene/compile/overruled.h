@@ -10,10 +10,9 @@
 namespace handsim::scene {
 
 struct Overruled {
-  std::string path;  ///< of the override
-  std::string by;    ///< `contacts.rules.0 gives hands and objects the material pad`
-  /// False for a surface that acts where no contact rule names a material.
-  bool wholly = true;
+  std::string path;    ///< of the override
+  std::string by;      ///< `contacts.rules.0 gives hands and objects the material pad`
+  bool wholly = true;  ///< False for a surface that acts where no contact rule names a material.
 
   std::string text() const;
 };

@@ -48,7 +48,6 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   return control::make_plan(scene.model, input, diagnostics);
 }
 
-/// What drives the muscles of a scene, if anything does.
 std::optional<control::MusclePlan> plan_muscles(const Scene& scene, Diagnostics& diagnostics) {
   const std::optional<ExcitationSpec>& file = scene.spec.excitations;
   const bool by_torques = scene.plans.control && scene.plans.control->by_muscles;

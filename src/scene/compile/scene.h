@@ -12,7 +12,6 @@
 
 namespace handsim::scene {
 
-/// A compiled scene.
 struct Scene {
   SceneSpec spec;                      ///< as it was read
   std::vector<hand::BuiltHand> hands;  ///< right hands, at the indices of SceneSpec::hands
@@ -27,8 +26,7 @@ struct Scene {
   std::shared_ptr<const char> lineage = std::make_shared<const char>();
 };
 
-/// @param overrides `key.path=value`, applied before reading.
-/// @throws Error (input) with every problem of the file and the files it names.
+/// @param overrides `key.path=value`. @throws Error (input) with all problems of the file and its files
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
 
 /// Compiles a scene from a tree in memory.

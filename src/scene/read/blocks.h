@@ -55,9 +55,8 @@ Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 /// A referenced file or an inline block; null if it is absent, or cannot be read, which is a problem.
 YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required = true);
 
-/// Replaces the `file` of a block by the content of that file; the block's own keys override the file's.
-/// @param overridden true if the block's own keys replace the file's `key`.
-/// @returns false, with problems, if the file cannot be used.
+/// Replaces the `file` of a block by that file's content, under the block's own keys. @param overridden true
+/// if these replace the file's `key`. @returns false, with problems, if the file cannot be used
 bool inline_file(MapReader& block, FileKind kind,
                  bool (*overridden)(const YamlNode& entry, const std::string& key));
 

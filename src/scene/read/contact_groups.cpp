@@ -15,8 +15,7 @@ using Owner = ContactGroups::Owner;
 using model::Effect;
 using model::Effects;
 
-/// Largest number of pairs of groups in all rules.
-constexpr std::size_t kMostPairs = 10'000'000;
+constexpr std::size_t kMostPairs = 10'000'000;  ///< Largest number of pairs of groups in all rules.
 
 /// The names and owners of the groups of the scene's model; their numbers are not known yet: 0.
 ContactGroups groups_of(const SceneSpec& scene) {

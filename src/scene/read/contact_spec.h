@@ -1,6 +1,5 @@
-// The `contacts` block of a scene: named materials, and which groups may touch. A group's name in YAML:
-// hand-right, hand-left (hands: all), palm, fingers, fingertips, each also of one hand (palm-right), objects,
-// an object's own name, ground, mechanism.
+// The `contacts` of a scene: named materials, and which groups may touch: hand-right, hand-left (hands: all),
+// palm, fingers, fingertips, also of one hand (palm-right), objects, an object's name, ground, mechanism.
 #pragma once
 
 #include <array>
@@ -31,7 +30,6 @@ ContactsSpec read_contacts(MapReader& reader);
 std::optional<model::Material> named_material(MapReader& reader, std::string_view key,
                                               const std::vector<model::Material>& materials);
 
-/// Reads a material file on its own.
 model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

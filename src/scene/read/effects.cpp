@@ -1,7 +1,5 @@
 #include <algorithm>
 
-#include <fmt/format.h>
-
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
 
@@ -14,10 +12,8 @@ using model::Effects;
 
 /// True if something can be touched: an object, or beside a hand a body of a mechanism.
 bool has_touched(const SceneSpec& scene) {
-  const auto& bodies = scene.mechanism.bodies;
   return !scene.objects.empty() ||
-         (!scene.hands.empty() &&
-          std::ranges::any_of(bodies, [](const BodySpec& body) { return body.collides; }));
+         (!scene.hands.empty() && std::ranges::any_of(scene.mechanism.bodies, &BodySpec::collides));
 }
 
 /// The smallest set of effects for the scene's content; self contact only if a contact rule needs it.
@@ -83,7 +79,6 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
   effects.add(effect);
 }
 
-/// True if any axis of the mechanism's joints fulfils the predicate.
 template <class Predicate>
 bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
   return std::ranges::any_of(mechanism.joints, [&](const MechanismJointSpec& joint) {
@@ -93,8 +88,7 @@ bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
 
 bool any_tissue(const SceneSpec& scene) {
   const auto has_tissue = [](const hand::JointSpec& joint) {
-    return std::ranges::any_of(joint.axes,
-                               [](const model::JointAxis& axis) { return axis.tissue.has_value(); });
+    return std::ranges::any_of(joint.axes, [](const auto& axis) { return axis.tissue.has_value(); });
   };
   for (const HandEntry& hand : scene.hands) {
     if (has_tissue(hand.model->wrist)) return true;
@@ -154,8 +148,7 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
   }
   check(effects.has(Effect::friction) && !effects.any_contact(), "friction without contact",
         "one of object_contact, self_contact, ground_contact with it");
-  const bool torque =
-      any_axis(scene.mechanism, [](const model::JointAxis& axis) { return axis.torque != 0; });
+  const bool torque = any_axis(scene.mechanism, [](const auto& axis) { return axis.torque != 0; });
   check(torque && !effects.has(Effect::actuation), "a joint with a torque without actuation",
         "both or neither");
   check(scene.control && !effects.has(Effect::actuation), "a control block without actuation",

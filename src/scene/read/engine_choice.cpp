@@ -27,7 +27,6 @@ CostRow read_row(MapReader reader) {
   return row;
 }
 
-/// True if joints form a closed loop.
 bool has_loop(const MechanismSpec& mechanism) {
   std::map<std::string, std::string> parent_of;
   const auto root_of = [&](std::string body) {
@@ -55,7 +54,6 @@ std::string_view described(SceneKind kind) {
   return kTexts[static_cast<std::size_t>(kind)];
 }
 
-/// True if the row's engine cannot run the scene.
 bool unsuitable(const CostRow& row, const SceneSpec& scene, bool guarded) {
   const EngineKind engine = row.solver.engine();
   if (engine != EngineKind::ode && guarded) return true;
@@ -66,7 +64,6 @@ void put(YamlNode& map, std::string_view key, std::string value) {
   yaml_put(map, std::string(key), yaml_scalar(std::move(value)));
 }
 
-/// Writes engine, step and the engine's own settings.
 void put_settings(YamlNode& map, const engine::Settings& solver) {
   put(map, "engine", std::string(engine::name(solver.engine())));
   put(map, "step", number(solver.step));
@@ -212,8 +209,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       block,
       [&](const YamlEntry& entry) -> std::optional<std::string> {
         // A guard in the file is for the file's own engine.
-        const bool ignored = entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value);
-        if (ignored) return "";
+        if (entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value)) return "";
         for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
           if (entry.key == key) return "nothing: engine auto chooses it";
         return std::nullopt;

@@ -8,12 +8,10 @@
 
 namespace handsim::scene {
 
-/// Kinds of scenes that differ in which methods apply and in their accuracy: trees of bodies in free motion,
-/// the same with closed loops, motion with joint stops, and contact.
+/// Kinds of scenes by methods and accuracy: free trees of bodies, with closed loops, stops, or contact.
 enum class SceneKind { tree, loop, stops, contact };
 inline constexpr std::array<std::string_view, 4> kSceneKindNames = {"tree", "loop", "stops", "contact"};
 
-/// A line of the table of costs.
 struct CostRow {
   double error = 0;  ///< RMS error of the rates over the RMS of the rates
   double cost = 0;   ///< CPU seconds per simulated second of the study's scene

@@ -179,8 +179,7 @@ struct HandNames {
   }
 };
 
-/// True if the scene lists an effect of the hands' muscles and bands, which no automatic list has, or has
-/// climbs, whose figures tell the flexors' tensions from their moment arms.
+/// True if hands need their muscles: the scene lists an effect of theirs, or has climbs, which tell tensions.
 bool needs_muscles(const YamlNode& scene) {
   if (scene.find("climbs")) return true;
   const YamlNode* effects = scene.find("effects");

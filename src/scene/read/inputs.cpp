@@ -14,7 +14,6 @@ namespace {
 
 using Visit = std::function<void(YamlNode& path)>;
 
-/// `mesh` of a shape.
 void visit_mesh(YamlNode& solid, const Visit& visit) {
   if (YamlNode* mesh = solid.find("mesh")) visit(*mesh);
 }
@@ -73,8 +72,7 @@ std::string numbered(const std::string& name, int number) {
 std::size_t memory_of(const YamlNode& node) {
   std::size_t bytes = kYamlNodeBytes + node.text.size();
   for (const YamlNode& item : node.items) bytes += memory_of(item);
-  for (const YamlEntry& entry : node.entries)
-    bytes += kYamlNodeBytes + entry.key.size() + memory_of(entry.value);
+  for (const auto& entry : node.entries) bytes += kYamlNodeBytes + entry.key.size() + memory_of(entry.value);
   return bytes;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
 #include <map>
 #include <unordered_map>
@@ -24,8 +23,7 @@ constexpr std::size_t kMostCorners = 1000;
 constexpr double kFlat = 1e-4;
 constexpr double kThinnest = 1e-4, kLargest = 100;
 constexpr const char* kSolid = "a solid body, nowhere thinner than 0.0001 m";
-/// Largest fraction of the hull's area without a face of the mesh.
-constexpr double kUncovered = 1e-3;
+constexpr double kUncovered = 1e-3;  ///< Largest fraction of the hull's area without a face of the mesh.
 
 [[noreturn]] void refuse(std::string got, std::string need) {
   throw input_error("", std::move(got), std::move(need));
@@ -140,7 +138,6 @@ void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, d
            "a closed surface");
 }
 
-/// Frees Qhull's memory.
 struct Release {
   void operator()(qhT* qh) const {
     qh_freeqhull(qh, !qh_ALL);

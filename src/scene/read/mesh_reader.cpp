@@ -108,8 +108,7 @@ class Builder {
 
 /// `7`, `7/1`, `7//2`, `7/1/2`, or `-1` for the last point so far.
 int point_index(const Lines& lines, const Word& word, int points) {
-  const auto value = parse_number(word.text.substr(0, word.text.find('/')));
-  const double index = value.value_or(0);
+  const double index = parse_number(word.text.substr(0, word.text.find('/'))).value_or(0);
   const double at = index < 0 ? index + points : index - 1;
   if (index == 0 || index != std::floor(index) || !(at >= 0 && at < points))
     lines.refuse(
@@ -171,7 +170,6 @@ Surface read_binary_stl(std::string_view bytes, const std::string& name) {
   return surface.take();
 }
 
-/// State of the reader of text STL.
 enum class Within { file, solid, facet, loop, end_of_facet };
 
 struct Statement {

@@ -46,7 +46,6 @@ Tasks read_tasks(MapReader& reader, std::span<const TaskKind> kinds) {
   return tasks;
 }
 
-/// Reads hands, objects, mechanism, ground, contacts and control.
 void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   scene.hands = read_hands(reader, scene.tasks);
   scene.contacts = read_contacts(reader);

@@ -1,5 +1,4 @@
-// Tasks of a scene's hands. Each kind of task has a list of blocks in the scene, and a file in scene/task
-// that reads and plans it. This header has what the readers of other blocks need.
+// Tasks of a scene's hands: what readers of other blocks need. scene/task reads and plans each kind of task.
 #pragma once
 
 #include <memory>
@@ -25,7 +24,6 @@ struct TaskKind {
   std::unique_ptr<TaskSpec> (*read)(MapReader& block);
 };
 
-/// A part of a task.
 struct TaskPhase {
   std::string name;  ///< e.g. approach, close, lift
   double start = 0;  ///< [s]

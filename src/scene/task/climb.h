@@ -1,6 +1,5 @@
-// `climbs` of a scene: a hand holds on until its grip fails; one block per climb. The palm is on a rail along
-// the load's direction. A stiff servo lowers it to the hold and keeps it there while the fingers close; then
-// the servo is off and an increasing load pulls the palm.
+// `climbs` of a scene: a hand holds until its grip fails. The palm is on a rail along the load. A stiff servo
+// lowers it and keeps it while the fingers close; then it is off and an increasing load pulls the palm.
 #pragma once
 
 #include <memory>
@@ -19,7 +18,6 @@ struct LoadSpec {
   double most = 1000;           ///< load at the end of the climb [N]
 };
 
-/// The plan of a climb.
 struct ClimbPlan {
   std::size_t hand = 0;           ///< in SceneSpec::hands
   std::string hold;               ///< name of the object
@@ -32,7 +30,6 @@ struct ClimbPlan {
   const TaskPhase& loading() const { return phases[2]; }
 };
 
-/// A block of `climbs`.
 std::unique_ptr<TaskSpec> read_climb(MapReader& block);
 
 }  // namespace handsim::scene

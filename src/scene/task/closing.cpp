@@ -16,20 +16,17 @@ namespace {
 
 /// Step of the fastest joint on the way: with three joints a fingertip moves 6 mm, less than its thickness.
 constexpr double kStep = 2 * kDegree;
-/// A fingertip is then within 0.4 um.
-constexpr int kBisections = 14;
+constexpr int kBisections = 14;  ///< A fingertip is then within 0.4 um.
 /// A finger that had to open wider opens by so much more.
 constexpr double kSpare = 4 * kDegree;
 constexpr int kApproachPlaces = 24;
-/// A finger opens by at most so many times its way to the closed angles.
-constexpr double kFarthest = 3;
+constexpr double kFarthest = 3;  ///< A finger opens by at most so many times its way to the closed angles.
 /// In the turn of a finger's joints as it is pressed: a turn of 1 rad counts as this error of its points [m];
 /// a squared error along the surface as this share of one into it.
 constexpr double kRidge = 3e-3, kSlideWeight = 0.2;
 
 using Owner = ContactGroups::Owner;
 
-/// @returns its body.
 int add_object_body(model::Model& model, const ObjectSpec& object, int group) {
   model::Body body;
   body.name = object.name;

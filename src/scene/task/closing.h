@@ -1,6 +1,5 @@
-// Closes the fingers of a hand on an object, each until it touches: geometry only. A finger goes from its
-// open angles towards its closed ones; a part that touches stops the joints before it, and the joints beyond
-// it go on until the next part touches or the closed angles are reached.
+// Closes each finger of a hand from open angles towards closed ones until it touches an object: geometry
+// only. A part that touches stops the joints before it; the joints beyond go on until the next part touches.
 #pragma once
 
 #include <span>
@@ -24,9 +23,8 @@ struct TouchPoint {
   double stiffness = 0;        ///< of the point [N/m]; 0: rigid
 };
 
-/// A right hand at the world's origin and an object in it: where the two touch at given joint angles. Has the
-/// surfaces of the scene's contact rules, and the collision tests of its engines, so that what is planned is
-/// what a run finds.
+/// A right hand at the world's origin and an object in it: where the two touch at given joint angles, with
+/// the scene's contact rules and its engines' collision tests, so that a run finds what is planned.
 class HandOnObject {
  public:
   explicit HandOnObject(const TaskSite& site);
@@ -101,10 +99,9 @@ class Closing {
   const std::vector<double>& open() const { return open_; }
   /// Angles with each finger closed on the object. @param depth to which the bodies press [m], by body
   std::vector<double> close(const std::vector<double>& depth);
-  /// Angles with which the points of the fingers go into the object and do not slide on it: what slides while
-  /// it is pressed is left with friction that nobody planned. @param q from where @param contacts there, in
-  /// the hand frame
-  /// @param deeper by which each body is pressed [m], by body @param moved by which the object moves [m]
+  /// Angles at which the fingers' points go into the object without sliding, which would leave unplanned
+  /// friction. @param q from where. @param contacts there, in the hand frame. @param deeper how much each
+  /// body is pressed [m]. @param moved the object's way [m]
   std::vector<double> press(const std::vector<double>& q, const std::vector<TouchPoint>& contacts,
                             const std::vector<double>& deeper, const Vec3& moved);
 

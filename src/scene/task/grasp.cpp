@@ -23,8 +23,7 @@ struct ShakeLevel {
   double frequency = 2;        ///< [Hz]
 };
 
-/// Dull, so that it stands back behind the object: sRGB.
-constexpr std::uint32_t kPostColour = 0xA8A296;
+constexpr std::uint32_t kPostColour = 0xA8A296;  ///< Dull, so that it stands back behind the object: sRGB.
 
 /// A static cylinder under the object.
 struct PostSpec {
@@ -95,8 +94,7 @@ double lowest(const model::Shape& shape, const Pose& frame) {
   return pose.p.z() - model::support(shape, down);
 }
 
-/// Keyframes of a wrist from the approach to the lift, and its shakes.
-/// @param at X_WH at the object, right hand
+/// Keyframes of a wrist from approach to lift, and its shakes. @param at X_WH at the object, right hand
 model::PoseMotion wrist_motion(const GraspSpec& grasp, const Pose& at, bool left) {
   const auto for_side = [&](const auto& x) { return left ? mirrored(x) : x; };
   const Pose wrist = for_side(at);

@@ -24,7 +24,6 @@ struct GraspPlan {
   const TaskPhase* phase(std::string_view name) const;
 };
 
-/// A block of `grasps`.
 std::unique_ptr<TaskSpec> read_grasp(MapReader& block);
 
 }  // namespace handsim::scene

@@ -24,7 +24,6 @@ struct GripSpec {
   double search = 0.2;  ///< the object may lie so far from its named place in the hand [hand lengths]
 };
 
-/// Reads a `grip` block.
 GripSpec read_grip(MapReader reader);
 
 /// `thumb`, `index`, ...; all other parts are `palm`.

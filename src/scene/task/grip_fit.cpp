@@ -17,14 +17,12 @@ namespace handsim::scene {
 
 namespace {
 
-/// Depth of a touch without force [m].
-constexpr double kTouchDepth = 1e-5;
+constexpr double kTouchDepth = 1e-5;  ///< Depth of a touch without force [m].
 /// Share of friction that the planned forces may use: the rest is for the shake.
 constexpr double kFrictionShare = 0.6;
 /// Share of the normal forces that may be left over: springs give way by as much.
 constexpr double kUnbalanced = 0.1;
-/// Share of the pads' forces that may be others than planned.
-constexpr double kMostUnplanned = 0.5;
+constexpr double kMostUnplanned = 0.5;  ///< Share of the pads' forces that may be others than planned.
 /// Largest use() that forces are not raised for: below 2 nearly all of 80 grasps were held, few above.
 constexpr double kUse = 1.9, kMostUse = 2.2;
 /// Forces within this share are near enough.
@@ -44,12 +42,10 @@ constexpr std::array kShifts = {0.0, 0.06, 0.12};
 /// Rounds in which depths of pads and forces come to agree; most that one presses a pad deeper [m].
 constexpr int kRounds = 8;
 constexpr double kDeeper = 2e-3;
-/// Times the way from open to closed by which fingers open at most.
-constexpr double kWideOpen = 3;
+constexpr double kWideOpen = 3;  ///< Times the way from open to closed by which fingers open at most.
 /// Distance from the palm at which an object starts, and the step towards the palm [m].
 constexpr double kFar = 0.4, kNearer = 5e-3;
-/// Then the place is within 5 um.
-constexpr int kHalvings = 10;
+constexpr int kHalvings = 10;  ///< Then the place is within 5 um.
 
 std::vector<double> angles_of(const TaskSite& site, const std::string& pose, const control::HandAxes& axes) {
   Diagnostics ignored;  // poses are checked with the program

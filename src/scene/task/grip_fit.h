@@ -1,6 +1,5 @@
-// Fits a grip to a person's hand and an object: where the object lies in the hand, and the angles at which
-// the fingers are open, touch, and press with their forces through the springs of their joints. Everything is
-// for a right hand, in the hand frame.
+// Fits a grip to a person's hand and an object: where the object lies, and the angles at which fingers are
+// open, touch, and press with their forces through the joints' springs. A right hand, in the hand frame.
 #pragma once
 
 #include <map>

@@ -11,10 +11,8 @@
 
 namespace handsim::scene {
 
-/// Duration of a part of a task.
-inline const Quantity kSpan = {Dimension::time, 0.01, 1e3};
+inline const Quantity kSpan = {Dimension::time, 0.01, 1e3};  ///< Duration of a part of a task.
 
-/// The hand and the object of a task.
 struct TaskSite {
   const SceneSpec& scene;
   std::size_t hand;  ///< in SceneSpec::hands
@@ -23,14 +21,12 @@ struct TaskSite {
   const ObjectSpec& object;
 };
 
-/// One movement of a task's hand.
 struct TaskMove {
   double start = 0, time = 0;  ///< [s]
   std::string name;
   std::optional<control::PoseSpec> pose;  ///< absent: the pose of that name in the pose file
 };
 
-/// The plan of one task.
 struct TaskPlan {
   hand::Placement placement;          ///< of the hand
   Pose object_pose;                   ///< X_WO at the start
@@ -51,11 +47,9 @@ struct Plans {
   std::vector<ClimbPlan> climbs;
 };
 
-/// All kinds of tasks.
 std::span<const TaskKind> task_kinds();
 
-/// @param scene read without problems. @param hands of the scene.
-/// Problems: tasks that exclude each other, and supports with the name of an object.
+/// @param scene without problems. Problems: tasks that exclude each other, a support with an object's name.
 Plans make_plans(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands, Diagnostics& diagnostics);
 
 /// The movements through a task's poses as they stand. @param close start of the first closing pose [s]
@@ -64,7 +58,6 @@ std::vector<TaskMove> moves_through_poses(const TaskSpec& task, double close);
 /// Reads the keys that blocks of all kinds have: hand, object, wrist and poses.
 void read_task(MapReader& block, const char* object_key, TaskSpec& task);
 
-/// Appends a phase to a task.
 void add_phase(TaskSpec& task, std::string name, double span);
 
 }  // namespace handsim::scene

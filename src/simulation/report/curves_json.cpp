@@ -31,9 +31,8 @@ class Curves {
       : most_(static_cast<std::size_t>(kCurveBytes / 8 /
                                        static_cast<double>(std::max<std::size_t>(1, count)))) {}
 
-  /// @param kind `value`, `target`: drawn dashed, in the colour of the value of the same name, or the part of
-  /// a
-  ///        hand that a muscle moves.
+  /// @param kind `value`, `target`: dashed, in the colour of the value of its name, or the part of a hand
+  /// that a muscle moves
   void add(const std::string& group, const char* unit, const std::string& name, const char* kind,
            const std::vector<double>& times, const std::vector<float>& values) {
     if (values.empty()) return;
@@ -84,7 +83,6 @@ std::pair<std::string, std::string> parted(const std::string& name) {
   return {name.substr(0, at), name.substr(at + 1, name.size() - at - 2)};
 }
 
-/// A table of the run, and its times.
 struct RunTable {
   RunTable(const std::filesystem::path& path, std::vector<std::string> columns)
       : table(output::read_numbers(path)) {
@@ -110,7 +108,6 @@ void add_control(const std::filesystem::path& path, const scene::Scene& scene, C
   }
 }
 
-/// Activations and tensions.
 void add_muscles(const std::filesystem::path& path, const scene::Scene& scene, Curves& curves) {
   const RunTable of(path, muscle_columns(scene));
   std::size_t c = 1;
@@ -122,7 +119,6 @@ void add_muscles(const std::filesystem::path& path, const scene::Scene& scene, C
   }
 }
 
-/// Joint coordinates of the trajectory.
 void add_coordinates(const RunFiles& run, Curves& curves) {
   for (std::size_t c = 1; c <= at(run.scene.model.dof_count()); ++c) {
     const auto [name, unit] = parted(run.trajectory.columns[c]);

@@ -53,8 +53,7 @@ constexpr const char* kSummary = R"({
 
 /// The key of the first value that is not as in the example; empty if there is none.
 std::string unlike(const Json& value, const Json& example, const std::string& key) {
-  const bool same = example.is_number() ? value.is_number() : value.type() == example.type();
-  if (!same) return key;
+  if (example.is_number() ? !value.is_number() : value.type() != example.type()) return key;
   std::string out;
   if (example.is_array())
     for (std::size_t i = 0; i < value.size() && out.empty(); ++i)

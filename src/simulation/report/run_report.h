@@ -1,5 +1,4 @@
-// The HTML page of finished runs, from the files in their folders: resolved.yaml is compiled again, and
-// poses, contacts and curves are read from the tables. Nothing is simulated.
+// The HTML page of finished runs, from their files: resolved.yaml is compiled again, nothing is simulated.
 #pragma once
 
 #include <filesystem>

@@ -77,8 +77,7 @@ Json axes_json(const model::Model& model, const model::State& start) {
   for (const model::Joint& joint : model.joints)
     for (std::size_t axis = 0; axis < joint.axes.size(); ++axis) {
       const output::DrawArrow& arrow = drawn.arrows[next++];
-      const bool of_parent = joint.kind == model::JointKind::universal && axis == 0;
-      const int body = of_parent ? joint.parent : joint.child;
+      const int body = joint.kind == model::JointKind::universal && axis == 0 ? joint.parent : joint.child;
       const Pose x_BW = start.bodies[at(body)].pose().inverse();
       out.push_back({{"name", joint.name + "." + joint.axes[axis].name},
                      {"body", body},
@@ -111,7 +110,6 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
-/// Moments over the run, evenly.
 std::vector<Moment> moments_of(const RunFiles& run, const std::optional<ContactRows>& contacts,
                                std::size_t most) {
   std::vector<Moment> out;

@@ -190,8 +190,7 @@ struct ExtraTables::Parts {
     if (reactions && before.bodies.size() == state.bodies.size()) add_reactions();
     if (!markers) return;
     Row row;
-    for (const model::Marker& marker : points)
-      append(row, state.bodies[at(marker.body)].pose() * marker.point);
+    for (const auto& marker : points) append(row, state.bodies[at(marker.body)].pose() * marker.point);
     markers->add(state.time, row);
     trc->add(state.time, row);
   }
@@ -213,8 +212,7 @@ ExtraTables::ExtraTables(const Simulation& simulation, const std::filesystem::pa
   if (!tables.markers) return;
   parts.points = table_markers(model);
   std::string columns;
-  for (const model::Marker& marker : parts.points)
-    add_columns(columns, marker.name, {"x[m]", "y[m]", "z[m]"});
+  for (const auto& marker : parts.points) add_columns(columns, marker.name, {"x[m]", "y[m]", "z[m]"});
   parts.markers.emplace(out / "markers.csv", columns);
   parts.trc.emplace(out / "markers.trc", parts.points, rows, interval);
 }

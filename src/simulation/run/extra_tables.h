@@ -16,8 +16,7 @@ double extra_row_bytes(const scene::Scene& scene, double number);
 
 class ExtraTables {
  public:
-  /// @param rows number of rows at most. @param interval between rows [s].
-  /// @throws Error (input) for reactions of a model with loops, and if a file cannot be created.
+  /// @param rows at most, every `interval` [s]. @throws Error (input): reactions with loops, no file
   ExtraTables(const Simulation& simulation, const std::filesystem::path& out, std::size_t rows,
               double interval);
   ~ExtraTables();

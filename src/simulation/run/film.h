@@ -18,8 +18,7 @@ struct VideoSpec {
 /// Collects the moments of a video while a simulation runs.
 class Film {
  public:
-  /// @param first, last steps that the video shows. @param step length of a step [s].
-  /// @throws Error (input) for what check_video refuses, and for more frames than memory holds.
+  /// @param first, last steps shown. @param step [s]. @throws Error (input) as check_video; too many frames
   Film(const scene::Scene& scene, const VideoSpec& spec, long first, long last);
 
   /// To be called after every step from `first` on; a step that no frame shows costs nothing.
@@ -39,8 +38,7 @@ class Film {
   long step_of(long frame) const;
 };
 
-/// A video of a scene from its start to a time [s] at most, without the files of a run.
-/// @throws Error (physics) if the simulation diverges before that.
+/// A video of a scene from its start to a time [s], without other files. @throws Error (physics): it diverges
 Film film_until(const scene::Scene& scene, const VideoSpec& spec, double time,
                 const output::Progress& progress);
 

@@ -17,8 +17,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// With its separator. Shipped scenes: 17.7 to 20.6.
-constexpr double kNumberBytes = 19;
+constexpr double kNumberBytes = 19;  ///< With its separator. Shipped scenes: 17.7 to 20.6.
 /// A row of contacts.csv, and contacts that a hand or an object has. Shipped grasps: 230 bytes, 12 of a hand.
 constexpr double kContactBytes = 230, kHandContacts = 12, kObjectContacts = 4;
 /// Of a PNG. Shipped scenes: 0.12 to 0.41.

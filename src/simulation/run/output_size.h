@@ -33,8 +33,7 @@ long record_steps(const scene::SceneSpec& spec);
 /// @param first, last first and last step of the run. @param frames number of pictures over the run.
 OutputSize output_size(const scene::Scene& scene, long first, long last, int frames);
 
-/// Compares the size with the free space of the file system of `out`, the largest file that the system
-/// allows, and the free memory for pictures.
+/// Compares the size with the free space and the largest file of `out`, and the free memory for pictures.
 /// @returns a note if the run writes more than 1 GB, otherwise nothing.
 /// @throws Error (input) with the estimate, the free space and a `record.every` that fits.
 std::optional<std::string> check_room(const scene::Scene& scene, const OutputSize& size,

@@ -62,9 +62,8 @@ Stage stage_of(const scene::Scene& scene, std::span<const Moment> moments);
 /// The force that an arrow shows: on the one of the two that is free, or on the object that a hand touches.
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact);
 
-/// Draws the moments and passes each picture and its index to `take` in order; stores no picture. Creates an
-/// OpenGL context in each process.
-/// @param store called before in the process that draws, which may be a fork: to write a file, for example.
+/// Draws the moments; passes each picture and its index to `take` in order. Creates an OpenGL context in each
+/// process. @param store called before in the drawing process, maybe a fork: to write a file, for example
 void draw(const scene::Scene& scene, std::span<const Moment> moments, const Drawing& drawing,
           const std::function<void(std::size_t, const output::Image&)>& store,
           const std::function<void(std::size_t, const Picture&)>& take);

@@ -29,7 +29,6 @@ constexpr PlotKind kKinds[] = {{"angles", "joint angles; dashed: targets", "angl
                                {"torques", "joint torques", "torque [N m]",
                                 "data skip 7 using 1:{2} with lines lw 1.2 lc rgb '{3}' title '{4}'"}};
 
-/// Panels of a hand's driven axes.
 std::vector<output::Panel> panels(const control::Plan& plan, std::size_t hand, const PlotKind& kind) {
   std::vector<std::string> names;
   std::vector<std::size_t> columns;  // of control.sto, of the target

@@ -77,8 +77,7 @@ void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOpti
     if (failure) result.missing.push_back(std::string(what) + ": " + *failure);
   };
   if (!recorder.moments().empty())
-    made("pictures",
-         [&](const output::Progress& progress) { draw_pictures(scene, recorder, options, progress); });
+    made("pictures", [&](const auto& progress) { draw_pictures(scene, recorder, options, progress); });
   if (const Film* film = recorder.film())
     made("video", [&](const output::Progress& progress) { film->write(drawing_of(options), progress); });
   if (!options.plots) return;
@@ -86,17 +85,13 @@ void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOpti
     result.missing.push_back("plots: " + *failure);
 }
 
-void write_inputs(const scene::Scene& scene, const std::filesystem::path& out) {
-  if (!scene.inputs.empty()) output::make_folder(out / "inputs");
-  for (const scene::InputFile& input : scene.inputs) output::write_file(out / input.copy, *input.bytes);
-}
-
 /// All that has to be there whatever becomes of the pictures; then those.
 void write_files(const Simulation& simulation, const RunOptions& options, const std::string& resolved,
                  Recorder& recorder, RunResult& result) {
   const scene::Scene& scene = simulation.scene();
   recorder.finish();
-  write_inputs(scene, options.out);
+  if (!scene.inputs.empty()) output::make_folder(options.out / "inputs");
+  for (const auto& input : scene.inputs) output::write_file(options.out / input.copy, *input.bytes);
   output::write_file(options.out / "resolved.yaml", resolved);
   if (!recorder.moments().empty()) result.missing.emplace_back("pictures: not drawn yet");
   if (recorder.film()) result.missing.emplace_back("video: not drawn yet");
@@ -113,7 +108,6 @@ void write_files(const Simulation& simulation, const RunOptions& options, const 
   if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
 }
 
-/// The step after which a snapshot is written.
 std::optional<long> snapshot_step(const Simulation& simulation, const RunOptions& options, double step) {
   if (!options.snapshot_at) return std::nullopt;
   const double at = *options.snapshot_at / step;
@@ -171,12 +165,6 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
     if (options.progress && i % report_every == 0)
       options.progress(static_cast<double>(i) / static_cast<double>(steps));
   }
-}
-
-/// Pictures at most.
-int picture_count(const scene::Scene& scene, const RunOptions& options) {
-  return options.pose_pictures ? static_cast<int>(scene.control->hands.front().trajectory.phases().size())
-                               : options.frames;
 }
 
 /// What only a controlled scene can show.
@@ -241,8 +229,10 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   if (options.from_snapshot) continue_from(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
   const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
-  const OutputSize size =
-      output_size(scene, simulation.steps(), simulation.step_count(), picture_count(scene, options));
+  const int pictures = options.pose_pictures
+                           ? static_cast<int>(scene.control->hands.front().trajectory.phases().size())
+                           : options.frames;
+  const OutputSize size = output_size(scene, simulation.steps(), simulation.step_count(), pictures);
   if (const auto note = check_room(scene, size, options.out); note && options.note) options.note(*note);
   std::optional<output::OutputFolder> own;
   if (!held) own.emplace(run_folder(scene, options));

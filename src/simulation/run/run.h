@@ -1,8 +1,7 @@
 // Runs a scene and writes its files: trajectory.csv, summary.json, resolved.yaml with copies of its meshes
-// and motion files (inputs/), pictures; contacts.csv if the scene records contacts; trajectory.mot (joint
-// angles for OpenSim, if there are joints), control.sto and plots/ if the scene has control, muscles.sto if
-// it has muscles. A run removes the files of earlier runs from the folder when it starts, and writes tables
-// and summary before it draws.
+// and motion files (inputs/), pictures; by the scene's content contacts.csv, trajectory.mot (joint angles for
+// OpenSim), control.sto and plots/, muscles.sto. A run first removes earlier runs' files from the folder, and
+// writes tables and summary before it draws.
 #pragma once
 
 #include <cstdint>
@@ -34,20 +33,16 @@ struct RunOptions {
                                ///< of a grasp or climb, instead of `frames`
   bool monitor = false;        ///< monitor.csv: energies and residuals of the solver
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
-  /// Writes snapshot.bin at this time [s], rounded to a step.
-  std::optional<double> snapshot_at;
+  std::optional<double> snapshot_at;  ///< Writes snapshot.bin at this time [s], rounded to a step.
   /// Continues from this snapshot file: tables and pictures show the rest of it, the summary all of it.
   std::optional<std::filesystem::path> from_snapshot;
-  /// Ends the run once a grasp is decided (GraspFigures::decided).
-  bool stop_lost = false;
-  /// Expected hash of the states (state_hash.h).
-  std::optional<std::uint64_t> expected_hash;
-  std::optional<VideoSpec> video;  ///< of the run
-  std::optional<output::Gl> gl;    ///< with which pictures are drawn; absent: the default of this build
+  bool stop_lost = false;  ///< Ends the run once a grasp is decided (GraspFigures::decided).
+  std::optional<std::uint64_t> expected_hash;  ///< Expected hash of the states (state_hash.h).
+  std::optional<VideoSpec> video;              ///< of the run
+  std::optional<output::Gl> gl;  ///< with which pictures are drawn; absent: the default of this build
   /// Draws in a child process and forks on all cores (output/child.h): lack of memory ends only the drawing.
   bool draw_apart = false;
-  /// Called repeatedly with the finished share, 0..1.
-  std::function<void(double)> progress;
+  std::function<void(double)> progress;  ///< Called repeatedly with the finished share, 0..1.
   /// Called before the run with a message for the user, if the run writes much.
   std::function<void(const std::string&)> note;
 };
@@ -80,15 +75,12 @@ struct RunResult {
 /// Nothing is left to measure: every climb failed and no grasp, or, if asked for, a grasp is decided.
 bool over(const Simulation& simulation, bool stop_lost);
 
-/// Runs the scene and writes its files.
-/// @throws Error (input) if the folder cannot be used (output_folder.h), the resolved scene is too large
-///         (inputs.h), the snapshot is not one of this scene before its end, or the files do not fit
-///         (output_size.h); the scene does not run then.
-/// @throws Error (output) if a table or the summary cannot be written.
+/// Runs the scene and writes its files. @throws Error (input), before the run, for an unusable folder
+/// (output_folder.h), too large a resolved scene (inputs.h), a snapshot of another scene or past its end,
+/// files that do not fit (output_size.h); Error (output) if a table or the summary cannot be written
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
-/// The folder of a run, for callers that check the folders of several runs before the first one.
-/// @throws Error (input) as OutputFolder does.
+/// A run's folder, to check those of several runs before the first. @throws Error (input) as OutputFolder
 output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options);
 /// A run into a folder that is locked already; null: the run locks it.
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);

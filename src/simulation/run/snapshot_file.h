@@ -10,11 +10,9 @@
 
 namespace handsim::simulation {
 
-/// Version of files; other versions are refused. Increase it with every change of the content of a snapshot:
-/// its parts (what any class saves), their order, or their format.
+/// Version of files, the only one accepted. Increase it with any change of parts, their order or format.
 inline constexpr std::uint64_t kSnapshotVersion = 9;
-/// Largest file size that is accepted.
-inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
+inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;  ///< Largest file size that is accepted.
 
 /// A snapshot file: `HANDSNAP`, version, fingerprint, time, the snapshot's bytes, and the XXH64 of these.
 std::string snapshot_text(const RunSnapshot& snapshot);

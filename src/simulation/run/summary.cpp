@@ -39,11 +39,6 @@ Json overlaps_json(const model::Model& model, const std::vector<engine::Overlap>
   return out;
 }
 
-Json fault_json(const PhysicsFault& fault) {
-  return {
-      {"time_s", fault.time}, {"where", fault.where}, {"quantity", fault.quantity}, {"detail", fault.detail}};
-}
-
 const char* overall(const RunResult& result) {
   if (result.fault) return "diverged";
   if (result.failed() || !result.hash_as_expected()) return "failed";
@@ -64,7 +59,9 @@ void add_run(const Simulation& simulation, const RunResult& result, Json& out) {
   const scene::Scene& scene = simulation.scene();
   out["title"] = scene.spec.title;
   out["verdict"] = overall(result);
-  if (result.fault) out["fault"] = fault_json(*result.fault);
+  if (const auto& f = result.fault)
+    out["fault"] = {
+        {"time_s", f->time}, {"where", f->where}, {"quantity", f->quantity}, {"detail", f->detail}};
   if (!result.missing.empty()) out["missing"] = result.missing;
   out["criteria"] = criteria_json(result.verdicts);
   out["counts"] = {{"steps", simulation.steps()},

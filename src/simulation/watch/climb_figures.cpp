@@ -31,13 +31,6 @@ Json fingers_json(const std::vector<FingerLoad>& fingers) {
   return out;
 }
 
-/// The kept grip whose load is nearest.
-const LoadedGrip& nearest(const std::vector<LoadedGrip>& grips, double load) {
-  return *std::ranges::min_element(grips, [load](const LoadedGrip& a, const LoadedGrip& b) {
-    return std::abs(a.load - load) < std::abs(b.load - load);
-  });
-}
-
 }  // namespace
 
 double load_at(const scene::ClimbPlan& plan, double time) {
@@ -187,7 +180,8 @@ ClimbFigures ClimbWatch::figures() const {
   ClimbFigures out = figures_;
   if (grips_.empty()) return out;
   out.before = grips_.front();
-  out.half = nearest(grips_, out.carried / 2);
+  out.half = *std::ranges::min_element(
+      grips_, {}, [half = out.carried / 2](const LoadedGrip& grip) { return std::abs(grip.load - half); });
   out.last = grips_.back();
   return out;
 }
@@ -221,8 +215,7 @@ std::vector<ClimbFigures> Climbs::figures() const {
 }
 
 bool Climbs::over() const {
-  return std::ranges::all_of(climbs_,
-                             [&](const ClimbWatch& climb) { return climb.over(engine_.state().time); });
+  return std::ranges::all_of(climbs_, [&](const auto& climb) { return climb.over(engine_.state().time); });
 }
 
 /// A climb that outlasts its largest load carried that much; one that is cut short at least what it did.

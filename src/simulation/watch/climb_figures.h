@@ -17,8 +17,7 @@ inline constexpr double kFailedTravel = 0.02;
 inline constexpr double kHeldSpeed = 0.02;
 /// Time for which a failed climb is still measured; after that the load accelerates the hand strongly [s].
 inline constexpr double kAfterFailure = 0.01;
-/// Interval of the load at which grips are stored [N].
-inline constexpr double kGripEvery = 2;
+inline constexpr double kGripEvery = 2;  ///< Interval of the load at which grips are stored [N].
 
 /// The load of a climb at a time [N].
 double load_at(const scene::ClimbPlan& plan, double time);
@@ -60,7 +59,6 @@ struct ClimbFigures {
   double share() const { return carried / strength.norm; }
 };
 
-/// One climb of the scene.
 class ClimbWatch {
  public:
   /// The model must outlive the watch. @param step of the engine [s].
@@ -101,7 +99,6 @@ class ClimbWatch {
   std::vector<LoadedGrip> grips_;  ///< while the palm is held
 };
 
-/// The climbs of a scene.
 class Climbs final : public Watcher {
  public:
   explicit Climbs(const Watched& watched);

@@ -22,15 +22,13 @@ class Convergence final : public Watcher {
   void add_warnings(std::vector<std::string>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Number of failures of the solver.
   long lcp_failures() const { return lcp_failures_; }
   /// Number of steps for each engine::Rung.
   const std::array<long, engine::kRungNames.size()>& rungs() const { return rungs_; }
   /// Number of steps that quick_step solved, or the articulated engine by relaxation.
   long iterative_steps() const { return iterative_; }
-  /// Number of steps whose residual was measured: steps of quick_step with contact or with a change of active
-  /// stops, every eighth of the others (engine::kResidualInterval) and those in which world_step's LCP solver
-  /// failed; steps of the articulated engine with contact.
+  /// Steps whose residual was measured: of quick_step with contact, with a change of active stops, and every
+  /// eighth other (engine::kResidualInterval); of world_step if its LCP solver failed; articulated: contact.
   long measured() const { return measured_; }
   /// Largest residuals of the measured steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }

@@ -204,9 +204,8 @@ std::string GraspFigures::told() const {
 }
 
 Grasps::Grasps(const Watched& watched) {
-  const scene::SceneSpec& spec = watched.scene.spec;
   for (const scene::GraspPlan& plan : watched.scene.plans.grasps)
-    grasps_.emplace_back(watched.scene.model, plan, spec.solver.step);
+    grasps_.emplace_back(watched.scene.model, plan, watched.scene.spec.solver.step);
 }
 
 void Grasps::update(Step& step) {
@@ -232,8 +231,7 @@ bool Grasps::failed() const {
 }
 
 bool Grasps::decided(double now) const {
-  return std::ranges::any_of(grasps_,
-                             [now](const GraspWatch& grasp) { return grasp.figures().decided(now); });
+  return std::ranges::any_of(grasps_, [now](const auto& grasp) { return grasp.figures().decided(now); });
 }
 
 /// Movements of grasped objects are always judged. A lost object has failed, however the run goes on.

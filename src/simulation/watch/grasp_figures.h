@@ -89,7 +89,6 @@ inline const char* word(Outcome outcome) {
   return kWords[static_cast<std::size_t>(outcome)];
 }
 
-/// One grasp of the scene.
 class GraspWatch {
  public:
   /// The model must outlive the watch. @param step of the engine [s].
@@ -118,7 +117,6 @@ class GraspWatch {
   GraspFigures figures_;
 };
 
-/// The grasps of a scene.
 class Grasps final : public Watcher {
  public:
   explicit Grasps(const Watched& watched);

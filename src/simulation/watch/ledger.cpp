@@ -70,8 +70,7 @@ void Ledger::update(Step& step) {
   if (effects_.has(Effect::passive_tissue)) add_rows(Effect::passive_tissue, tissue_rows_);
   if (effects_.has(Effect::actuation)) add_rows(Effect::actuation, driven_rows_);
   std::array<long, model::kEffectCount> touching{};
-  for (const engine::Contact& contact : step.engine.contacts())
-    ++touching[static_cast<std::size_t>(kind_of(contact))];
+  for (const auto& contact : step.engine.contacts()) ++touching[static_cast<std::size_t>(kind_of(contact))];
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
     add_rows(effect, touching[static_cast<std::size_t>(effect)]);
   if (effects_.has(Effect::friction)) add_rows(Effect::friction, 2L * report.contacts);

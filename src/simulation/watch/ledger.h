@@ -1,5 +1,4 @@
-// CPU time of a run's effects and phases. Phases are timed. Effects inside the solver get a share of its time
-// in proportion to their constraint rows, and the entry says so.
+// CPU time of a run: phases are timed; effects inside the solver share its time by rows, as entries say.
 #pragma once
 
 #include <optional>

@@ -12,8 +12,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// Overshoots that count for nothing [rad] or [m].
-constexpr double kTolerated = 1e-6;
+constexpr double kTolerated = 1e-6;  ///< Overshoots that count for nothing [rad] or [m].
 
 /// @param exists whether the scene has what is measured
 Verdict verdict(std::string name, std::string unit, bool exists, const Peak& peak,
@@ -119,8 +118,7 @@ Peak Monitor::joint_gap() const {
 
 Peak Monitor::stop_rest(const model::State& state) const {
   Peak worst;
-  for (const StoppedAxis& stopped : stopped_)
-    worst.raise(stopped.overshoot_in(state), state.time, stopped.name());
+  for (const auto& stopped : stopped_) worst.raise(stopped.overshoot_in(state), state.time, stopped.name());
   return worst;
 }
 

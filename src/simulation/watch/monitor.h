@@ -32,8 +32,7 @@ inline constexpr double kLargestGap = 0.1;
 class Monitor final : public Watcher {
  public:
   explicit Monitor(const Watched& watched);
-  /// Without an engine, for states from other sources. The model must outlive the monitor.
-  /// @param step step of the engine [s]. @param stops true if joint stops are active.
+  /// Without an engine. The model must outlive this. @param step of the engine [s]. @param stops in effect
   Monitor(const model::Model& model, double step, bool stops);
 
   std::string_view name() const override { return "monitor"; }
@@ -54,7 +53,6 @@ class Monitor final : public Watcher {
   Peak stop_rest(const model::State& state) const;
 
  private:
-  /// A joint axis with a stop.
   struct StoppedAxis {
     const model::Joint* joint = nullptr;
     std::size_t axis = 0;

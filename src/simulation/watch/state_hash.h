@@ -17,15 +17,13 @@
 
 namespace handsim::simulation {
 
-/// Number of steps between two hashed states.
-inline constexpr long kHashEvery = 8;
+inline constexpr long kHashEvery = 8;  ///< Number of steps between two hashed states.
 
 class StateHash {
  public:
   /// Adds the next state to the hash. @param fibres with the lengths of fibres
   void add(const model::State& state, bool fibres = false);
   std::uint64_t value() const { return value_; }
-  /// Continues from a hash.
   void set(std::uint64_t value) { value_ = value; }
 
  private:
@@ -33,7 +31,6 @@ class StateHash {
   std::vector<double> numbers_;  ///< of one state
 };
 
-/// Hashes the states of a run.
 class RunHash final : public Watcher {
  public:
   explicit RunHash(const Watched& watched);
@@ -44,7 +41,6 @@ class RunHash final : public Watcher {
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Hash of the states so far.
   std::uint64_t value() const;
 
  private:

@@ -12,8 +12,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// The verdict on the worst axis; nothing measured where no axis has the figure.
-/// @param figures of each axis
+/// The verdict on the worst axis, by `figures` of each; nothing measured where no axis has the figure.
 Verdict worst_of(const std::vector<AxisTracking>& axes, const std::vector<std::optional<Peak>>& figures,
                  Verdict verdict) {
   for (std::size_t i = 0; i < axes.size(); ++i) {

@@ -13,8 +13,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// More pairs are counted and not named.
-constexpr std::size_t kMostNamed = 10;
+constexpr std::size_t kMostNamed = 10;  ///< More pairs are counted and not named.
 /// A turn by an angle t changes a quaternion by 2 sin(t / 4): t is at most this times as much.
 constexpr double kTurnPerChange = 2.3;
 

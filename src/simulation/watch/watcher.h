@@ -63,12 +63,10 @@ class Watcher {
 
   /// Name of its part in a snapshot; different for each watcher of a simulation.
   virtual std::string_view name() const = 0;
-  /// Called after each step.
   virtual void update(Step& step) = 0;
   /// True if it uses Step::times. One step in 16 is timed: on small scenes the clock costs as a phase.
   virtual bool wants_times() const { return false; }
 
-  /// Saves its measurements.
   virtual void save(ArchiveWriter& out) const = 0;
   /// Restores its measurements; the run goes on from `state`. @throws Error (input) for data that do not fit.
   virtual void restore(ArchiveReader& in, const model::State& state) = 0;
@@ -91,7 +89,6 @@ using Watchers = std::vector<std::unique_ptr<Watcher>>;
 /// Makes the watchers of a simulation at its start.
 using MakeWatchers = std::function<Watchers(const Watched&)>;
 
-/// No watchers.
 inline Watchers no_watchers(const Watched& /*watched*/) { return {}; }
 
 /// Only these watchers, e.g. `Simulation simulation(scene, only<Monitor, RunHash>)`.

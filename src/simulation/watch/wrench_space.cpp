@@ -16,8 +16,7 @@ namespace handsim::simulation {
 namespace {
 
 constexpr int kDimension = 6;
-/// Wrench spaces thinner than this in some direction, against 1, are flat.
-constexpr double kFlat = 1e-9;
+constexpr double kFlat = 1e-9;  ///< Wrench spaces thinner than this in some direction, against 1, are flat.
 
 using Wrench = Eigen::Matrix<double, kDimension, 1>;
 

@@ -10,10 +10,8 @@
 
 namespace handsim::simulation {
 
-/// Number of edges of the pyramid that replaces a friction cone.
-inline constexpr int kConeEdges = 8;
+inline constexpr int kConeEdges = 8;  ///< Number of edges of the pyramid that replaces a friction cone.
 
-/// A contact of the wrench space.
 struct WrenchContact {
   Vec3 position = Vec3::Zero();  ///< relative to the object's centre of mass [m]
   Vec3 normal = Vec3::UnitZ();   ///< unit, into the object
@@ -22,8 +20,7 @@ struct WrenchContact {
 };
 
 struct WrenchSpace {
-  /// True if the origin is inside: the contacts can resist any small wrench.
-  bool force_closure = false;
+  bool force_closure = false;  ///< True if the origin is inside: the contacts can resist any small wrench.
   /// Radius of the largest ball about the origin within the hull: the smallest wrench that the contacts
   /// cannot resist (forces over the sum of normal forces, torques over the length); 0 without force closure.
   double epsilon = 0;

@@ -14,8 +14,7 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// So many pairs touch at a time, usually.
-constexpr std::size_t kUsualPairs = 8;
+constexpr std::size_t kUsualPairs = 8;  ///< So many pairs touch at a time, usually.
 
 /// One for each thread: thousands of engines that take turns need one.
 Workspace& workspace() {
@@ -69,8 +68,7 @@ void ContactDynamics::refresh() {
     if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
 }
 
-/// Children before parents, branch by branch, trees on a base before free ones: the solver's
-/// matrices have no fill-in but where contacts couple branches.
+/// Children before parents, trees on a base before free ones: fill-in only where contacts couple branches.
 void ContactDynamics::order_dofs() {
   const int n = space_.size();
   place_.assign(at(n), kNoDof);
@@ -104,7 +102,6 @@ void ContactDynamics::order_dofs() {
   chosen_.reserve(at(n));
 }
 
-/// Gives the solver the dofs that are involved.
 void ContactDynamics::select_dofs() {
   chosen_.clear();
   for (int i = 0; i < space_.size(); ++i)

@@ -1,7 +1,6 @@
 // Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
-// together with the joint stops, the servos' torque limits and closed loops at velocity level, so that all
-// hold at the end of the step. The inertia is that of the implicit step, springs and dampers of tissue and
-// servos in it.
+// with stops, torque limits of servos and loops at velocity level, so that all hold at the step's end. The
+// inertia is that of the implicit step, with springs and dampers of tissue and servos.
 #pragma once
 
 #include <array>
@@ -37,7 +36,6 @@ class ContactDynamics {
 
   /// Tendons that couple coordinates, or null; they must outlive this.
   void couple(MuscleCoupling* muscles) { muscles_ = muscles; }
-  /// Takes over the model's masses.
   void refresh();
   /// Forgets the impulses of the last step.
   void forget() {
@@ -67,7 +65,6 @@ class ContactDynamics {
   NewtonReport solve(double step);
 
  private:
-  /// A coordinate with a stop or a servo.
   struct Coordinate {
     int dof = 0, place = 0;  ///< of the joint space, of the solver
     AxisView axis;

@@ -11,8 +11,7 @@
 
 namespace handsim::engine::articulated {
 
-/// Whether the step moves the two bodies against each other: not so two bases, whose contacts would have rows
-/// without unknowns and, by their mobility of zero, without a finite impulse.
+/// Whether the step moves the bodies against each other; contacts of two bases would have no finite impulse.
 bool ContactDynamics::matters(const Touch& touch) const {
   const Contact& any = collider_.contacts()[touch.first];
   return node_of(any.shape_a) != node_of(any.shape_b);
@@ -37,8 +36,7 @@ void ContactDynamics::find_pair(Problem& p, std::size_t index, int shape_a, int 
   p.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
 }
 
-/// How easily impulses across a contact's normal make the bodies slide, by the diagonal of the inertia, both
-/// directions added [1/kg]; a lower bound of it where that is enough.
+/// Mobility across a contact's normal by the inertia's diagonal, both directions [1/kg]; or a lower bound.
 double ContactDynamics::mobility_across(Problem& p, const Contact& contact, double enough) {
   double sum = 0;
   const Vec3 r_a = contact.position - pair_.a.origin, r_b = contact.position - pair_.b.origin;
@@ -158,7 +156,6 @@ void ContactDynamics::add_contacts(Problem& p, double step) {
   }
 }
 
-/// Rows of closed loops.
 void ContactDynamics::add_loop_rows(Problem& p) {
   if (!loops_) return;
   const std::size_t n = at(space_.size());

@@ -1,6 +1,5 @@
-// The contact law at given rates, and the residual F = A x - g - J^T p - servos of a problem. Contacts have
-// wrenches on one of two bodies, which are enough for velocities and impulses, by one recursion along the
-// branches for all contacts; entries by unknowns are found where a factor is.
+// The contact law at given rates, and the residual F = A x - g - J^T p - servos. Wrenches on one of two
+// bodies give velocities and impulses by one recursion along branches; a factor needs entries by unknowns.
 #pragma once
 
 #include <array>
@@ -22,7 +21,6 @@ struct Workspace {
   /// @param of_rows must outlive this.
   explicit Workspace(const RowKernel& of_rows = row_kernel()) : kernel(of_rows) {}
   void reserve(const Unknowns& most);
-  /// Sizes vectors for a problem.
   void resize(const Problem& problem);
 
   const RowKernel& kernel;
@@ -49,8 +47,7 @@ struct Workspace {
   std::vector<Outcome> start_contacts;
   Iterate latest, best;  ///< with fixed limits
 
-  // What the factor is compared with.
-  std::vector<int> layout, active;
+  std::vector<int> layout, active;   // What the factor is compared with.
   std::vector<std::uint64_t> links;  ///< bits: later chains that each chain has entries in
 
   // Islands: of each tree; place of each unknown; unknowns and contacts island by island, and where they

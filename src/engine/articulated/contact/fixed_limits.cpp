@@ -109,8 +109,7 @@ void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, 
   }
 }
 
-/// Moves the limits towards coefficient x normal impulse with Aitken's relaxation (Irons and Tuck 1969);
-/// while updates grow, with ever larger factors. @returns the relaxation factor
+/// Aitken's relaxation of the limits (Irons and Tuck 1969), faster while updates grow. @returns its factor
 double update_limits(Problem& p, double relaxation, double most) {
   double product = 0, square = 0;
   each_disc(p.contacts, [&](const ContactRows& contact, Disc& disc) {
@@ -148,7 +147,6 @@ void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport
   }
 }
 
-/// Sets all limits to a multiple of the largest normal impulse.
 void restart_limits(Problem& p, double multiple) {
   double largest = 0;
   for (const ContactRows& contact : p.contacts) largest = std::max(largest, contact.impulse[0]);

@@ -13,7 +13,6 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// A contact, a stop or a servo.
 struct Block {
   enum class Kind { contact, stop, servo };
   Kind kind = Kind::contact;

@@ -1,5 +1,4 @@
-// Islands: trees of joints that contacts and loops couple are solved one island at a time, so that a hard
-// one does not slow down the others.
+// Islands: coupled trees are solved one island at a time, so that a hard one does not slow down the others.
 #include <algorithm>
 #include <numeric>
 #include <utility>
@@ -73,7 +72,6 @@ void load_dofs(const Problem& whole, const Workspace& w, const Dofs& from, Dofs&
   }
 }
 
-/// Copies an island's numbers to a problem of its own.
 void load(const Workspace& w, std::span<const int> members, std::span<const int> touching, Problem& to) {
   const Problem& whole = w.problem;
   const auto copy = [](const std::vector<double>& from, std::size_t first, std::size_t count,

@@ -9,8 +9,7 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// A bound is passed by more than rounding [m/s, rad/s].
-constexpr double kBeyond = 1e-12;
+constexpr double kBeyond = 1e-12;  ///< A bound is passed by more than rounding [m/s, rad/s].
 
 /// Friction's direction at the end of the step d, by the linearised law.
 void update_directions(Problem& p, const Workspace& w) {
@@ -78,7 +77,6 @@ void restart(Problem& p, Workspace& w) {
   evaluate(p, w, Law::active_set);
 }
 
-/// Whether the active set is that of the start.
 bool keeps_active_set(const Problem& p, const Workspace& w) {
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
@@ -91,9 +89,8 @@ bool keeps_active_set(const Problem& p, const Workspace& w) {
                     [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
 }
 
-/// Evaluates the start, by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip that
-/// goes on bends along the cone, and the active set's straight continuation is further off. @returns whether
-/// the start, which goes on as the last solution, solves this problem
+/// Evaluates the start; by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip bends
+/// along the cone, away from the active set's straight continuation. @returns whether it solves the problem
 bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
   const double enough = kTuning.at_rest * tolerance;
   keep_start(p, w);

@@ -39,8 +39,7 @@ struct Sliding {
   double slip_x = 1, slip_y = 0, force_x = 1, force_y = 0, tangent_stiffness = 0;
 };
 
-/// Rows whose impulse lies in a disc of radius `coefficient` times the normal impulse: two rows of sliding or
-/// rolling friction, one of spinning friction.
+/// Rows with impulses in a disc of radius `coefficient` x normal impulse: sliding, rolling (2), spinning (1).
 struct Disc : Sliding {
   enum class Kind { sliding, spinning, rolling };
   Kind kind = Kind::sliding;
@@ -51,16 +50,14 @@ struct Disc : Sliding {
   double change = 0;          ///< of the limit that the last solution asks for
 };
 
-/// No unknown, or no pair of bodies.
-inline constexpr int kNone = -1;
+inline constexpr int kNone = -1;  ///< No unknown, or no pair of bodies.
 
 /// The unknowns that rows depend on, in Problem::dofs, and the same as runs, in Problem::runs.
 struct Dofs {
   std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
 };
 
-/// A contact: its normal row, then those of its discs. Or a bilateral constraint: one row whose velocity is
-/// to vanish, by an impulse of either sign.
+/// A contact: normal row and rows of its discs. Or a bilateral constraint: a row whose velocity is to vanish.
 struct ContactRows : Dofs {
   std::array<double, kMostRows> start{};    ///< r0 [m/s, rad/s]; of the normal row less its target velocity
   std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
@@ -116,8 +113,7 @@ struct Problem : Iterate {
   std::vector<int> dofs;
   std::vector<Run> runs;
   std::vector<Pair> pairs;
-  /// How an unknown moves what it carries, at the origin of its tree; wrenches of the rows of pairs on body a
-  /// at a's origin. kSpatial numbers each.
+  /// How an unknown moves what it carries, at its tree's origin; wrenches on a at a's origin. kSpatial each.
   std::vector<double> motions, wrenches;
   std::vector<double> J;  ///< rows by unknowns; of pairs only where `with_jacobians`
   std::size_t entries = 0;
@@ -136,8 +132,7 @@ struct Problem : Iterate {
     return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(i)];
   }
   double* motion(int i) { return motions.data() + kSpatial * static_cast<std::size_t>(i); }
-  /// Adds a contact that depends on the given unknowns, one at least, in ascending order. The caller fills in
-  /// its J.
+  /// Adds a contact on these unknowns (at least one, in ascending order). The caller fills in its J.
   ContactRows& add(std::span<const int> of, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {
     return {J.data() + contact.first_entry, contact.rows * contact.dof_count};

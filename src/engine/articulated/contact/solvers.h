@@ -38,14 +38,12 @@ struct ContactSystem {
   void restore(ArchiveReader& in);
 };
 
-/// Solves w.problem, which has the chosen unknowns, from `start` and from the active set that `open`,
-/// `slides` and the sides of bounds and servos say. Where Coulomb's law is not met to the tolerance, the
-/// result is the solution with fixed friction limits that comes nearest to it; `residual` says how near.
-/// @param tolerance of rates [rad/s or m/s]
+/// Solves w.problem, with the chosen unknowns, from `start` and the active set in `open`, `slides` and the
+/// sides of bounds and servos. Where Coulomb's law is not met to the tolerance [rad/s or m/s], gives the
+/// nearest solution with fixed friction limits; `residual` says how near.
 NewtonReport solve(ContactSystem& system, Workspace& w, double tolerance);
 
-/// The three solvers. They solve problems of one island whose pattern the factor has, and x starts from
-/// Problem::x.
+/// The three solvers, for one island whose pattern the factor has. x starts from Problem::x.
 void solve_newton(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report);
 /// Goes on from where Newton's method failed.
 void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
@@ -54,8 +52,7 @@ void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double t
 void solve_gauss_seidel(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
                         NewtonReport& report);
 
-// Steps that Newton's method and its fallback share (newton.cpp).
-/// Newton's step with the factor, into d, and its J d, into s.
+// Steps of Newton's method and its fallback (newton.cpp). Newton's step into d, its J d into s.
 void find_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report);
 /// x += share d, projected on the bounds unless these are penalties. @returns whether x has moved by all of d
 bool advance(Problem& p, const Workspace& w, double share);

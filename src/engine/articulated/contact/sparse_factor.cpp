@@ -182,7 +182,6 @@ void SparseFactor::add_coupling(const Problem& p) {
   }
 }
 
-/// M, C and G.
 void SparseFactor::assemble(Problem& p, Workspace& w) {
   p.find_jacobians(w.kernel);
   M_.resize(entries_);

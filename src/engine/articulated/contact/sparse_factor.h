@@ -1,7 +1,6 @@
-// The linear system of a Newton step: the derivative of the residual, with a sparse Cholesky factor of its
-// symmetric part M and the low-rank unsymmetric part of sliding contacts. The pattern is kept by chains of
-// unknowns: fingers that hold an object couple with each other through it alone. Factor and pattern stay for
-// the next problem.
+// The linear system of a Newton step: a sparse Cholesky factor of the symmetric part M of the residual's
+// derivative, and the low-rank unsymmetric part of sliding contacts. The pattern is by chains of unknowns:
+// fingers couple only by what they hold. Factor and pattern stay for the next problem.
 #pragma once
 
 #include <vector>
@@ -20,7 +19,6 @@ class SparseFactor {
   double work() const;
   /// Factors the derivative of the residual that the workspace has.
   void factor(Problem& p, Workspace& w);
-  /// Factors A alone.
   void factor_inertia(const Problem& p, Workspace& w);
   /// x becomes the solution for the right side x. @param w its `law` is that of the factor
   void solve(const Workspace& w, double* x);
@@ -56,7 +54,6 @@ class SparseFactor {
             pivots_.data()};
   }
 
-  // The pattern.
   std::vector<Chain> chains_;
   std::vector<Run> runs_;
   std::vector<int> last_;  ///< last column of each row
@@ -67,16 +64,14 @@ class SparseFactor {
   bool known_ = false;
 
   std::vector<double> M_;
-  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
-  /// are unknowns by columns; K = 1 - G^T C.
+  /// Friction by normal impulse: M - C G^T is the whole derivative. C, G by columns; K = 1 - G^T C.
   std::vector<double> C_, G_, K_;
   std::vector<std::size_t> pivots_;
   std::vector<Column> columns_;
   std::vector<Run> column_range_;  ///< of each chain: columns that have entries there
   std::vector<double> h_;
   std::vector<int> active_;  ///< active set of the factor; empty: there is none
-  /// How often in a row the factor of an earlier problem did not do, and how many problems pass before it is
-  /// tried again.
+  /// Failures in a row of an earlier problem's factor, and problems until it is tried again.
   int failures_ = 0, problems_to_pass_ = 0;
 };
 

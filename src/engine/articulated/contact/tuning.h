@@ -1,5 +1,4 @@
-// The chosen numbers of the contact solver: what each does, and what a run shows where it is wrong. Figures
-// in quotes are those of summary.json.
+// The chosen numbers of the contact solver and the signs of wrong ones. Words in quotes are in summary.json.
 #pragma once
 
 #include <array>
@@ -17,10 +16,9 @@ struct Tuning {
   /// Regularisation of the rows of loops, as a share of the inverse inertia along them. What it lets open is
   /// closed after the step. Too large: loops drift within a step; too small: steps fail to converge.
   double loop_regularization = 1e-8;
-  /// Joints can make two bodies harder to slide than their masses say: a finger of milligrams on a rail.
-  /// Where the joint-space inertia lets them slide by less than `firm_below` of what the masses do, R_t is
-  /// reduced in proportion, down to `least_share`. Too small: such fingers creep; too large: more Newton
-  /// steps.
+  /// Joints can make bodies harder to slide than their masses say: a finger of milligrams on a rail. Where
+  /// the inertia lets them slide by less than `firm_below` of that, R_t is reduced in proportion, down to
+  /// `least_share`. Too small: such fingers creep; too large: more Newton steps.
   double firm_below = 0.1, least_share = 1e-4;
   /// A rigid contact whose bodies are this many times as light as the scene's heaviest may have to carry it,
   /// as a pea carries a box. If a load presses such bodies in faster than `most_yield` [m/s], 10 um a step at
@@ -30,34 +28,28 @@ struct Tuning {
   int stiffenings = 12;
 
   // Newton's method (newton.cpp).
-  /// Accelerations of contacts and stops are found to this [m/s^2 or rad/s^2]: a hundred-thousandth of
-  /// gravity's. Too large: "contact_residual"; too small: rounding ends in fallbacks.
+  /// Error of accelerations [m/s^2, rad/s^2]. Too large: "contact_residual"; too small: rounding, fallbacks.
   double tolerance = 1e-4;
-  /// A start whose residual is within this share of the tolerance is the solution: 1e-5 m/s^2; a step with
-  /// the factor of an earlier problem leaves as much. Larger: what is held creeps; smaller: holds take more
-  /// steps.
+  /// A start with a residual within this share of the tolerance is the solution: 1e-5 m/s^2, as steps with an
+  /// earlier factor leave. Larger: what is held creeps; smaller: holds take more steps.
   double at_rest = 0.1;
-  /// Newton steps from the active set of the last step. Fewer: more "steps_by_fixed_friction_limits"; more:
-  /// steps that do not converge take longer.
+  /// Newton steps from the last active set. Fewer: "steps_by_fixed_friction_limits"; more: slow failures.
   int newton_steps = 15;
   /// Steps with the factor of an earlier problem, and how often in a row it fails before 2^failures problems
   /// pass without a trial. Fewer: holds factor in every step; more: fast motion wastes steps.
   int reused_steps = 3, most_failures = 5;
   /// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
-  /// It gets `heap_steps` Newton steps, with Gauss-Seidel as the only fallback; none where a factorisation
-  /// takes more multiplications than `most_work`. Larger: heaps get slow; smaller: hands that hold each other
-  /// are relaxed ("steps_relaxed").
+  /// It gets `heap_steps` Newton steps (none above `most_work` multiplications) and falls back to
+  /// Gauss-Seidel. Larger: heaps get slow; smaller: hands that hold each other are relaxed ("steps_relaxed").
   int heap = 72, heap_steps = 6;
   double most_work = 5e4;
 
   // Fixed limits of friction (fixed_limits.cpp).
-  /// Newton steps at fixed limits; in 10,000 random drops at most 45 were needed. And trials of a line
-  /// search.
+  /// Newton steps at fixed limits: at most 45 in 10,000 random drops. And trials of a line search.
   int fixed_steps = 100, searches = 30;
   /// A line search ends where the energy's slope is this share of that at its start (strong Wolfe condition).
   double flat = 0.1;
-  /// Compliance of stops as penalties, as a share of the inverse inertia of their coordinate. Larger: stops
-  /// give; smaller: rounding.
+  /// Compliance of stops as penalties, by the inverse inertia. Larger: stops give; smaller: rounding.
   double stop_compliance = 1e-7;
   /// Updates of the limits, Newton steps with Coulomb's law from the solution of each, and multiplications in
   /// factorisations after which the iteration ends: 0.05 s or less. Fewer: "lcp_failures".
@@ -70,14 +62,12 @@ struct Tuning {
   /// Largest relaxation factor of an update, and that of every fourth: small ones end limit cycles, large
   /// ones speed up slow convergence; its growth while updates grow.
   double short_relaxation = 0.7, long_relaxation = 1000, growth = 2;
-  /// From this update on every fourth moves the limits by this share to those that a Newton step for
-  /// Coulomb's law predicts.
+  /// From this update on every fourth moves limits by this share to a Newton step's for Coulomb's law.
   int predicted_updates = 80;
   double predicted_share = 0.5;
 
   // Gauss-Seidel (gauss_seidel.cpp).
-  /// As many as quick_step has iterations by default; every other one in the opposite order. Fewer: heaps
-  /// sink.
+  /// Sweeps, as quick_step's default; every other one in the opposite order. Fewer: heaps sink.
   int sweeps = 20;
 };
 inline constexpr Tuning kTuning;

@@ -1,5 +1,4 @@
-// The unknowns of a contact problem: rates of the joints of whole trees, and the places of their entries in a
-// sparse symmetric matrix (Featherstone 2008, section 6.5).
+// Unknowns: joint rates of whole trees, with entries in a sparse matrix (Featherstone 2008, section 6.5).
 #pragma once
 
 #include <cstddef>

@@ -1,6 +1,5 @@
-// The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101), of a
-// mechanism: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts
-// and comparisons with other engines need; plain forward dynamics needs none of it.
+// The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101):
+// inverse dynamics, H, its sparse factor, Jacobians. For loops and contacts; forward dynamics needs none.
 #pragma once
 
 #include <span>
@@ -31,8 +30,7 @@ inline Mat3 read_symmetric(const double* x, std::size_t s) {
   return out;
 }
 
-/// Of a dof that nothing carries.
-inline constexpr int kNoDof = -1;
+inline constexpr int kNoDof = -1;  ///< Of a dof that nothing carries.
 
 class JointSpace {
  public:
@@ -60,8 +58,7 @@ class JointSpace {
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
   void inverse_dynamics(std::span<const double> du, std::span<double> tau);
-  /// H by the composite-rigid-body algorithm (section 6.2, Table 6.2, p. 107), into `inertia()`. @param of
-  ///        the dofs, by trees, of which it is found
+  /// H by the composite-rigid-body algorithm (Table 6.2, p. 107), into `inertia()`. @param of dofs, by trees
   template <class Of>
   void find_inertia(const Of& of) {
     place_inertia();
@@ -84,13 +81,11 @@ class JointSpace {
   void solve_transposed(std::span<double> x) const;
   void solve_factor(std::span<double> x) const;
 
-  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for every dof that carries the
-  /// node.
+  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for dofs that carry it.
   void add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const;
   /// What the square of that row, by the inverse inertia, could come to, over that of the wrench; after
   /// `factor`. A row far below it is zero but for rounding.
   double row_scale(int node) const;
-  /// Spatial velocity of a node.
   Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
   Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }

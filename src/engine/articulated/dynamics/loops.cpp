@@ -245,8 +245,7 @@ void Loops::solve(std::optional<double> step) {
     const Batch<1>& b = batches(tree)[i];
     for (int k = 0; k < rate_count(b.kind); ++k) {
       const std::size_t dof = at(b.u + k);
-      const bool single = rate_count(b.kind) == 1;
-      const Axis<1>* axis = single ? axes(tree) + b.axis : nullptr;
+      const Axis<1>* axis = rate_count(b.kind) == 1 ? axes(tree) + b.axis : nullptr;
       du[dof] = (axis ? axis->force[0] : joints3(tree)[b.axis].tau[k][0]) - bias_[dof];
       if (axis) space_.add_to_diagonal(static_cast<int>(dof), axis->weight[0]);
       if (axis && axis->locked[0] != 0) locked_.push_back(static_cast<int>(dof));

@@ -10,8 +10,7 @@
 
 namespace handsim::engine::articulated {
 
-/// Loops further apart than this after a step are not to be held [m].
-inline constexpr double kOpen = 1e-8;
+inline constexpr double kOpen = 1e-8;  ///< Loops further apart than this after a step are not to be held [m].
 
 class Loops {
  public:
@@ -25,9 +24,8 @@ class Loops {
   /// du with the loops held, from the axes' forces, weights and locks: joint accelerations `a` for which the
   /// rows' own accelerations vanish (`step` none), or their rates at the end of a step [s] do.
   void solve(std::optional<double> step);
-  /// Moves positions, then rates, onto the loops, by the shortest way the inertia knows. Leaves the
-  /// kinematics found. Returns the largest error left [m, or cosine]; a rate that no row can change is not
-  /// counted.
+  /// Moves positions, then rates, onto the loops by the inertia's shortest way; leaves the kinematics found.
+  /// Returns the largest error left [m, or cosine] without rates that no row can change.
   double close();
   /// `close` for rates alone.
   void close_rates();

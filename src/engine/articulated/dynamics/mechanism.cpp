@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <limits>
 #include <map>
 #include <new>
@@ -83,7 +82,6 @@ void Mechanism::AlignedDelete::operator()(void* memory) const {
   ::operator delete(memory, std::align_val_t(kAlignment));
 }
 
-/// Zeros.
 void* Mechanism::allocate(std::size_t bytes) {
   bytes = std::max(bytes, kAlignment);
   memory_.emplace_back(::operator new(bytes, std::align_val_t(kAlignment)));
@@ -187,8 +185,7 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
     std::fill_n(a.high, W, std::numeric_limits<double>::infinity());
   } else {
     // Empty lanes have the identity as pose.
-    const int w_at = b.kind == NodeKind::ball ? 3 : 6;
-    std::fill_n(tree_.q + b.q + w_at * W, W, 1.0);
+    std::fill_n(tree_.q + b.q + (b.kind == NodeKind::ball ? 3 : 6) * W, W, 1.0);
     std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
   }
   b.link = first.parent ? ParentLink::aligned : ParentLink::base;
@@ -260,8 +257,7 @@ void Mechanism::update_bases() {
         put3(frame.v, lane, base.w);
         put3(frame.v + 3, lane, base.v + base.w.cross(r));
         put3(frame.a, lane, base.dw);
-        // Spatial acceleration: of the flow of velocity at a fixed point (Featherstone 2008, eq. 2.48, p.
-        // 28).
+        // Spatial acceleration: of the flow at a fixed point (Featherstone 2008, eq. 2.48, p. 28).
         put3(frame.a + 3, lane, base.dv + base.dw.cross(r) - base.w.cross(base.v) - gravity_);
       }
     }

@@ -73,8 +73,7 @@ class Mechanism {
   /// Torques of the last step, in the order of u(), then the servos' part of them.
   std::span<double> torques() { return {tree_.tau, 2 * static_cast<std::size_t>(tree_.rates)}; }
 
-  /// Sets positions, rates and torques to a state's, and the bases to where the state has them, at its
-  /// velocities.
+  /// Takes positions, rates, torques, and places and velocities of the bases from a state.
   void take(const model::State& state);
   void take_torques(const model::State& state);
   /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
@@ -86,8 +85,7 @@ class Mechanism {
   BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
   const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
   void update_bases();
-  /// Gives free bodies without children the gyroscopic torque of an implicit step of this length
-  /// (spin.h), in place of the one at its start.
+  /// Gives free bodies without children the gyroscopic torque of an implicit step of this length (spin.h).
   void update_gyroscopic_torques(double step);
   /// Adds forces from outside to those of the step; after `update_gyroscopic_torques`.
   void add_forces(std::span<const BodyForce> forces);
@@ -98,9 +96,8 @@ class Mechanism {
 
   /// Plain joint torques, size model.dof_count() or empty.
   void set_torques(std::span<const double> torques);
-  /// Servo drives, size model.dof_count() or empty; where one of them is not sound nothing is promised.
-  /// @param absolute servos keep their targets in the middle of the step, too. True where all are
-  /// sound.
+  /// Servo drives, size model.dof_count() or empty; true where all are sound, otherwise nothing is promised.
+  /// @param absolute servos keep their targets in the middle of the step, too.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
   /// Stops in force.
   int stops_in_force() const;

@@ -1,5 +1,4 @@
 // What acts on a mechanism's coordinates from step to step: torques, servos, stops in force; and its archive.
-#include <algorithm>
 #include <cmath>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"
@@ -140,8 +139,7 @@ void Mechanism::restore(ArchiveReader& in) {
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
   });
   update_bases();
-  // The tree holds what it was last told, not what the next step is told.
-  servos_at_rest_ = false;
+  servos_at_rest_ = false;  // The tree holds what it was last told, not what the next step is told.
 }
 
 }  // namespace handsim::engine::articulated

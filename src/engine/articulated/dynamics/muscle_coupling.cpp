@@ -191,7 +191,6 @@ std::span<const double> MuscleCoupling::begin(std::span<const double> q, std::sp
   return given_;
 }
 
-/// H of the step.
 void MuscleCoupling::find_inertia() {
   if (have_inertia_) return;
   have_inertia_ = true;

@@ -15,8 +15,7 @@ namespace handsim::engine::articulated {
 /// TendonRows with all that they point to.
 class TendonMemory {
  public:
-  /// @param dofs without pointers yet. @param from place of each number of H among `inertia` numbers.
-  /// @param width of numbers side by side
+  /// @param dofs without pointers yet. @param from places among `inertia` numbers of H. @param width of lanes
   void make(std::vector<CoupledDof> dofs, std::vector<CoupledEntry> entries, std::vector<int> carrier,
             std::vector<int> from, std::size_t inertia, std::size_t width);
   const TendonRows& rows() const { return rows_; }
@@ -65,8 +64,7 @@ class MuscleCoupling {
 
   /// True where trees with tendons have nodes of one rate only.
   bool single() const { return single_; }
-  /// Makes the same coupling for mechanisms in lanes. @param inertia numbers of the lanes' Kernel::inertia,
-  /// @param first of them, of each node
+  /// The same coupling in lanes. @param inertia numbers of Kernel::inertia. @param first of them, by node
   void make(TendonMemory& memory, std::size_t inertia, const std::vector<std::size_t>& first,
             std::size_t width) const;
   int node(std::size_t dof) const { return nodes_[dof]; }

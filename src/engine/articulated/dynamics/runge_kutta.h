@@ -18,10 +18,9 @@ class RungeKutta {
   /// One step of the classical method of order 4 (Kutta 1901). False where f could not be evaluated.
   bool step4(double t, double h, std::span<double> y);
 
-  /// One step of order 8 with error estimates of orders 5 and 3: DOP853 of Dormand and Prince (1989) and
-  /// Hairer, Norsett & Wanner (Solving Ordinary Differential Equations I, 1993, section II.5). Writes the
-  /// result to `out`. Returns the error over what `tolerance`, relative and absolute, allows; negative where
-  /// f could not be evaluated.
+  /// One step of order 8, into `out`, with error estimates of orders 5 and 3: DOP853 (Dormand and Prince
+  /// 1989; Hairer, Norsett & Wanner 1993, Solving Ordinary Differential Equations I, section II.5). Returns
+  /// the error over what `tolerance`, relative and absolute, allows; negative: f could not be evaluated.
   double try_step8(double t, double h, std::span<const double> y, double tolerance, std::span<double> out);
   /// try_step8 does not evaluate f at its start again until this is called.
   void forget_start() { has_start_ = false; }
@@ -36,8 +35,7 @@ class RungeKutta {
   bool has_start_ = false;
 };
 
-/// Factor for the next step's size after a step of order 8 with this error (elementary controller, section
-/// II.4).
+/// Factor for the next step's size after a step of order 8 with this error (section II.4).
 double step_factor8(double error);
 
 }  // namespace handsim::engine::articulated

@@ -1,7 +1,6 @@
 #include "handsim/engine/articulated/dynamics/smooth.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace handsim::engine::articulated {
@@ -76,8 +75,7 @@ void Smooth::place_bases(double t, model::KeySide side) {
   }
 }
 
-/// A drive that sets off with a jerk takes the joints along at once: what a moment's acceleration by the jump
-/// of its velocity does to the rates, less what goes on without it.
+/// A drive that sets off with a jerk takes the joints along: the rates' change, less what goes on without it.
 void Smooth::apply_velocity_jumps(double t) {
   std::vector<BaseMotion>& was = bases_before_;
   was.clear();
@@ -123,8 +121,7 @@ bool Smooth::advance(double from, double to) {
     if (driven_) apply_velocity_jumps(t);
     const double end = std::min(to, next_key_time_);
     std::copy(mechanism_.q().begin(), mechanism_.q().end(), y_.begin());
-    std::copy(mechanism_.u().begin(), mechanism_.u().end(),
-              y_.begin() + static_cast<std::ptrdiff_t>(mechanism_.q().size()));
+    std::ranges::copy(mechanism_.u(), y_.begin() + static_cast<std::ptrdiff_t>(mechanism_.q().size()));
     if (!integrate(t, end)) return false;
     t = end;
   }

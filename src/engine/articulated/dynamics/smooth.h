@@ -12,9 +12,8 @@ class Smooth {
   /// @param loops null where there is none. All must outlive this.
   Smooth(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
-  /// Carries positions and rates, and the bases with their drives, from one time to another [s]; forces are
-  /// as they were last set. Leaves the kinematics found. False where a speed left its bounds or the method
-  /// could not go on.
+  /// Carries positions, rates and driven bases from one time to another [s] under the forces last set; leaves
+  /// the kinematics found. False where a speed left its bounds or the method could not go on.
   bool advance(double from, double to);
   /// Step that the error control is at [s]; 0: none yet.
   double size() const { return size_; }

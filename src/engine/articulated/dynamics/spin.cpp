@@ -11,12 +11,6 @@ namespace {
 constexpr int kIterations = 12;
 constexpr double kTolerance = 1e-14;
 
-Mat3 cross_matrix(const Vec3& v) {
-  Mat3 out;
-  out << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return out;
-}
-
 /// Left Jacobian of the rotation by a vector: how its exponential turns when the vector changes.
 Mat3 left_jacobian(const Vec3& turn) {
   const double angle = turn.norm();

@@ -16,8 +16,7 @@ namespace handsim::engine::articulated {
 /// @returns nothing where Newton's method finds none: a turn of about a radian in a step.
 std::optional<Vec3> spun(const Vec3& moments, const Vec3& spin, double step);
 
-/// Gyroscopic torque of such a step [N m], world axes. @param w at the start, world axes [rad/s].
-/// @returns nothing where the body is at rest, or as spun
+/// Gyroscopic torque of such a step [N m] at w [rad/s], world axes. @returns nothing at rest, or as spun
 std::optional<Vec3> gyroscopic_torque(const Vec3& moments, const Quat& q_WL, const Vec3& w, double step);
 
 }  // namespace handsim::engine::articulated

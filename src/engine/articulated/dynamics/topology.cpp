@@ -82,8 +82,7 @@ class Builder {
     });
   }
 
-  /// Spanning trees of the joints with the most constraints: the fewest coordinates, and cuts of few rows.
-  /// Joints that forces act on come first, so that they are not cut where it can be helped.
+  /// Spanning trees of joints with most constraints: few coordinates, few cut rows. Joints with forces first.
   void choose_tree() {
     std::vector<int> order(model_.joints.size());
     std::iota(order.begin(), order.end(), 0);

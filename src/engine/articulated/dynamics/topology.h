@@ -1,8 +1,7 @@
-// The tree that a Model is to the recursive algorithms: one node for each degree of freedom of a hinge,
-// universal or slider joint, one for each ball joint and each free body, parents before children
-// (Featherstone 2008, Rigid Body Dynamics Algorithms, section 4.1, pp. 65-70). Loops are cut at the joints
-// with the fewest constraints, whichever way the model marks them. Resolved once; nothing here depends on a
-// state.
+// The tree that a Model is to the recursive algorithms: a node for each degree of freedom of a hinge,
+// universal or slider joint, for each ball joint and free body, parents first (Featherstone 2008, Rigid Body
+// Dynamics Algorithms, section 4.1, pp. 65-70). Loops are cut at the joints of fewest constraints, however
+// they are marked. Depends on no state.
 #pragma once
 
 #include <optional>

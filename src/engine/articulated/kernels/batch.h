@@ -1,10 +1,8 @@
-// What the recursive algorithms work on: nodes of one kind and one depth side by side, W to a batch, every
-// quantity an array of W lanes, so that the five fingers of a hand are one pass of the vector unit. Plain
-// data, the same for every instruction set.
-//
-// All spatial vectors are in world axes about the origin O of their island (Featherstone 2008, section 2.1,
-// p. 7: Plucker coordinates), angular part first: nothing has to be transformed from link to link. O is where
-// the island's reference node has its joint, so that distances stay as small as the mechanism.
+// What the recursive algorithms work on: nodes of one kind and depth side by side, W to a batch, quantities
+// as arrays of W lanes: the five fingers are one pass of the vector unit. Plain data for any instruction set.
+// Spatial vectors are in world axes about the origin O of their island, angular part first (Featherstone
+// 2008, section 2.1, p. 7: Plucker coordinates): nothing is transformed from link to link. O is where the
+// island's reference node has its joint: distances stay as small as the mechanism.
 #pragma once
 
 #include <cstddef>
@@ -18,7 +16,6 @@ enum class NodeKind {
   free,  ///< a body without a joint
 };
 
-/// Rates of a node.
 constexpr int rate_count(NodeKind kind) {
   constexpr int counts[] = {1, 1, 3, 6};
   return counts[static_cast<int>(kind)];
@@ -112,8 +109,7 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   int axis;  ///< index of its Axis or Joint3
 };
 
-/// What the articulated-body algorithm has of a batch while it works: one array for each thread, which all
-/// trees share.
+/// What the articulated-body algorithm has of a batch while it works; shared by all trees of a thread.
 template <int W>
 struct alignas(64) Work {
   // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
@@ -165,9 +161,8 @@ struct alignas(64) LaneBody {
   // Constant.
   Lane<W> q_LB[4];
   Lane<W> mass;
-  // As model::BodyState; those of bases are set from outside.
-  Lane<W> p[3], q[4], v[3], w[3];
-  Lane<W> moment[3];  ///< of all bodies distal to its joint: mass times position [kg m]
+  Lane<W> p[3], q[4], v[3], w[3];  // As model::BodyState; those of bases are set from outside.
+  Lane<W> moment[3];               ///< of all bodies distal to its joint: mass times position [kg m]
   int batch = 0, island = 0;
   bool of_node = false;
 };
@@ -187,9 +182,8 @@ struct alignas(64) LaneServo {
   // Constant.
   Lane<W> proportional, derivative, integral_gain, limit, zone, smoothing, tissue_stiffness, tissue_rest;
   Lane<W> target;
-  // From step to step.
-  Lane<W> integral, filtered_rate, torque, at_limit;
-  Lane<W> reached;  ///< target of the last step that is over
+  Lane<W> integral, filtered_rate, torque, at_limit;  // From step to step.
+  Lane<W> reached;                                    ///< target of the last step that is over
   int batch = 0, dof = 0;
 };
 
@@ -233,7 +227,6 @@ struct LaneKernel {
   void (*place_bodies)(const Tree&, const LaneControl&);
   /// control::GravityLoad and Controller::command, into the servos of the axes.
   void (*command)(const Tree&, const LaneControl&, double step);
-  /// Controller::observe.
   void (*observe)(const Tree&, const LaneControl&);
   /// Changes the accelerations that `solve` found, and the reactions of locks, to those with h B.
   void (*couple)(const TendonRows&, double step);
@@ -245,8 +238,7 @@ struct LaneKernel {
 struct Kernel {
   const char* name = "";
   int width = 1;
-  /// Poses, velocities, inertias and velocity products of every link at q, u. False where a speed leaves its
-  /// bounds or is not a number.
+  /// Kinematics and inertias of every link at q, u. False where a speed leaves its bounds or is not a number.
   bool (*kinematics)(const Tree&);
   /// Only what depends on u.
   bool (*velocities)(const Tree&);
@@ -258,9 +250,8 @@ struct Kernel {
   void (*prepare_smooth)(const Tree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
   void (*solve)(const Tree&);
-  /// Joint-space inertia by the composite-rigid-body algorithm, after `solve`, whose sums it writes over. For
-  /// each batch of nodes of one rate, by lanes: the entry of each node with itself, then with every node that
-  /// carries it, up to the base.
+  /// Joint-space inertia by the composite-rigid-body algorithm; overwrites the sums of `solve`. By batch of
+  /// nodes of one rate and by lane: entries with itself, then with every node that carries it, to the base.
   void (*inertia)(const Tree&, double* out);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
@@ -279,8 +270,7 @@ struct Kernel {
   bool (*accelerate)(const Tree&, double step);
   /// find_torques, integrate and kinematics, in one pass. False as kinematics.
   bool (*advance)(const Tree&, double step);
-  /// For trees whose lanes are environments (lane_group.h).
-  LaneKernel lanes;
+  LaneKernel lanes;  ///< For trees whose lanes are environments (lane_group.h).
 };
 
 }  // namespace handsim::engine::articulated

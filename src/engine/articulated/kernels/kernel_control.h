@@ -1,6 +1,5 @@
-// The poses of bodies and the control of joints where each lane is an environment of its own.
-// The same bits as Mechanism::give, control::GravityLoad and control::Controller, which work on one
-// environment.
+// Poses of bodies and control of joints where each lane is an environment of its own: the same bits as
+// Mechanism::give, control::GravityLoad and control::Controller, which work on one environment.
 #pragma once
 
 #include "handsim/engine/articulated/kernels/lanes.h"

@@ -84,8 +84,7 @@ struct Forces : Lanes<V> {
     }
   }
 
-  /// Compares an axis with the stop and the limit that its acceleration was found with. True where nothing
-  /// was wrong.
+  /// Compares an axis with its assumed stop and limit. True where nothing was wrong.
   static bool correct(const Tree& tree, const Batches& b, double step, bool only_first) {
     const V h = step, one = 1.0, zero = 0.0;
     const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;

@@ -53,13 +53,9 @@ const Kernel& choose_kernel(const std::vector<int>& level_sizes) {
   const Kernel* best = &kScalarKernel;
   double least = 0;
   for (const Kernel* kernel : kernels()) {
-    // A wider batch costs more: cache lines and slower divisions. The penalty of 6 % per lane is chosen, not
-    // measured.
+    // Wider costs more: cache lines, slower divisions. 6 % per lane is chosen, not measured.
     double cost = 0;
-    for (const int size : level_sizes) {
-      const int batches = (size + kernel->width - 1) / kernel->width;
-      cost += batches;
-    }
+    for (const int size : level_sizes) cost += (size + kernel->width - 1) / kernel->width;
     cost *= 1 + 0.06 * (kernel->width - 1);
     if (kernel->width > 1 && !(cost < least)) continue;
     best = kernel;

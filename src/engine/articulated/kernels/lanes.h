@@ -1,7 +1,6 @@
-// The recursive algorithms in lanes: written once for any number type V, built for each instruction set in a
-// file of its own. Notation of Featherstone 2008; body-fixed steps in world axes about O, so that X is the
-// identity. Included by the kernel_*.cpp files only; kernel.h has the
-// algorithms.
+// The recursive algorithms in lanes: written for any number type V, built for each instruction set in a file
+// of its own. Notation of Featherstone 2008; body-fixed steps in world axes about O, so that X is the
+// identity. Included by the kernel_*.cpp files only; kernel.h has the algorithms.
 #pragma once
 
 #include <cstddef>

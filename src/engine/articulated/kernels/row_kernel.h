@@ -1,5 +1,4 @@
-// The inner loops of the contact solver, built for each instruction set. The order of each sum is fixed, so
-// that all give the same bits.
+// Inner loops of the contact solver by instruction set, with one order of sums: all give the same bits.
 #pragma once
 
 #include <array>
@@ -77,8 +76,7 @@ struct RowKernel {
   void (*subtract_transposed)(const RowBlock&, const double* p, double* to);
   /// to += A x, A symmetric; `last`: last column of each row.
   void (*add_product)(const Triangle& A, const int* last, int n, const double* x, double* to);
-  /// V_i = V_parent + S_i x_i, from the roots on: motions of what the unknowns carry. V_n is zero, and the
-  /// parent of roots.
+  /// V_i = V_parent + S_i x_i from the roots on: what the unknowns carry. V_n, the roots' parent, is zero.
   void (*find_motions)(const double* S, const int* parent, int n, const double* x, double* V);
   /// to_i -= S_i . W_i and W_parent += W_i, from the tips on: what wrenches W do to the unknowns.
   void (*subtract_wrenches)(const double* S, const int* parent, int n, double* W, double* to);

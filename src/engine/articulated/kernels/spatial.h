@@ -1,9 +1,6 @@
 // Vectors and 3 x 3 blocks of any number type: a double, or a vector register with one double a lane.
 #pragma once
 
-#include <cmath>
-#include <type_traits>
-
 #include "handsim/model/lane_math.h"
 
 // Inlined always: GCC passes registers of numbers through memory where it calls a function.
@@ -119,8 +116,7 @@ template <class V>
           {xz - wy, yz + wx, one - (xx + yy)}};
 }
 
-/// Articulated or rigid-body inertia (Featherstone 2008, eq. 2.63, p. 33, and section 7.1, p. 119):
-/// n = A w + B v, f = B^T w + C v.
+/// Inertia (Featherstone 2008, eq. 2.63, p. 33; section 7.1, p. 119): n = A w + B v, f = B^T w + C v.
 template <class V>
 struct Inertia {
   Sym3<V> A;

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <limits>
 
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
@@ -251,8 +249,7 @@ class GroupOf final : public LaneGroup {
   template <class Item>
   static std::size_t numbers_of(const Item& item) {
     const auto until = [&](const auto& member) {
-      return static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&member) -
-                                      reinterpret_cast<const std::byte*>(&item)) /
+      return at(reinterpret_cast<const std::byte*>(&member) - reinterpret_cast<const std::byte*>(&item)) /
              sizeof(Lane<W>);
     };
     if constexpr (std::is_same_v<Item, Batch<W>>)
@@ -345,8 +342,7 @@ class GroupOf final : public LaneGroup {
     }
   }
 
-  /// Torques of tendons, and B, of the lanes that stay; the others keep theirs, and those without an engine
-  /// do what another one does.
+  /// Tendon torques and B of lanes that stay; the others keep theirs; those without an engine copy another's.
   void pull_tendons(unsigned leave) {
     int like = W;
     for (int lane = 0; lane < W; ++lane) {

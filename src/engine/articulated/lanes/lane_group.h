@@ -1,8 +1,7 @@
-// Engines of one topology that step side by side, each in a lane of the vector unit: lane = environment,
-// where an engine alone has lane = finger. An engine is loaded, stepped with the controller of its joints in
-// the same lanes, and stored; its bits are those of the same steps alone. A lane in which the step needs more
-// than the smooth part (contact, fast spin, a motion that diverges) has to leave: its engine is stored at the
-// start of that step and takes it alone.
+// Engines of one topology that step side by side, a lane of the vector unit each (an engine alone has lane =
+// finger). An engine is loaded, stepped with its joints' controller in the same lanes, and stored; its bits
+// are those of steps alone. A lane whose step needs more than the smooth part (contact, fast spin, a motion
+// that diverges) leaves: its engine is stored at that step's start and takes it alone.
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,5 @@
-// Mechanisms of equal topology side by side: batch i of the tree is node i of each of them, lane l is the
-// mechanism in lane l. The order of the nodes is Topology's, and so is the order of all sums: the bits are
-// those that each mechanism finds alone.
+// Mechanisms of equal topology side by side: batch i is node i of each, lane l the mechanism in lane l. Nodes
+// and sums are in the order of Topology, so that the bits are those of each mechanism alone.
 #pragma once
 
 #include <vector>
