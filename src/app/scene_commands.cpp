@@ -3,6 +3,8 @@
 #include <memory>
 #include <string>
 
+#include <fmt/format.h>
+
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
 #include "handsim/app/file_readers.h"

@@ -1,5 +1,7 @@
 #include "handsim/control/joint_space.h"
 
+#include <algorithm>
+
 #include "handsim/model/kinematics.h"
 
 namespace handsim::control {

@@ -1,6 +1,7 @@
 // Convex polyhedra as shapes, built once from a hull: vertices, faces, edges, mass of the uniform solid.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 

@@ -1,6 +1,7 @@
 #include "handsim/model/muscle.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "handsim/core/index.h"
 

@@ -1,6 +1,7 @@
 #include "handsim/python/arrays.h"
 
 #include <algorithm>
+#include <concepts>
 
 #include <fmt/format.h>
 

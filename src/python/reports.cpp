@@ -2,7 +2,6 @@
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
 #include "handsim/python/bindings.h"
-#include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
 
 namespace handsim::python {

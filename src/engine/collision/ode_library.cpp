@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdarg>
+#include <cstdio>
 #include <cstdlib>
 #include <mutex>
 

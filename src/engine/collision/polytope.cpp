@@ -1,6 +1,7 @@
 #include "handsim/engine/collision/polytope.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 

@@ -1,6 +1,7 @@
 #include "handsim/engine/collision/sweep.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "handsim/core/index.h"

@@ -1,5 +1,7 @@
 #include <algorithm>
 
+#include <fmt/format.h>
+
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
 

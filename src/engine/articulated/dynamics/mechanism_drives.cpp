@@ -1,4 +1,5 @@
 // What acts on a mechanism's coordinates from step to step: torques, servos, stops in force; and its archive.
+#include <algorithm>
 #include <cmath>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"

@@ -1,6 +1,9 @@
 // How a mechanism's own code reaches into its lanes, whatever their width. Included by mechanism*.cpp only.
 #pragma once
 
+#include <cstddef>
+#include <type_traits>
+
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 

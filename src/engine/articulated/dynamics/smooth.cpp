@@ -1,6 +1,7 @@
 #include "handsim/engine/articulated/dynamics/smooth.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace handsim::engine::articulated {

@@ -1,6 +1,9 @@
 // Vectors and 3 x 3 blocks of any number type: a double, or a vector register with one double a lane.
 #pragma once
 
+#include <cmath>
+#include <type_traits>
+
 #include "handsim/model/lane_math.h"
 
 // Inlined always: GCC passes registers of numbers through memory where it calls a function.

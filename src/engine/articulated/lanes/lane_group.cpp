@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
+#include <limits>
 
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
