@@ -13,6 +13,7 @@
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_spec.h"
 #include "handsim/scene/read/mesh_file.h"
+#include "handsim/scene/read/scene_spec.h"
 
 namespace handsim::scene {
 
