@@ -128,6 +128,9 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
   files_ = scene::files_read(base);
   follow_files(root_, base.resolved);
   if (spec_.uncertain) add_uncertain(base);
+  if (spec_.vary.empty())
+    throw input_error("uncertain", "a scene without hands and without materials with a spread",
+                      "one with some");
   for (const VariedKey& key : spec_.vary) {
     try {
       keys_.push_back(bind(key, base.resolved));

@@ -345,6 +345,7 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
       drawn(RolloutStudy(write("config/grasp_pinch.yaml", ""))).contains("contacts.materials.0.friction"));
   EXPECT_TRUE(drawn(RolloutStudy(write("config/muscle_poses.yaml", "duration: 0.01")))
                   .contains("hands.0.person.deviations.extrinsic_arms"));
+  EXPECT_THROW(RolloutStudy(write("config/slider_crank_iftomm.yaml", "")), Error) << "nothing is uncertain";
   write("config/two_hands.yaml", "duration: 0.02, solver.engine: articulated");
   const StudyRun one = run_study(folder.path() / "study.yaml", folder.path() / "one", 1, 1);
   expect_same_files(one, run_study(folder.path() / "study.yaml", folder.path() / "two", 2, 2));
