@@ -294,6 +294,8 @@ std::vector<Problem> option_problems(std::vector<Problem> problems) {
 int print_population(const HandArguments& arguments) {
   constexpr int kPeople = 4000;
   const study::Population* of = study::population(*arguments.population);
+  if (arguments.person || arguments.out || arguments.uncertain)
+    throw input_error("--population", "a population beside --person, --out or --uncertain", "one of them");
   std::optional<hand::Sex> sex;
   for (const auto& [key, value] : arguments.measures)
     if (key != "sex")
@@ -308,8 +310,7 @@ int print_population(const HandArguments& arguments) {
   for (std::uint64_t i = 0; i < kPeople; ++i) {
     environment::Draws draws(1, i, "person");
     hand::Person& person = people.emplace_back(study::draw_person(*of, sex, draws));
-    for (const std::string& name : hand::uncertain_of(spec, person, false))
-      person.deviations[name] = environment::Draws(1, i, name).normal();
+    study::draw_deviations(person, hand::uncertain_of(spec, person, false), i);
   }
   print("{}, {}: percentiles of the hands of {} drawn people\n  {:<32}", of->name,
         !sex                      ? "men and women in equal numbers"

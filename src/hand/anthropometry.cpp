@@ -100,14 +100,14 @@ Children read_children(MapReader reader) {
   out.adult_mass_per_stature = range("mass_per_stature", {Dimension::none, 1, 1000});
   adult.finish();
   out.stature_deviation = reader.number("stature_deviation", {Dimension::none, 0.001, 1});
-  const YamlNode* scatter = reader.list("scatter", false);
-  for (std::size_t i = 0; scatter && i < out.scatter.size(); ++i)
+  if (const YamlNode* scatter = reader.list("scatter", false)) {
     if (scatter->items.size() != out.scatter.size())
       reader.problem("scatter", scatter->described(), "two numbers: of length and of breadth");
-    else
+    for (std::size_t i = 0; i < std::min(scatter->items.size(), out.scatter.size()); ++i)
       out.scatter[i] = read_number(scatter->items[i], reader.path_of("scatter"), {Dimension::none, 0.1, 10},
                                    reader.diagnostics())
                            .value_or(1.0);
+  }
   out.finger_of_length = reader.number("finger_of_length", {Dimension::none, 0, 2});
   out.by_age = read_tables(reader.required_map("by_age", "a mapping with male and female"));
   out.by_stature = read_tables(reader.required_map("by_stature", "a mapping with male and female"));
@@ -217,17 +217,6 @@ Eigen::Vector4d residuals_given(const Eigen::Matrix4d& covariance,
   return out;
 }
 
-/// Of ln y: the adults', widened for children.
-Eigen::Matrix4d scatter_of(const Anthropometry& anthropometry, const Fit& fit, const Person& person) {
-  if (!anthropometry.children) return fit.residual_covariance;
-  const double child = 1 - adult_share(*anthropometry.children, person);
-  const auto& [length, breadth] = anthropometry.children->scatter;
-  const Eigen::Vector4d factor =
-      Eigen::Vector4d::Ones() +
-      child * (Eigen::Vector4d(length, breadth, length, breadth).array() - 1).matrix();
-  return factor.asDiagonal() * fit.residual_covariance * factor.asDiagonal();
-}
-
 }  // namespace
 
 Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -249,6 +238,17 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
   return out;
 }
 
+Eigen::Matrix4d scatter_of(const Anthropometry& anthropometry, const Person& person) {
+  const Fit& fit = person.sex == Sex::unknown ? anthropometry.pooled : anthropometry.by_sex;
+  if (!anthropometry.children) return fit.residual_covariance;
+  const double child = 1 - adult_share(*anthropometry.children, person);
+  const auto& [length, breadth] = anthropometry.children->scatter;
+  const Eigen::Vector4d factor =
+      Eigen::Vector4d::Ones() +
+      child * (Eigen::Vector4d(length, breadth, length, breadth).array() - 1).matrix();
+  return factor.asDiagonal() * fit.residual_covariance * factor.asDiagonal();
+}
+
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   const Fit& fit = person.sex == Sex::unknown ? anthropometry.pooled : anthropometry.by_sex;
   Eigen::Vector4d means = adult_means(fit, person, person.sex);
@@ -261,7 +261,7 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   }
   const std::array<std::optional<double>, kHandDimensions> given = {person.hand_length, person.hand_breadth,
                                                                     std::nullopt, person.hand_circumference};
-  const Eigen::Matrix4d scatter = scatter_of(anthropometry, fit, person);
+  const Eigen::Matrix4d scatter = scatter_of(anthropometry, person);
   std::array<std::optional<double>, kHandDimensions> residuals;
   for (std::size_t i = 0; i < given.size(); ++i)
     if (given[i]) residuals[i] = std::log(*given[i]) - means[static_cast<Eigen::Index>(i)];

@@ -91,6 +91,9 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
 /// @throws Error (input) for impossible dimensions, e.g. a circumference too small for the breadth.
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person);
 
+/// Covariance of ln y about the predictions: the adults', widened for children.
+Eigen::Matrix4d scatter_of(const Anthropometry& anthropometry, const Person& person);
+
 /// The survey with the larger part in this person's hand.
 const Survey& survey_of(const Anthropometry& anthropometry, const Person& person);
 

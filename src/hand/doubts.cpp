@@ -1,10 +1,12 @@
 #include "handsim/hand/doubts.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
 
 #include "handsim/hand/build.h"
+#include "handsim/hand/deviations.h"
 
 namespace handsim::hand {
 
@@ -41,11 +43,11 @@ double size_of(const HandSize& size, std::size_t index) {
 }
 
 /// Variance of ln y of one dimension given the measured others.
-double variance(const Fit& fit, const Person& person, std::size_t of) {
+double variance(const Anthropometry& anthropometry, const Person& person, std::size_t of) {
   std::vector<int> known;
   for (const Measured& each : kMeasured)
     if (each.index != of && person.*each.value) known.push_back(static_cast<int>(each.index));
-  const Eigen::Matrix4d& c = fit.residual_covariance;
+  const Eigen::Matrix4d c = scatter_of(anthropometry, person);
   const auto i = static_cast<int>(of);
   if (known.empty()) return c(i, i);
   const Eigen::MatrixXd among = c(known, known);
@@ -55,12 +57,11 @@ double variance(const Fit& fit, const Person& person, std::size_t of) {
 
 void check_dimension(const HandSpec& spec, const Person& person, const Measured& each, bool beyond,
                      std::vector<std::string>& out) {
-  const Fit& fit = person.sex == Sex::unknown ? spec.anthropometry.pooled : spec.anthropometry.by_sex;
   const auto compare = [&](Person others, const char* among) {
     (others.*each.value).reset();
     const double expected = size_of(hand_size(spec.anthropometry, others), each.index);
-    const double scatter =
-        std::sqrt(variance(fit, others, each.index) + (beyond ? kBeyondSurvey * kBeyondSurvey : 0));
+    const double scatter = std::sqrt(variance(spec.anthropometry, others, each.index) +
+                                     (beyond ? kBeyondSurvey * kBeyondSurvey : 0));
     const double z = std::log(*(person.*each.value) / expected) / scatter;
     if (std::abs(z) <= kDoubtful) return false;
     out.push_back(
@@ -93,6 +94,10 @@ void check_mass(const HandSpec& spec, const Person& person, std::vector<std::str
 std::vector<std::string> doubts(const HandSpec& spec, const Person& person) {
   std::vector<std::string> out = extrapolations(spec.anthropometry, person);
   const bool beyond = !out.empty();
+  const std::vector<std::string> acts = uncertain_of(spec, person, true);
+  for (const auto& [name, z] : person.deviations)
+    if (std::ranges::find(acts, name) == acts.end())
+      out.push_back("deviations." + name + " does nothing: the hand model gives it no spread");
   // Values with which no hand can be built are refused elsewhere, with their place.
   try {
     for (const Measured& each : kMeasured)

@@ -82,6 +82,9 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
       if (const auto z = map.maybe_number(name, {Dimension::none, -6, 6}))
         person.deviations[std::string(name)] = *z;
     map.finish();
+    for (const auto& [name, z] : person.deviations)
+      if (reader.has(name) || (name == "hand_length" && person.hand_length_percentile))
+        reader.problem("deviations", "a deviation of " + name + " beside the person's own", "one of the two");
   }
   if (reader.sound()) check_body(reader, person);
   reader.finish();

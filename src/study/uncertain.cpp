@@ -7,16 +7,19 @@
 
 namespace handsim::study {
 
+void draw_deviations(hand::Person& person, const std::vector<std::string>& names, std::uint64_t draw) {
+  for (const std::string& name : names) person.deviations[name] = environment::Draws(1, draw, name).normal();
+}
+
 UncertainPersons uncertain_persons(const hand::HandSpec& spec, const hand::Person& person, bool muscles,
                                    int count) {
   UncertainPersons out;
   out.persons.assign(static_cast<std::size_t>(count), person);
-  for (const std::string& name : hand::uncertain_of(spec, person, muscles)) {
+  const std::vector<std::string> names = hand::uncertain_of(spec, person, muscles);
+  for (std::size_t i = 0; i < out.persons.size(); ++i) draw_deviations(out.persons[i], names, i);
+  for (const std::string& name : names) {
     Input& input = out.inputs.emplace_back(Input{name, {}});
-    for (std::size_t i = 0; i < out.persons.size(); ++i) {
-      input.values.push_back(environment::Draws(1, i, name).normal());
-      out.persons[i].deviations[name] = input.values.back();
-    }
+    for (const hand::Person& each : out.persons) input.values.push_back(each.deviation(name));
   }
   return out;
 }

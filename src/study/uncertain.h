@@ -1,12 +1,17 @@
 // Hands within what is uncertain of one, for studies that build many.
 #pragma once
 
+#include <cstdint>
+#include <string>
 #include <vector>
 
 #include "handsim/hand/deviations.h"
 #include "handsim/study/statistics.h"
 
 namespace handsim::study {
+
+/// Deviations of these names, by the number of the draw alone.
+void draw_deviations(hand::Person& person, const std::vector<std::string>& names, std::uint64_t draw);
 
 /// Persons with drawn deviations of one person; an input has the deviations of one name.
 struct UncertainPersons {

@@ -4,7 +4,7 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <cstring>
+#include <string>
 
 #include <fmt/format.h>
 
@@ -71,8 +71,10 @@ study::AccuracyOptions read(const fs::path& file, const fs::path& folder) {
 int main(int argc, char** argv) {
   fs::path file, out, folder = fs::path(argv[0]).parent_path();
   for (int i = 1; i < argc; ++i) {
-    const bool option = std::strncmp(argv[i], "--", 2) == 0 && i + 1 < argc;
-    (!option ? file : std::strcmp(argv[i], "--out") == 0 ? out : folder) = argv[option ? ++i : i];
+    const std::string word = argv[i];
+    const bool option = (word == "--out" || word == "--peers") && i + 1 < argc;
+    fs::path& value = !option ? file : word == "--out" ? out : folder;
+    value = argv[option ? ++i : i];
   }
   if (file.empty() || out.empty()) {
     std::fprintf(stderr, "usage: peer_accuracy PEERS.yaml --out DIR [--peers FOLDER]\n");

@@ -195,6 +195,29 @@ TEST(PeerProtocol, SaysThatAProgramIsNotThere) {
             std::string::npos);
 }
 
+// Oracle: a row of a program and one of handsim, in one table; a program that is not there is named.
+TEST(PeerAccuracy, AddsRowsOfOtherEnginesToAStudy) {
+  SKIP_UNLESS_BUILT("mujoco");
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "study.yaml")
+      << "scene: " << test::source(kIftomm.scene).string()
+      << "\nreference: slider_crank_iftomm\nobserve: slide\nrepeats: 1\nsteps: [10 ms, 5 ms]\n"
+         "methods: [{name: ours, set: {solver.engine: articulated}}]\n";
+  std::ofstream(folder.path() / "peers.yaml")
+      << "study: study.yaml\npeers:\n  - {name: theirs, program: peer_mujoco, method: euler}\n"
+         "  - {name: nobody's, program: peer_nobody, method: euler, set: {accuracy: 1e-4}}\n";
+  const std::string out = (folder.path() / "out").string();
+  ASSERT_EQ(std::system((std::string(HANDSIM_PEERS_FOLDER) + "/peer_accuracy " +
+                         (folder.path() / "peers.yaml").string() + " --out " + out + " >" + out + ".txt")
+                            .c_str()),
+            0);
+  const std::string table = test::text_of(folder.path() / "out/accuracy.csv");
+  for (const char* row : {"\"ours\",0.01", "\"ours\",0.005", "\"theirs\",0.01", "\"theirs\",0.005"})
+    EXPECT_NE(table.find(row), std::string::npos) << table;
+  EXPECT_NE(test::text_of(out + ".txt").find("left out: nobody's (there is no "), std::string::npos);
+  EXPECT_NE(test::text_of(folder.path() / "out/accuracy.json").find("MuJoCo"), std::string::npos);
+}
+
 TEST(PeerProtocol, HasNoWordsForContact) {
   EXPECT_THROW(run_accuracy(study({"config/slider_crank_contact.yaml", Reference::smallest_step},
                                   {"sh", "euler", {}}, {1e-2}, "/bin"),
