@@ -82,9 +82,16 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
       if (const auto z = map.maybe_number(name, {Dimension::none, -6, 6}))
         person.deviations[std::string(name)] = *z;
     map.finish();
-    for (const auto& [name, z] : person.deviations)
-      if (reader.has(name) || (name == "hand_length" && person.hand_length_percentile))
-        reader.problem("deviations", "a deviation of " + name + " beside the person's own", "one of the two");
+    const auto refuse = [&](const char* name, bool own) {
+      if (own && person.deviations.contains(name))
+        reader.problem("deviations", fmt::format("a deviation of {} beside the person's own", name),
+                       "one of the two");
+    };
+    refuse("hand_length", person.hand_length || person.hand_length_percentile);
+    refuse("hand_breadth", person.hand_breadth.has_value());
+    refuse("hand_circumference", person.hand_circumference.has_value());
+    refuse("hand_mass", person.hand_mass.has_value());
+    refuse("grip_strength", person.grip_strength.has_value());
   }
   if (reader.sound()) check_body(reader, person);
   reader.finish();
