@@ -1,16 +1,27 @@
-"""The command line: ``python -m handsim run two_hands.yaml --out out``."""
+"""The command line: ``python -m handsim run two_hands.yaml --out out``.
+
+Commands of COMMANDS are Python modules with ``main(arguments) -> exit status``; all others are the program's.
+"""
 from __future__ import annotations
 
 import signal
 import sys
+from importlib import import_module
 
 from . import _core
+
+COMMANDS: dict[str, str] = {}
+"""Commands in Python, by name: the module of each."""
 
 
 def main() -> int:
     # Ctrl-C ends the program at once, as the program without Python.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    return _core.command_line(sys.argv[1:])
+    arguments = sys.argv[1:]
+    if arguments and arguments[0] in COMMANDS:
+        status: int = import_module(COMMANDS[arguments[0]]).main(arguments[1:])
+        return status
+    return _core.command_line(arguments)
 
 
 if __name__ == "__main__":
