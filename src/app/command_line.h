@@ -101,5 +101,12 @@ void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);
 void add_report_commands(CommandLine& line);
 void add_motion_commands(CommandLine& line);
+/// For help and completion alone: these commands never reach CLI11.
+void add_python_commands(CommandLine& line);
+
+/// True for a command of the Python package, and for `export` in one of its formats.
+bool is_python_command(int argc, const char* const* argv);
+/// Becomes the Python program of the command. @throws Error (input) without Python
+[[noreturn]] void run_python_command(int argc, const char* const* argv);
 
 }  // namespace handsim::app

@@ -79,6 +79,7 @@ std::optional<Error> option_error(const CLI::App& command) {
 }
 
 int parse_and_call(int argc, const char* const* argv) {
+  if (is_python_command(argc, argv)) run_python_command(argc, argv);
   CommandLine line;
   CLI::App& app = line.app;
   app.set_version_flag("--version",
@@ -92,6 +93,7 @@ int parse_and_call(int argc, const char* const* argv) {
   add_study_commands(line);
   add_report_commands(line);
   add_motion_commands(line);
+  add_python_commands(line);
   add_completion(line);
   try {
     app.parse(argc, argv);

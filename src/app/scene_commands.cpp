@@ -144,15 +144,18 @@ void add_export(CommandLine& line) {
   const auto arguments = std::make_shared<ExportArguments>();
   arguments->hands.side.clear();
   CLI::App& command = line.add(
-      "export", "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF or OpenSim",
+      "export",
+      "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF, OpenSim, glTF, USD",
       "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", export_command,
       arguments);
   add_input(command, "scene", arguments->scene, "scene file (without one: the hands of a person)");
-  add_words(command.add_option(
-                "--format", arguments->format,
-                "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf"),
-            "mjcf|urdf|osim");
-  add_out(command, arguments->out, "file to write: .xml or .mjcf, .urdf, .osim");
+  add_words(
+      command.add_option(
+          "--format", arguments->format,
+          "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf. By the "
+          "Python package, with options of its own: glb, usda, obj, stl"),
+      "mjcf|urdf|osim");
+  add_out(command, arguments->out, "file to write: .xml or .mjcf, .urdf, .osim; .glb, .usda, .obj, .stl");
   add_person(command, {arguments, &arguments->hands});
   add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
   add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
