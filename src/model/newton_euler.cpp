@@ -1,5 +1,7 @@
 #include "handsim/model/newton_euler.h"
 
+#include <algorithm>
+
 #include "handsim/core/error.h"
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
@@ -8,16 +10,25 @@ namespace handsim::model {
 
 namespace {
 
-/// Motion of a driven body by central differences, because tables have no accelerations of their own.
+/// Motion of a driven body by central differences, because tables have no accelerations of their own. At the
+/// ends of its keyframes they are taken a little inside: beyond, the frame is at rest, and the difference
+/// would be a jolt.
 BodyMotion driven(const Drive& drive, double time) {
   constexpr double kSpan = 2e-3;  // [s]
+  const double first = drive.motion.keys.front().time, last = drive.motion.keys.back().time;
+  const bool inside =
+      time >= first && time <= last && last - first > 2 * kSpan && drive.motion.shakes.empty();
+  const double middle = inside ? std::clamp(time, first + kSpan, last - kSpan) : time, ahead = time - middle;
   const auto pose = [&](double t) { return drive.motion.at(t) * drive.frame.inverse(); };
-  const Pose before = pose(time - kSpan), now = pose(time), after = pose(time + kSpan);
-  const Vec3 turned = rotation_vector(now.q * before.q.conjugate()) / kSpan;
-  const Vec3 turns = rotation_vector(after.q * now.q.conjugate()) / kSpan;
-  return {{now.p, now.q, (after.p - before.p) / (2 * kSpan), 0.5 * (turned + turns)},
-          (after.p - 2 * now.p + before.p) / (kSpan * kSpan),
-          (turns - turned) / kSpan};
+  const Pose before = pose(middle - kSpan), there = pose(middle), after = pose(middle + kSpan),
+             now = pose(time);
+  const Vec3 turned = rotation_vector(there.q * before.q.conjugate()) / kSpan;
+  const Vec3 turns = rotation_vector(after.q * there.q.conjugate()) / kSpan;
+  const Vec3 a = (after.p - 2 * there.p + before.p) / (kSpan * kSpan), alpha = (turns - turned) / kSpan;
+  return {
+      {now.p, now.q, (after.p - before.p) / (2 * kSpan) + ahead * a, 0.5 * (turned + turns) + ahead * alpha},
+      a,
+      alpha};
 }
 
 }  // namespace

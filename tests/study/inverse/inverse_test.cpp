@@ -226,6 +226,37 @@ TEST(Inverse, LoadsActWithTheirMoments) {
   EXPECT_THROW(run_inverse(scene, input), Error);
 }
 
+// Oracle: the principle of equivalence. Wrists that accelerate evenly need the torques of resting ones whose
+// weight is less by the acceleration, from the first moment of the motion to its last.
+TEST(NewtonEuler, AMovingWristHasNoJoltAtTheEndsOfItsMotion) {
+  const Vec3 acceleration(3, -2, 5);
+  model::Model moving = test::shipped_scene("bench", {}).model;
+  ASSERT_EQ(moving.drives.size(), 2U);
+  for (model::Drive& drive : moving.drives) {
+    const Pose start = drive.motion.at(0);
+    drive.motion = {{}, model::Interpolation::linear, {}};
+    for (int n = 0; n <= 100; ++n) {
+      const double time = 1e-3 * n;
+      drive.motion.keys.push_back({time, {start.p + 0.5 * time * time * acceleration, start.q}});
+    }
+  }
+  const std::vector<double> q(at(moving.dof_count()), 0.2), rest(q.size(), 0.0);
+  const auto torques = [&](const model::Model& model, const Vec3& gravity, double time) {
+    model::NewtonEuler dynamics(model, gravity);
+    dynamics.set_roots(model::initial_state(model), time);
+    dynamics.place(q, rest, rest);
+    const std::span<const double> found = dynamics.torques();
+    return std::vector<double>(found.begin(), found.end());
+  };
+  model::Model resting = moving;
+  for (model::Drive& drive : resting.drives) drive.motion.keys.resize(1);
+  const std::vector<double> need = torques(resting, resting.gravity - acceleration, 0);
+  for (const double time : {0.0, 1e-3, 0.05, 0.099, 0.1}) {
+    const std::vector<double> found = torques(moving, moving.gravity, time);
+    for (std::size_t i = 0; i < need.size(); ++i) EXPECT_NEAR(found[i], need[i], 1e-8) << time << ", " << i;
+  }
+}
+
 // Oracle: the rate of change of momentum of all bodies beyond each joint between two states, computed body by
 // body from their velocities; first order in the time between them.
 TEST(NewtonEuler, AgreesWithTheChangeOfMomentum) {
