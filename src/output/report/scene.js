@@ -570,6 +570,8 @@ const Scene = (() => {
       /** Place of a body on the screen, -1 to 1 to the right and up. */
       onScreen(body) { camera.updateMatrixWorld(); const at = flatBodies[body].position.clone().project(camera); return [at.x, at.y]; },
       follow(on) { follow = on; if (!on && path) hold(); if (on && picked !== null) controls.shift(flatBodies[picked].position.clone().sub(controls.target)); },
+      /** Distance of the skin to a point of a body [m]. */
+      skinGap(body, point) { const at = V(point).applyQuaternion(flatBodies[body].quaternion).add(flatBodies[body].position); return Math.min(...skins[0].map(skin => skin.gap(at))); },
       forceScale: contacts && contacts.largest > 0 ? marks.scale : null,
       hasContacts: !!contacts,
       /** Speed of a body's centre of mass over the nearest kept rows [m/s]. */

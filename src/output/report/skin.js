@@ -76,6 +76,12 @@ const Skin = (() => {
       tone,
       meshes,
       covers: body => data.bodies.includes(body),
+      /** Least distance of its points to one in the world [m]. */
+      gap(point) {
+        let least = Infinity;
+        for (let i = 0; i < rest.count; ++i) least = Math.min(least, p.fromArray(position.array, 3 * i).distanceTo(point));
+        return least;
+      },
       /** Bends it as the groups stand now. */
       update() {
         if (!mesh.visible) return;
