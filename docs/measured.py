@@ -714,6 +714,26 @@ def learning():
                   for task, of in json.loads(path.read_text())["tasks"].items()])
 
 
+def skin():
+    path = OUT / "skin" / "skin.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    of = json.loads(path.read_text())
+    rows = [*of["persons"].values(), *of["drawn"]]
+    largest = [f"{1e3 * max(abs(row[k]) for row in rows):.2f} mm" for k in range(3)]
+    depth, one, other = max(of["poses"].values())
+    more = [100 * row[3] for row in rows]
+    return table(["the skin of the median man, or of 8 shipped persons and 100 drawn ones", "measured"], [
+        ["length, breadth and girth at the knuckles against the shapes', 108 persons, at most", ", ".join(largest)],
+        ["volume beyond the wrist's joint centre × density against the hand's mass, 108 persons", f"{min(more):.1f} to {max(more):.1f} % more"],
+        [f"it passes through itself beyond the shapes' own depth in the {len(of['poses'])} poses, at most",
+         f"{1e3 * depth:.1f} mm ({one.replace('_', ' ')}, {other.replace('_', ' ')})"],
+        ["triangles", f"{of['triangles']:,}"],
+        ["CPU time to make it, once for each hand", f"{1e3 * of['make_s']:.0f} ms"],
+        ["CPU time of a picture of two hands at 640 x 480; of their shapes",
+         f"{1e3 * of['frame_s']['skin']:.0f} ms; {1e3 * of['frame_s']['shapes']:.0f} ms"]])
+
+
 def validation():
     path = OUT / "validate" / "run" / "validate.csv"
     if not path.exists():
@@ -814,7 +834,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"validate": ("validate", validation), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"skin": ("skin", skin), "validate": ("validate", validation), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

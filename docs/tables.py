@@ -125,6 +125,7 @@ STUDIES = {
     "pinch": Study("2 min", {"test": None}),
     "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "learning": Study("10 min", {"run": None}),
+    "skin": Study("1 min", {"run": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
@@ -154,6 +155,8 @@ def command_of(name, label, build):
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
     if name == "learning":
         return [python_of(build), "tests/peers/learning.py", "--minutes", "2", "--out", str(OUT / name)]
+    if name == "skin":
+        return [python_of(build), "tests/output/skin_figures.py", str(OUT / name / "skin.json")]
     if name == "contacts":
         return [str(build / "tests" / "contact_cost"), str(OUT / name / label)]
     if name == "export":
@@ -187,7 +190,9 @@ def run_study(name, build, handsim):
         if label == "cases_drake" and not (PACKAGES / "pydrake").exists():
             continue
         print("+", shlex.join(command), flush=True)
-        paths = os.pathsep.join([str(build / "python"), ENVIRONMENT["PYTHONPATH"]])
+        # The package is built for the interpreter's own numpy, which those packages replace.
+        own = name in ("agreement", "skin")
+        paths = os.pathsep.join([str(build / "python"), *([] if own else [ENVIRONMENT["PYTHONPATH"]])])
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": paths})
         (OUT / name / f"{label}.txt").write_text(done.stdout)
         (OUT / name / f"{label}.err").write_text(done.stderr)

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import Error, Problem, flags, seed_of, whole
-from ._glb import glb_of
+from ._glb import glb_of_hand
+from ._model import Model, SkinParts, bent, skins_of
 from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
 from ._table import Quantities, Table, rows_table
@@ -124,7 +125,23 @@ class Hand:
         """The geometry: name, body, kind (box, capsule, cylinder, sphere, convex_mesh), radius [m], length [m] (capsule:
         between the cap centres; both along the shape's z axis), edges [m] of a box, position [m] and quaternion (w x y z)
         in the body's frame."""
-        return Table(_core.hand_shapes(self.scene._core), "shapes")
+        own = [shape for shape in self._model.shapes if shape.body in self._model.hands[0].bodies]
+        columns: dict[str, Any] = {"name": [shape.name.partition(".")[2] for shape in own],
+                                   "body": [self._model.bodies[shape.body].name.partition(".")[2] for shape in own],
+                                   "kind": [shape.kind for shape in own]}
+        for key, of in (("radius[m]", [shape.radius for shape in own]), ("length[m]", [shape.length for shape in own]),
+                        ("edges[m]", [shape.edges for shape in own]), ("position[m]", [shape.pose[:3] for shape in own]),
+                        ("quaternion", [shape.pose[3:] for shape in own])):
+            columns[key] = np.array(of)
+        return Table(columns, "shapes")
+
+    @cached_property
+    def _model(self) -> Model:
+        return Model(self.scene)
+
+    @cached_property
+    def _skins(self) -> list[SkinParts]:
+        return skins_of(self.scene)
 
     def poses(self, q: ArrayLike) -> Poses:
         """Forward kinematics: the frames of all bodies in H.
@@ -142,7 +159,12 @@ class Hand:
         :param q: joint coordinates [rad], shape (coordinates,); default: straight fingers
         :return: vertices [m], shape (n, 3), faces, shape (m, 3), and weights, shape (n, bodies)
         """
-        return Mesh(*_core.hand_mesh(self.scene._core, np.zeros(len(self.coordinates)) if q is None else q))
+        skin, bodies, poses = self._skins[0], self._model.hands[0].bodies, self.poses(np.zeros(len(self.coordinates)) if q is None else q)
+        rows = [bodies.index(body) for body in skin.bodies]
+        weights = np.zeros((len(skin.points), len(bodies)))
+        weights[:, rows] = skin.weights
+        points = bent(skin, np.concatenate([poses.position, poses.quaternion], axis=1)[rows])
+        return Mesh(points, skin.faces.astype(np.uint32), weights)
 
     def to_glb(self, q: Optional[ArrayLike] = None, *, times: Optional[ArrayLike] = None) -> bytes:
         """The skin as binary glTF 2.0, with a skeleton and weights: Y up, metres. Viewers bend skin linearly, so it is
@@ -154,7 +176,7 @@ class Hand:
         :return: the content of a ``.glb`` file
         :raises Error: of kind input for another shape
         """
-        return glb_of(self, q, times)
+        return glb_of_hand(self, q, times)
 
     def position(self, q: ArrayLike, point: Point) -> NDArray[np.float64]:
         """Forward kinematics of one point.

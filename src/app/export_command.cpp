@@ -31,7 +31,9 @@ std::string format_of(const ExportArguments& arguments) {
     const bool ends = std::ranges::find(format.endings, ending) != format.endings.end();
     if (ends && arguments.format.value_or(format.name) == format.name) return format.name;
   }
-  std::string need = "a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim)";
+  std::string need =
+      "a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim); "
+      "glb, usda, obj and stl: python3 -m handsim export";
   for (const Format& format : kFormats)
     if (arguments.format == format.name)
       need = fmt::format("a name that ends in {}{}{} for --format {}", format.endings[0],

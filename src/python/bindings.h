@@ -54,6 +54,7 @@ py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> mom
 /// A tuple of each, as handsim.Verdict.
 py::list verdict_list(const std::vector<simulation::Verdict>& verdicts);
 
+void bind_description(py::module_& module);
 void bind_errors(py::module_& module);
 void bind_scene(py::module_& module);
 void bind_hand(py::module_& module);

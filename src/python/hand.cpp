@@ -7,7 +7,6 @@
 #include "handsim/hand/grip_strength.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/newton_euler.h"
-#include "handsim/output/render/skin.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 
@@ -16,9 +15,6 @@ namespace handsim::python {
 namespace {
 
 using Column = std::vector<double>;
-
-constexpr const char* kShapeKinds[] = {"box", "capsule", "cylinder", "sphere", "convex_mesh", "plane"};
-static_assert(std::size(kShapeKinds) == static_cast<std::size_t>(model::ShapeKind::plane) + 1);
 
 void append(Column& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v.z()}); }
 void append(Column& out, const Quat& q) { out.insert(out.end(), {q.w(), q.x(), q.y(), q.z()}); }
@@ -103,34 +99,6 @@ py::dict joints(const SceneHandle& of) {
   return out;
 }
 
-/// A row for each shape of the first hand, in its body.
-py::dict shapes(const SceneHandle& of) {
-  const model::HandIndex& hand = first_hand(of);
-  std::vector<std::string> names, bodies, kinds;
-  Column radius, length, edges, position, quaternion;
-  for (const model::Shape& shape : of.scene->model.shapes) {
-    if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) == hand.bodies.end()) continue;
-    names.push_back(part_name(shape.name));
-    bodies.push_back(part_name(of.scene->model.bodies[at(shape.body)].name));
-    kinds.emplace_back(kShapeKinds[static_cast<std::size_t>(shape.kind)]);
-    radius.push_back(shape.radius);
-    length.push_back(shape.length);
-    append(edges, shape.edges);
-    append(position, shape.pose.p);
-    append(quaternion, shape.pose.q);
-  }
-  py::dict out;
-  out["name"] = names;
-  out["body"] = bodies;
-  out["kind"] = kinds;
-  out["radius[m]"] = array_of(radius);
-  out["length[m]"] = array_of(length);
-  out["edges[m]"] = array_of(edges, 3);
-  out["position[m]"] = array_of(position, 3);
-  out["quaternion"] = array_of(quaternion, 4);
-  return out;
-}
-
 /// A row for each fingertip of the first hand, in its body.
 py::dict tips(const SceneHandle& of) {
   std::vector<std::string> names, bodies;
@@ -186,27 +154,6 @@ py::tuple poses(const SceneHandle& of, const py::object& q) {
     append(quaternion, posture.state.bodies[at(body)].q);
   }
   return py::make_tuple(array_of(position, 3), array_of(quaternion, 4));
-}
-
-/// Vertices of the skin, faces, and weights by row of the hand's bodies.
-py::tuple mesh(const SceneHandle& of, const py::object& q) {
-  const Posture posture(of, q);
-  const auto skin = output::skins_of(posture.model).front();
-  const Pose x_HW = (posture.state.bodies[at(posture.hand.palm)].pose() * posture.hand.wrist_frame).inverse();
-  std::vector<Pose> bodies;
-  for (const int body : skin->bodies) bodies.push_back(x_HW * posture.state.bodies[at(body)].pose());
-  Column points;
-  for (const Vec3& point : output::posed(*skin, bodies)) append(points, point);
-  py::array_t<double> weights({skin->points.size(), posture.hand.bodies.size()});
-  std::fill_n(weights.mutable_data(), weights.size(), 0.0);
-  for (std::size_t b = 0; b < posture.hand.bodies.size(); ++b) {
-    const auto found = std::ranges::find(skin->bodies, posture.hand.bodies[b]);
-    for (std::size_t i = 0; found != skin->bodies.end() && i < skin->points.size(); ++i)
-      weights.mutable_at(i, b) =
-          static_cast<double>(skin->weights(static_cast<long>(i), found - skin->bodies.begin()));
-  }
-  const py::array_t<std::uint32_t> faces({skin->faces.size(), std::size_t{3}}, skin->faces.front().data());
-  return py::make_tuple(array_of(points, 3), faces, weights);
 }
 
 /// @param body row among the hand's bodies
@@ -274,11 +221,9 @@ void bind_hand(py::module_& module) {
   module.def("hand_dimensions", &dimensions, py::arg("scene"));
   module.def("hand_segments", &segments, py::arg("scene"));
   module.def("hand_joints", &joints, py::arg("scene"));
-  module.def("hand_shapes", &shapes, py::arg("scene"));
   module.def("hand_tips", &tips, py::arg("scene"));
   const py::arg scene("scene"), q("q");
   module.def("hand_poses", &poses, scene, q);
-  module.def("hand_mesh", &mesh, scene, q);
   module.def("hand_jacobian", &jacobian, scene, q, py::arg("body"), py::arg("offset"));
   module.def("hand_mass_matrix", &mass_matrix, scene, q);
   module.def("hand_inverse_dynamics", &inverse_dynamics, scene, q, py::arg("u"), py::arg("a"),

@@ -48,6 +48,7 @@ PYBIND11_MODULE(_core, module) {
   module.attr("has_pictures") = has_pictures();
   module.def("data_folder", [] { return handsim::data_folder().string(); });
   module.def("command_line", &command_line, py::arg("words"));
+  bind_description(module);
   bind_errors(module);
   bind_scene(module);
   bind_hand(module);

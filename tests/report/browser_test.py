@@ -235,6 +235,34 @@ class Pages(unittest.TestCase):
         labels[0].click()
         self.assertGreater(self.differing(first, self.pixels()), 200)
 
+    # Oracle: pixels; the shapes' own colours, which skin hides and glass mixes; Hand.mesh's triangles in the page.
+    def test_a_key_shows_skin_shapes_or_both(self):
+        self.open('a/report.html')
+        self.assertEqual(self.script('return handsimReport.view.look()'), 'skin')
+        seen = [self.pixels()]
+        for look in ('shapes', 'both', 'skin'):
+            self.driver.find_element(By.TAG_NAME, 'body').send_keys('s')
+            self.assertEqual(self.script('return handsimReport.view.look()'), look)
+            seen.append(self.pixels())
+        for one, other in ((0, 1), (1, 2), (2, 3)):
+            self.assertGreater(self.differing(seen[one], seen[other]), 300)
+        self.assertEqual(self.differing(seen[0], seen[3]), 0)
+        self.driver.find_element(By.TAG_NAME, 'body').send_keys('n')
+        self.assertGreater(self.differing(seen[0], self.pixels()), 300)
+        self.open('dropped/report.html')
+        self.assertIn('contact is with the shapes', self.driver.find_element(By.CLASS_NAME, 'legend3d').text)
+
+    # Oracle: where the shapes' capsules are, to which the skin has at most 1 mm at fingertips.
+    def test_skin_is_where_the_bodies_are(self):
+        self.open('a/report.html')
+        gap = """handsimReport.seek(arguments[0]);
+            const {scene} = handsimReport.data.runs[0], tip = scene.tips.find(t => t.part === arguments[1] && t.hand === arguments[2]);
+            return handsimReport.view.skinGap(tip.body, tip.point)"""
+        for time in (0, 0.2, 0.4):
+            for finger in ('thumb', 'index', 'little'):
+                for hand in ('right', 'left'):
+                    self.assertLess(self.script(gap, time, finger, hand), 0.002, (time, finger, hand))
+
     def test_of_two_runs_the_second_is_a_ghost(self):
         self.open('both.html')
         self.script('handsimReport.seek(0.3)')

@@ -73,12 +73,12 @@ Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB)
 }  // namespace
 
 Sample Flesh::distance(const Vec3& x) const {
-  const Vec3 local = pose.q.conjugate() * (x - pose.p);
+  const Vec3 local = axes.transpose() * (x - pose.p);
   const Vec3 away = local - local.cwiseMax(-half).cwiseMin(half);
   const double share = half.z() > 0 ? std::clamp(0.5 + 0.5 * local.z() / half.z(), 0.0, 1.0) : 0;
   const double radius = near + share * (far - near), out = away.norm();
-  if (out > 1e-9) return {out - radius, pose.q * (away / out)};
-  return {(local.cwiseAbs() - half).maxCoeff() - radius, pose.q * Vec3::UnitY()};
+  if (out > 1e-9) return {out - radius, axes * (away / out)};
+  return {(local.cwiseAbs() - half).maxCoeff() - radius, axes.col(1)};
 }
 
 SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
@@ -91,6 +91,11 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
     for (const Flesh& each : ray.flesh) length = std::max(length, each.end().norm() + each.far);
   add_wrist(hand.forearm.has_value());
   add_web();
+  const auto set_axes = [](std::vector<Flesh>& flesh) {
+    for (Flesh& each : flesh) each.axes = each.pose.q.toRotationMatrix();
+  };
+  for (std::vector<Flesh>* flesh : {&palm_, &web_}) set_axes(*flesh);
+  for (Ray& ray : rays_) set_axes(ray.flesh);
   set_hinges();
   for (const Flesh& each : all()) {
     low = low.cwiseMin(each.pose.p - each.reach());

@@ -15,11 +15,12 @@ struct Sample {
 
 /// All points within a radius of a box, which has no width in a capsule; the radius may change along z.
 struct Flesh {
-  Pose pose;                 ///< X_HS in the spread hand
-  Vec3 half = Vec3::Zero();  ///< of the box [m]
-  double near = 0, far = 0;  ///< radius at the box's lower and upper end [m]
-  int shape = 0;             ///< index into Model::shapes
-  int body = 0;              ///< index into SkinField::bodies
+  Pose pose;                     ///< X_HS in the spread hand
+  Vec3 half = Vec3::Zero();      ///< of the box [m]
+  double near = 0, far = 0;      ///< radius at the box's lower and upper end [m]
+  int shape = 0;                 ///< index into Model::shapes
+  int body = 0;                  ///< index into SkinField::bodies
+  Mat3 axes = Mat3::Identity();  ///< its rotation, once the field is made: faster than its quaternion
 
   Sample distance(const Vec3& x) const;
   /// Less than distance(), and cheaper.

@@ -8,7 +8,8 @@ namespace handsim::output {
 
 /// The files that the build puts into the program (cmake/embed.cmake).
 namespace assets {
-extern const std::string_view page_html, style_css, three, scene_js, curves_js, table_js, run_js, study_js;
+extern const std::string_view page_html, style_css, three, skin_js, scene_js, curves_js, table_js, run_js,
+    study_js;
 }
 
 namespace {
@@ -54,7 +55,8 @@ std::string report_page(PageKind kind, std::string_view title, std::string_view 
   if (kind == PageKind::run) require_three();
   std::string scripts;
   if (kind == PageKind::run)
-    for (const std::string_view text : {assets::three, assets::scene_js}) scripts += script(text);
+    for (const std::string_view text : {assets::three, assets::skin_js, assets::scene_js})
+      scripts += script(text);
   for (const std::string_view text : {assets::curves_js, assets::table_js}) scripts += script(text);
   scripts += script(kind == PageKind::run ? assets::run_js : assets::study_js);
   const std::map<std::string_view, std::string> parts = {{"title", html_text(title)},

@@ -101,11 +101,21 @@
   const marks = element('div', {class: 'marks'}), track = element('div', {class: 'track'}, marks, slider);
 
   const toggles = [['points', 'contact points', 'c'], ['forces', 'forces', 'f'], ['axes', 'joint axes', 'a'], ['trails', 'fingertip trails', 't'],
-    ['ghost', 'other run', 'g'], ['floor', 'floor', null]];
+    ['ghost', 'other run', 'g'], ['floor', 'floor', null], ['colours', 'colours of fingers', 'n']];
   const boxes = {};
   function toggle(layer) {
     boxes[layer].checked = !boxes[layer].checked;
     view.show(layer, boxes[layer].checked);
+  }
+  // What one sees of hands. Contact is between the shapes, whatever is seen.
+  const looks = ['skin', 'shapes', 'both'];
+  const lookBox = element('select', {'aria-label': 'hands as skin, shapes or both (s)', change: () => setLook(lookBox.value)}, looks.map(l => element('option', {}, l)));
+  function setLook(look) {
+    if (view && view.hasSkin) view.setLook(look);
+    lookBox.value = view ? view.look() : look;
+    legend3d.textContent = view ? [view.forceScale ? `forces: ${Table.text(1e3 * view.forceScale)} mm for 1 N` : '',
+      view.hasContacts && view.hasSkin && view.look() !== 'shapes' ? 'contact is with the shapes under the skin' : '',
+      main.scene.ground !== null && main.scene.floor_is_drawn_only ? 'the floor is only drawn' : ''].filter(Boolean).join('; ') : '';
   }
   function layerBoxes() {
     const parts = [...new Set(main.scene.shapes.map(shape => shape.part))], hands = [...new Set(main.scene.shapes.map(shape => shape.hand).filter(Boolean))];
@@ -120,6 +130,7 @@
     for (const [layer, text, key] of toggles) {
       if (layer === 'ghost' && !other) continue;
       if ((layer === 'points' || layer === 'forces') && !view.hasContacts) continue;
+      if (layer === 'colours' && !view.hasSkin) continue;
       if (layer === 'axes' && !main.scene.axes.length || layer === 'trails' && !main.scene.tips.length) continue;
       const [line, box] = check(key ? `${text} (${key})` : text, view.isShown(layer), on => view.show(layer, on));
       boxes[layer] = box;
@@ -246,13 +257,14 @@
     let text = data.runs.map((run, i) => (i ? 'Other run: ' : 'Poses: ') + kept(run)).join(' ') + ' Curves are kept within 1/500 of their range. Numbers are float32; trajectory.csv in the run\'s folder has all digits.';
     if (main.contacts && main.contacts.stride > 1) text += ` Contacts are those of one in ${main.contacts.stride} recorded rows.`;
     if (main.zero.length) text += ` All zero and not drawn: ${main.zero.join('; ').toLowerCase()}.`;
+    if (main.scene.skins.length) text += ' Skin is for the eye: it follows from the shapes, which are what touches and what has mass.';
     if (!main.contacts) text += ' The run recorded no contacts (record.contacts, or run with --report).';
     return text + ' The page needs no network. Without WebGL the 3D view is missing, all else is there; printed, it has the view and curves at the present time.';
   }
 
   function help() {
     const keys = [['Space', 'play, pause'], ['← →', 'a recorded frame back, on'], ['Shift ← →', 'ten frames'], ['Home End', 'start, end'], ['↑ ↓', 'faster, slower'],
-      ['c f a t g', 'contact points, forces, joint axes, trails, other run'], ['r', 'camera of the pictures'], ['+ −', 'zoom'], ['Alt arrows', 'orbit']];
+      ['c f a t g n', 'contact points, forces, joint axes, trails, other run, colours of fingers'], ['s', 'hands as skin, shapes or both'], ['r', 'camera of the pictures'], ['+ −', 'zoom'], ['Alt arrows', 'orbit']];
     return element('details', {class: 'screenonly'}, element('summary', {}, 'Keys and mouse'), element('table', {}, element('tbody', {}, keys.map(([k, text]) =>
       element('tr', {}, element('td', {}, element('kbd', {}, k)), element('td', {}, text))))),
     element('p', {class: 'dim'}, 'Drag: orbit. Shift-drag, right button or two fingers: pan. Wheel or pinch: zoom. Click a body: its mass, speed and contacts.'));
@@ -267,7 +279,7 @@
     const turn = (x, y) => view && view.orbit.turn(x, y);
     const alt = {ArrowLeft: () => turn(-0.1, 0), ArrowRight: () => turn(0.1, 0), ArrowUp: () => turn(0, -0.1), ArrowDown: () => turn(0, 0.1)};
     const plain = {' ': () => play(!state.playing), ArrowLeft: () => step(-frames), ArrowRight: () => step(frames), Home: () => seek(start), End: () => seek(end),
-      ArrowUp: () => faster(1), ArrowDown: () => faster(-1), r: () => view && view.reset(), '+': () => view && view.orbit.zoom(0.9), '-': () => view && view.orbit.zoom(1.1)};
+      ArrowUp: () => faster(1), ArrowDown: () => faster(-1), r: () => view && view.reset(), s: () => view && setLook(looks[(looks.indexOf(view.look()) + 1) % 3]), '+': () => view && view.orbit.zoom(0.9), '-': () => view && view.orbit.zoom(1.1)};
     for (const [layer, , key] of toggles) if (key && boxes[layer]) plain[key] = () => toggle(layer);
     const action = (event.altKey ? alt : plain)[event.key];
     // Up and down scroll the page unless the view or the time line has the focus.
@@ -285,7 +297,7 @@
       element('div', {class: 'stage'},
         element('div', {class: 'view'}, screen, track,
           element('div', {class: 'bar'}, playButton, element('button', {type: 'button', 'aria-label': 'a frame back', click: () => step(-1)}, '◂|'),
-            element('button', {type: 'button', 'aria-label': 'a frame on', click: () => step(1)}, '|▸'), speedBox,
+            element('button', {type: 'button', 'aria-label': 'a frame on', click: () => step(1)}, '|▸'), speedBox, lookBox,
             element('button', {type: 'button', click: () => view && view.reset()}, 'reset camera'), clock),
           element('div', {class: 'parts', id: 'layers'}), help()),
         curves()),
@@ -304,8 +316,8 @@
   slider.max = end;
   if (view) {
     document.getElementById('layers').append(...layerBoxes());
-    legend3d.textContent = [view.forceScale ? `forces: ${Table.text(1e3 * view.forceScale)} mm for 1 N` : '',
-      main.scene.ground !== null && main.scene.floor_is_drawn_only ? 'the floor is only drawn' : ''].filter(Boolean).join('; ');
+    lookBox.hidden = !view.hasSkin;
+    setLook(view.look());
   }
   timeLine();
   setSpeed(1);

@@ -1,4 +1,4 @@
-// The scene in 3D: bodies with their shapes, a ghost, contacts, axes, trails, light, camera and picking.
+// The scene in 3D: bodies with their shapes, hands with their skin, a ghost, contacts, axes, trails, light, camera and picking.
 'use strict';
 
 const Scene = (() => {
@@ -42,7 +42,7 @@ const Scene = (() => {
     const times = floats(contacts.times), starts = floats(contacts.starts), values = floats(contacts.values), shapes = words(contacts.shapes);
     return {
       largest: contacts.largest,
-      most: starts.reduce((most, start, i) => i ? Math.max(most, start - starts[i - 1]) : 0, 0),
+      most: contacts.most || starts.reduce((most, start, i) => i ? Math.max(most, start - starts[i - 1]) : 0, 0),
       /** The contacts at a time: {position, force, a, b}. */
       at(t) {
         const row = rowAt(times, t + 1e-6), out = [];
@@ -158,7 +158,8 @@ const Scene = (() => {
     return {
       meshes: {points: [points], forces: [shafts, heads]},
       scale,
-      update(list) {
+      update(all) {
+        const list = all.slice(0, count);
         let forces = 0;
         list.forEach((contact, i) => {
           at.fromArray(contact.position);
@@ -244,7 +245,7 @@ const Scene = (() => {
   }
 
   /** The lights of the pictures, from the camera of the start. */
-  function lights(camera, centre, radius, overGround) {
+  function lights(camera, centre, radius, overGround, plain) {
     const x = new THREE.Vector3(), y = new THREE.Vector3(), z = new THREE.Vector3();
     camera.updateMatrixWorld();
     camera.matrixWorld.extractBasis(x, y, z);
@@ -258,7 +259,7 @@ const Scene = (() => {
     sun.position.copy(centre).addScaledVector(key, 4 * radius);
     sun.target.position.copy(centre);
     sun.castShadow = true;
-    sun.shadow.mapSize.set(1024, 1024);
+    sun.shadow.mapSize.setScalar(plain ? 1024 : 2048);
     Object.assign(sun.shadow.camera, {left: -1.3 * radius, right: 1.3 * radius, top: 1.3 * radius, bottom: -1.3 * radius, near: radius, far: 8 * radius});
     sun.shadow.bias = -0.0008;
     sun.shadow.radius = 2.5;
@@ -369,8 +370,15 @@ const Scene = (() => {
     const solids = runs.map((run, i) => bodies(run, geometries(run.scene.meshes), i > 0, plain));
     const flatBodies = solids[0];
     for (const groups of solids) world.add(...groups);
-    const partColours = {};
-    for (const shape of main.scene.shapes) if (!shape.mark) partColours[shape.part] = colourOf(shape.colour);
+    const partColours = {}, fingerColours = {};
+    for (const shape of main.scene.shapes)
+      if (!shape.mark) {
+        partColours[shape.part] = colourOf(shape.colour);
+        if (shape.part !== 'palm') fingerColours[shape.body] = partColours[shape.part];
+      }
+    // Of two runs of one person the skin is in the page once.
+    const skins = runs.map((run, r) => (run.scene.skins || main.scene.skins).map(data => Skin.create(data, solids[r], fingerColours, r > 0, plain)));
+    for (const skin of skins.flat()) world.add(...skin.meshes);
     const paths = trails(main, motions[0], partColours);
     const axes = main.scene.axes.map(axis => {
       const out = arrow(V(axis.from), V(axis.to), axis.radius, colourOf(axis.colour));
@@ -379,7 +387,8 @@ const Scene = (() => {
     });
     const layers = {points: marks.meshes.points, forces: marks.meshes.forces, trails: paths.lines, axes, ghost: solids.slice(1).flat(), floor: []};
     world.add(...layers.points, ...layers.forces, ...layers.trails);
-    const shown = {points: !!contacts, forces: !!contacts, trails: false, axes: false, ghost: true, floor: true};
+    const shown = {points: !!contacts, forces: !!contacts, trails: false, axes: false, ghost: true, floor: true, colours: main.scene.finger_colours};
+    let look = skins[0].length ? main.scene.look : 'shapes';
     const hiddenParts = new Set(), hiddenHands = new Set();
 
     const {centre, radius, shading} = extent(main, motions[0], view);
@@ -410,7 +419,7 @@ const Scene = (() => {
       controls.place();
     }
     reset();
-    const lit = lights(camera, centre, radius, main.scene.ground !== null);
+    const lit = lights(camera, centre, radius, main.scene.ground !== null, plain);
     world.add(...lit);
     if (main.scene.ground !== null) {
       layers.floor = floor(main.scene.ground, centre, radius, shading, lit[0].position.clone().sub(centre).normalize(), plain);
@@ -432,21 +441,27 @@ const Scene = (() => {
     new ResizeObserver(resize).observe(screen);
 
     const before = new THREE.Vector3();
+    function keep() { if (follow && picked !== null) before.copy(flatBodies[picked].position); }
     function place() {
-      if (follow && picked !== null) before.copy(flatBodies[picked].position);
+      keep();
       solids.forEach((groups, r) => {
         const t = Math.min(Math.max(time, motions[r].start), motions[r].end);
         groups.forEach((group, body) => motions[r].pose(body, t, group.position, group.quaternion));
       });
+      settle(contacts && contacts.at(time));
+    }
+    /** After the bodies have moved: skin, camera and contacts follow. */
+    function settle(touching) {
+      for (const skin of skins.flat()) skin.update();
       if (follow && picked !== null) controls.shift(flatBodies[picked].position.clone().sub(before));
-      else if (followHand) {
+      else if (followHand && path) {
         const distance = followed(time);
         controls.shift(goal.clone().sub(held));
         controls.zoom(distance / heldDistance);
         held.copy(goal);
         heldDistance = distance;
       }
-      if (contacts) marks.update(contacts.at(time));
+      if (touching) marks.update(touching);
       if (shown.trails) paths.update(time);
       changed();
     }
@@ -457,13 +472,39 @@ const Scene = (() => {
       for (const groups of solids)
         for (const group of groups)
           for (const mesh of group.children) if (mesh.userData.shape) mesh.visible = visible(mesh.userData.shape);
+      skins.forEach((list, r) => { for (const skin of list) putOn(skin, solids[r], r > 0); });
+      paintSkins();
+      for (const mesh of layers.points) {
+        Object.assign(mesh.material, {depthTest: look === 'shapes', transparent: look !== 'shapes'});
+        mesh.renderOrder = look === 'shapes' ? 0 : 4;
+      }
       for (const line of paths.lines) line.visible = shown.trails && visible(line.userData.shape);
       for (const groups of solids.slice(1)) for (const group of groups) group.visible = shown.ghost;
       place();
     }
 
+    /** A hand in its skin, its shapes, or both. What the skin covers is in a layer that only clicks see. */
+    function putOn(skin, groups, ghost) {
+      skin.show(look !== 'shapes' && !hiddenHands.has(skin.hand) && (!ghost || shown.ghost), look === 'both');
+      for (const group of groups)
+        for (const mesh of group.children) {
+          const {shape} = mesh.userData;
+          if (!shape || shape.hand !== skin.hand) continue;
+          const nail = shape.mark && shape.part !== 'palm';
+          mesh.layers.set(look === 'skin' && skin.covers(shape.body) && !nail ? 1 : 0);
+          // A forearm has no skin of its own.
+          if (shape.part === 'palm' && !skin.covers(shape.body) && !ghost) mesh.material.color.copy(look === 'shapes' ? colourOf(shape.colour) : skin.tone);
+        }
+    }
+    function paintSkins() {
+      const parts = {};
+      for (const shape of main.scene.shapes) parts[shape.body] = shape.part;
+      skins.forEach((list, r) => { for (const skin of list) skin.paint(shown.colours, r ? null : picked, body => hiddenParts.has(parts[body])); });
+    }
+
     function select(body) {
       picked = body;
+      paintSkins();
       for (const group of flatBodies)
         for (const mesh of group.children)
           if (mesh.userData.shape) mesh.material.emissive.setRGB(...(mesh.userData.shape.body === body ? [0.16, 0.13, 0] : [0, 0, 0]));
@@ -504,6 +545,19 @@ const Scene = (() => {
       start: motions[0].start,
       end: Math.max(...motions.map(m => m.end)),
       seek(t) { time = t; place(); },
+      /** Poses that somebody else has, as of a running simulation: x y z and quaternion x y z w of each body, one after the other; and contacts as of contactRows().at. */
+      setState(poses, touching) {
+        keep();
+        flatBodies.forEach((group, body) => {
+          group.position.fromArray(poses, 7 * body);
+          group.quaternion.fromArray(poses, 7 * body + 3);
+        });
+        settle(touching);
+      },
+      hasSkin: skins[0].length > 0,
+      look: () => look,
+      /** @param wanted skin, shapes or both */
+      setLook(wanted) { look = wanted; applyVisibility(); },
       render, moving, reset, select, pick: onPick,
       orbit: controls,
       picked: () => picked,
@@ -516,6 +570,8 @@ const Scene = (() => {
       /** Place of a body on the screen, -1 to 1 to the right and up. */
       onScreen(body) { camera.updateMatrixWorld(); const at = flatBodies[body].position.clone().project(camera); return [at.x, at.y]; },
       follow(on) { follow = on; if (!on && path) hold(); if (on && picked !== null) controls.shift(flatBodies[picked].position.clone().sub(controls.target)); },
+      /** Distance of the skin to a point of a body [m]. */
+      skinGap(body, point) { const at = V(point).applyQuaternion(flatBodies[body].quaternion).add(flatBodies[body].position); return Math.min(...skins[0].map(skin => skin.gap(at))); },
       forceScale: contacts && contacts.largest > 0 ? marks.scale : null,
       hasContacts: !!contacts,
       /** Speed of a body's centre of mass over the nearest kept rows [m/s]. */

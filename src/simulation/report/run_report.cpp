@@ -97,7 +97,11 @@ std::string run_report(const std::vector<std::filesystem::path>& folders) {
   output::require_three();
   Json data = {
       {"kind", "run"}, {"handsim", fmt::format("{} ({})", kVersion, kCommit)}, {"runs", Json::array()}};
-  for (const std::filesystem::path& folder : folders) data["runs"].push_back(run_json(read_run(folder)));
+  for (const std::filesystem::path& folder : folders) {
+    data["runs"].push_back(run_json(read_run(folder)));
+    Json &first = data["runs"][0]["scene"], &scene = data["runs"].back()["scene"];
+    if (&scene != &first && scene["skins"] == first["skins"]) scene.erase("skins");
+  }
   return output::report_page(output::PageKind::run, data["runs"][0]["title"].get<std::string>(),
                              data.dump(-1, ' ', false, Json::error_handler_t::replace));
 }

@@ -5,6 +5,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/render/draw_list.h"
 #include "handsim/output/render/mesh.h"
+#include "handsim/output/render/skin.h"
 #include "handsim/output/report/binary.h"
 #include "handsim/simulation/report/run_data.h"
 #include "handsim/simulation/run/pictures.h"
@@ -16,6 +17,8 @@ namespace {
 constexpr const char* kPartNames[] = {"palm",   "thumb",  "index",  "middle",   "ring",
                                       "little", "object", "ground", "mechanism"};
 static_assert(std::size(kPartNames) == static_cast<std::size_t>(model::Part::mechanism) + 1);
+
+constexpr const char* kLooks[] = {"skin", "shapes", "both"};
 
 Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 Json pose_json(const Pose& x) { return {x.p.x(), x.p.y(), x.p.z(), x.q.x(), x.q.y(), x.q.z(), x.q.w()}; }
@@ -171,6 +174,51 @@ Json mesh_json(const output::Mesh& mesh) {
   return {{"vertices", output::base64(numbers)}, {"indices", output::base64(indices)}};
 }
 
+/// A hand's skin: points in steps of their box, triangles, and the four strongest bodies of each point as
+/// 1024 times the body and 1023 times its share.
+Json skin_json(const output::Skin& skin, const output::Colour& tone) {
+  Vec3 low = skin.points[0], high = low;
+  for (const Vec3& point : skin.points) {
+    low = low.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  const Vec3 step = (high - low) / 65535;
+  std::vector<std::uint16_t> points, faces, influences;
+  for (std::size_t i = 0; i < skin.points.size(); ++i) {
+    for (const double x : (skin.points[i] - low).cwiseQuotient(step))
+      points.push_back(static_cast<std::uint16_t>(std::lround(x)));
+    Eigen::VectorXf shares = skin.weights.row(static_cast<long>(i));
+    for (int k = 0; k < 4; ++k) {
+      long body = 0;
+      const float share = shares.maxCoeff(&body);
+      influences.push_back(static_cast<std::uint16_t>(1024 * body + std::lround(1023 * share)));
+      shares[body] = 0;
+    }
+  }
+  for (const auto& face : skin.faces)
+    for (const std::uint32_t corner : face) faces.push_back(static_cast<std::uint16_t>(corner));
+  Json rest = Json::array();
+  for (const Pose& x : skin.rest) rest.push_back(pose_json(x));
+  return {{"bodies", skin.bodies},
+          {"rest", rest},
+          {"low", numbers(low)},
+          {"step", numbers(step)},
+          {"points", output::base64(points)},
+          {"faces", output::base64(faces)},
+          {"influences", output::base64(influences)},
+          {"tone", colour_json(tone)}};
+}
+
+Json skins_json(const scene::Scene& scene) {
+  Json out = Json::array();
+  if (scene.spec.pictures.hands == scene::HandLook::shapes) return out;
+  for (const auto& skin : output::skins_of(scene.model)) {
+    out.push_back(skin_json(*skin, output::from_srgb(scene.spec.pictures.skin_colour)));
+    out.back()["hand"] = hand_of(scene.model, skin->bodies[0]);
+  }
+  return out;
+}
+
 }  // namespace
 
 Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts) {
@@ -183,6 +231,9 @@ Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts)
           {"shapes", shapes_json(model, start)},
           {"axes", axes_json(model, start)},
           {"tips", tips_json(model)},
+          {"skins", skins_json(run.scene)},
+          {"look", kLooks[static_cast<std::size_t>(run.scene.spec.pictures.hands)]},
+          {"finger_colours", run.scene.spec.pictures.finger_colours},
           {"meshes",
            {{"capsule", mesh_json(output::capsule_mesh(kSides))},
             {"box", mesh_json(output::box_mesh())},
