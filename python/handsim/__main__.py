@@ -10,7 +10,7 @@ from importlib import import_module
 
 from . import _core
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {"live": "handsim._live.command"}
 """Commands in Python, by name: the module of each."""
 
 

@@ -70,8 +70,7 @@ class Session:
         self.playing, self.speed = False, 1.0
         self.lateness: deque[NDArray[np.float64]] = deque(maxlen=512)
         """When steps were complete after they were due [s]; of groups of steps, newest last."""
-        self._inbox: deque[tuple[Command, Optional["Future[Any]"]]] = deque()
-        self._latest: dict[str, Command] = {}
+        self._inbox: dict[object, tuple[Command, Optional["Future[Any]"]]] = {}  # in their order
         self._lock, self._news = threading.Lock(), threading.Event()
         self._frames: deque[tuple[Keyframe, int]] = deque()  # with the number of events before it
         self._present: Optional[tuple[Keyframe, int]] = None
@@ -106,24 +105,22 @@ class Session:
 
     def send(self, command: Command) -> None:
         """Leaves a checked command. :raises Error: where too many wait"""
-        with self._lock:
-            if command.slot is not None:
-                self._latest[command.slot] = command
-            elif len(self._inbox) >= INBOX:
-                raise input_error("command", f"more than {INBOX} that wait", "fewer in a second")
-            else:
-                self._inbox.append((command, None))
-        self._ring()
+        self._put(command, None)
 
     def call(self, work: Callable[["Session"], T]) -> "Future[T]":
         """Runs a function in the session's thread between two steps."""
         future: "Future[T]" = Future()
-        with self._lock:
-            if len(self._inbox) >= INBOX:
-                raise input_error("command", f"more than {INBOX} that wait", "fewer in a second")
-            self._inbox.append((Command("call", {"work": work}), future))
-        self._ring()
+        self._put(Command("call", {"work": work}), future)
         return future
+
+    def _put(self, command: Command, future: Optional["Future[Any]"], most: int = INBOX) -> None:
+        key = command.slot or object()
+        with self._lock:
+            self._inbox.pop(key, None)
+            if len(self._inbox) >= most:
+                raise input_error("command", f"more than {INBOX} that wait", "fewer in a second")
+            self._inbox[key] = (command, future)
+        self._ring()
 
     def _ring(self) -> None:
         self._news.set()
@@ -207,9 +204,8 @@ class Session:
 
     def _take(self) -> None:
         with self._lock:
-            waiting = list(self._inbox) + [(command, None) for command in self._latest.values()]
+            waiting = list(self._inbox.values())
             self._inbox.clear()
-            self._latest.clear()
         for command, future in waiting:
             if future is not None and not future.set_running_or_notify_cancel():
                 continue
@@ -299,9 +295,7 @@ class Session:
                 prepared = self.course.prepare({**overrides, **wanted})
             except Error as error:
                 prepared = error
-            with self._lock:  # beyond the limit of INBOX, but one at a time
-                self._inbox.append((Command("swap", {"changes": wanted, "overrides": overrides, "prepared": prepared}), None))
-            self._ring()
+            self._put(Command("swap", {"changes": wanted, "overrides": overrides, "prepared": prepared}), None, 2 * INBOX)
 
         self._building = threading.Thread(target=work, daemon=True)
         self._building.start()

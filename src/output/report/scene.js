@@ -506,6 +506,8 @@ const Scene = (() => {
       seek(t) { time = t; place(); },
       render, moving, reset, select, pick: onPick,
       orbit: controls,
+      // For a page that adds to the view: what it draws, and what says that it has changed.
+      world, camera, canvas, bodies: flatBodies, changed,
       picked: () => picked,
       show(layer, on) { shown[layer] = on; applyVisibility(); },
       isShown: layer => shown[layer],
