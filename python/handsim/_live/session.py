@@ -49,6 +49,12 @@ class View(NamedTuple):
     q: NDArray[np.float32]
     springs: NDArray[np.float32]
     """Body, its point, goal and force of each, shape (n, 10)."""
+    targets: NDArray[np.float64]
+    """Of the controller's axes [rad]."""
+    wrists: NDArray[np.float64]
+    """Of driven wrists: x y z, quaternion w x y z, shape (wrists, 7)."""
+    touch: frozenset[str]
+    """Shapes that touch objects."""
     built: int
     """Counts the scenes that were built: views of another one have other shapes."""
 
@@ -70,6 +76,9 @@ class Session:
         self.playing, self.speed = False, 1.0
         self.lateness: deque[NDArray[np.float64]] = deque(maxlen=512)
         """When steps were complete after they were due [s]; of groups of steps, newest last."""
+        self.latencies: deque[float] = deque(maxlen=5000)
+        """From a frame of a tracked hand to the end of the first step that had it [s]."""
+        self._born: Optional[float] = None
         self._inbox: dict[object, tuple[Command, Optional["Future[Any]"]]] = {}  # in their order
         self._lock, self._news = threading.Lock(), threading.Event()
         self._frames: deque[tuple[Keyframe, int]] = deque()  # with the number of events before it
@@ -156,6 +165,9 @@ class Session:
         before = time.thread_time()
         late = course.advance(count, due, period)
         spent = time.thread_time() - before
+        if self._born is not None and len(late):
+            self.latencies.append(due + float(late[0]) - self._born)
+            self._born = None
         self._busy += spent
         if len(late):
             self._cost += 0.1 * (spent / len(late) - self._cost)
@@ -238,7 +250,7 @@ class Session:
         elif name == "step":
             self.play(False)
             self._go_on()
-            self.course.advance(values["steps"])
+            self._to(self.course.tick + values["steps"])
             self._after_steps()
         elif name == "speed":
             self.speed = values["value"]
@@ -254,6 +266,7 @@ class Session:
             self._swap(**values)
         else:
             self.input(event_of(command, self.course, self.facts))
+            self._born = values.get("born", self._born)
         return None
 
     def play(self, on: bool) -> None:
@@ -380,10 +393,12 @@ class Session:
         if rows:
             force = self.course.spring_forces if len(self.course.spring_forces) == len(rows) else np.zeros((len(rows), 3))
             springs = np.concatenate((np.array(rows)[:, :7], force), axis=1, dtype=np.float32)
+        objects = self.facts.objects
+        touch = frozenset(of for pair in zip(a, b) for of, on in (pair, pair[::-1]) if on.partition(".")[0] in objects)
         self._number += 1
         return View(self._number, self.course.tick, self.course.time, poses,
                     np.concatenate((places, forces), axis=1, dtype=np.float32), shapes,
-                    np.array(self.course.core.q, dtype=np.float32), springs, self._built)
+                    np.array(core.q, dtype=np.float32), springs, core.targets(), core.wrists(), touch, self._built)
 
     def _tell(self) -> dict[str, Any]:
         """The slow things, as JSON."""
