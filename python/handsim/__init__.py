@@ -5,7 +5,7 @@
     result = scene.run()
 
 `Hand` computes a hand, `load` compiles a scene, `Scene.run` simulates it, `Simulation` steps one, `Batch` steps many on
-all cores, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
+all cores, `live` runs one in real time with a page, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
 """
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from ._batch import Batch
 from ._core import Frame, Motion, Snapshot
 from ._errors import Error, Fault, Problem
 from ._hand import Hand, draw_persons
+from ._live import Live, live
 from ._pictures import contact_sheet, png, save_png
 from ._reports import report, save_video
 from ._result import Result, Verdict
@@ -52,6 +53,6 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-__all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Muscle", "Muscles", "Problem",
+__all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Live", "Motion", "Muscle", "Muscles", "Problem",
            "Quantities", "Result", "Scene", "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons",
-           "gym", "has_pictures", "has_reports", "load", "png", "report", "save_png", "save_video", "scenes", "study"]
+           "gym", "has_pictures", "has_reports", "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -10,7 +10,7 @@ from importlib import import_module
 
 from . import _core
 
-COMMANDS: dict[str, str] = {"export": "handsim.export"}
+COMMANDS: dict[str, str] = {"export": "handsim.export", "live": "handsim._live.command"}
 """Commands in Python, by name: the module of each."""
 
 

@@ -65,6 +65,11 @@ class Environment {
   void reset(const Moment& moment);
   /// @throws Error (input) for another number of coordinates or objects.
   void reset(const Start& start);
+  /// Goes on from a state of this scene, at its time: Simulation::reset.
+  void resume(const model::State& state) {
+    begin();
+    simulation_->reset(state);
+  }
   /// Continues a run: Simulation::restore.
   void restore(const simulation::RunSnapshot& snapshot);
 

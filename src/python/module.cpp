@@ -55,6 +55,7 @@ PYBIND11_MODULE(_core, module) {
   bind_pictures(module);
   bind_reports(module);
   bind_run(module);
+  bind_fit(module);
   bind_simulation(module);
   bind_batch(module);
   bind_studies(module);

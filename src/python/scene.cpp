@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <limits>
+#include <map>
 
 #include "handsim/core/index.h"
 #include "handsim/core/yaml.h"
@@ -63,6 +64,15 @@ std::vector<std::string> driven_wrists(const SceneHandle& of) {
 
 const control::Plan* plan(const SceneHandle& of) { return of.scene->control ? &*of.scene->control : nullptr; }
 
+/// Angles of the joints of each named pose of the scene's control [rad].
+std::map<std::string, std::map<std::string, std::vector<double>>> named_poses(const SceneHandle& of) {
+  std::map<std::string, std::map<std::string, std::vector<double>>> out;
+  if (of.scene->spec.control && of.scene->spec.control->poses)
+    for (const auto& [name, pose] : of.scene->spec.control->poses->poses)
+      for (const auto& [joint, angles] : pose.joints) out[name][joint] = angles.angles;
+  return out;
+}
+
 /// Of objects that move.
 std::vector<std::string> objects(const SceneHandle& of) {
   std::vector<std::string> out;
@@ -118,6 +128,7 @@ void bind_scene(py::module_& module) {
       .def("driven_axes", &driven_axes)
       .def("driven_coordinates", &driven_coordinates)
       .def("driven_wrists", &driven_wrists)
+      .def("poses", &named_poses)
       .def("objects", &objects)
       .def("limits", &limits)
       .def("masses", &masses)

@@ -1,5 +1,12 @@
 #include "handsim/environment/environment.h"
 
+#include <algorithm>
+#include <cmath>
+#include <condition_variable>
+#include <utility>
+
+#include <fmt/format.h>
+
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
@@ -69,6 +76,97 @@ class SimulationHandle {
         if (++steps % kPolledEvery == 0) signals.poll(0);
       });
     });
+  }
+
+  /// The same step by step: targets and wrists go evenly from their first to their second rows within
+  /// `length` steps, of which `done` are done; springs pull; each step waits for its time, unless `wake` ends
+  /// the call.
+  /// @param springs body, its point [m], its goal in the world [m], stiffness, damping, largest force
+  /// @param start of the first step, by the monotonic clock [s]. @param period between steps [s]; 0: no
+  /// waiting
+  /// @return when each step was complete after its start should have been [s], and the springs' last forces
+  /// [N]
+  py::tuple advance(const py::object& torques, const py::object& excitations, const py::object& forces,
+                    const py::object& targets, const py::object& wrists, const py::array_t<double>& springs,
+                    const std::array<double, 2>& done, const std::array<double, 2>& length, int substeps,
+                    double start, double period) {
+    const scene::Scene& scene = environment_.scene();
+    const auto count = [](std::size_t size) { return static_cast<py::ssize_t>(size); };
+    const std::size_t axes = scene.control ? scene.control->axes.size() : 0;
+    const Numbers torque = Numbers::optional(torques, {count(q.size())}, "torques");
+    const Numbers excitation =
+        Numbers::optional(excitations, {count(scene.model.muscles.size())}, "excitations");
+    const Numbers target = Numbers::optional(targets, {2, count(axes)}, "targets");
+    const std::size_t drives = scene.model.drives.size();
+    const std::vector<Pose> ends =
+        poses_of(Numbers::optional(wrists, {2, count(drives), 7}, "wrists"), "wrists");
+    const Numbers spring(springs, {springs.ndim() > 0 ? springs.shape(0) : 0, 10}, "springs");
+    std::vector<std::vector<engine::BodyForce>> given;
+    read_forces(forces, scene.model, 0, given);
+    std::vector<engine::BodyForce> force;
+    std::vector<double> angles(target.empty() ? 0 : axes), late, pulled;
+    std::vector<Pose> places(ends.size() / 2);
+    guarded([&] {
+      for (int i = 0; i < substeps && !awaited(start + i * period, period); ++i) {
+        const auto share = [&](std::size_t of) {
+          return std::clamp((done[of] + i + 1) / length[of], 0.0, 1.0);
+        };
+        for (std::size_t k = 0; k < angles.size(); ++k)
+          angles[k] = std::lerp(target.span()[k], target.span()[axes + k], share(0));
+        for (std::size_t k = 0; k < places.size(); ++k) {
+          const Pose &a = ends[k], &b = ends[drives + k];
+          places[k] = {a.p + share(1) * (b.p - a.p), a.q.slerp(share(1), b.q)};
+        }
+        force = given.empty() ? std::vector<engine::BodyForce>() : given[0];
+        pulled.clear();
+        for (std::size_t k = 0; k < spring.span().size(); k += 10) pull(&spring.span()[k], force, pulled);
+        environment_.step({.torques = torque.span(),
+                           .angles = angles,
+                           .wrists = places,
+                           .wrist_rates = {},
+                           .excitations = excitation.span(),
+                           .forces = force});
+        late.push_back(seconds() - start - i * period);
+      }
+    });
+    return py::make_tuple(array_of(late), array_of(pulled, 3));
+  }
+
+  /// Ends the waiting of `advance` in another thread, or of the next one.
+  void wake() {
+    const std::lock_guard lock(waking_);
+    woken_ = true;
+    bell_.notify_all();
+  }
+
+  /// Goes on from the state of another simulation of the same bodies: hands may have other sizes.
+  void carry_over(SimulationHandle& from) {
+    const model::State old = from.calls_.one([&] { return from.simulation().state(); });
+    const model::Model &model = environment_.scene().model, &before = from.environment_.scene().model;
+    model::State state = model::initial_state(model);
+    if (old.bodies.size() != state.bodies.size() || old.q.size() != state.q.size() ||
+        old.activation.size() != state.activation.size())
+      throw input_error("scene", "one with other bodies, joints or muscles", "the same ones");
+    std::vector<bool> hangs(state.bodies.size());
+    for (const model::Joint& joint : model.joints) hangs[at(joint.child)] = true;
+    for (std::size_t i = 1; i < hangs.size(); ++i)
+      if (!hangs[i]) state.bodies[i] = old.bodies[i];
+    for (std::size_t i = 0; i < model.hands.size(); ++i) {
+      model::BodyState& palm = state.bodies[at(model.hands[i].palm)];
+      if (hangs[at(model.hands[i].palm)]) continue;
+      const Pose x = palm.pose() * before.hands[i].wrist_frame * model.hands[i].wrist_frame.inverse();
+      palm.p = x.p;
+      palm.q = x.q;
+    }
+    std::vector<double> angles = old.q;
+    for (const model::Joint& joint : model.joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a)
+        if (double& q_a = angles[at(joint.first_dof) + a]; joint.axes[a].stop)
+          q_a = std::clamp(q_a, joint.axes[a].stop->low, joint.axes[a].stop->high);
+    state.time = old.time;
+    state.activation = old.activation;
+    simulation::place_start(environment_.scene(), angles, old.u, state);
+    guarded([&] { environment_.resume(state); });
   }
 
   /// The buffers have the state afterwards, whatever happens.
@@ -148,8 +246,38 @@ class SimulationHandle {
     std::copy(state.tau.begin(), state.tau.end(), tau.begin());
   }
 
+  static double seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+  }
+  /// Waits for a time. @return true where `wake` was called
+  bool awaited(double due, double period) {
+    std::unique_lock lock(waking_);
+    const auto woken = [&] { return woken_; };
+    if (period > 0 && due > seconds())
+      bell_.wait_for(lock, std::chrono::duration<double>(due - seconds()), woken);
+    return std::exchange(woken_, false);
+  }
+  /// Adds the force of a spring, as a row of `advance`, on its body.
+  void pull(const double* row, std::vector<engine::BodyForce>& forces, std::vector<double>& pulled) const {
+    const auto index = static_cast<std::size_t>(row[0]);
+    if (!(row[0] >= 1 && index < simulation().state().bodies.size()))
+      throw input_error("springs", fmt::format("body {:g}", row[0]), "the index of one");
+    const model::BodyState& body = simulation().state().bodies[index];
+    const Vec3 arm = body.q * Vec3(row[1], row[2], row[3]), speed = body.v + body.w.cross(arm);
+    Vec3 force = row[7] * (Vec3(row[4], row[5], row[6]) - body.p - arm) - row[8] * speed;
+    force *= std::min(1.0, row[9] / std::max(force.norm(), 1e-12));
+    engine::BodyForce& added = forces.emplace_back();
+    added.body = static_cast<int>(index);
+    added.force = force;
+    added.moment = arm.cross(force);
+    pulled.insert(pulled.end(), {force.x(), force.y(), force.z()});
+  }
+
   environment::Environment environment_;
   Calls calls_;
+  std::mutex waking_;
+  std::condition_variable bell_;
+  bool woken_ = false;
 };
 
 /// A view of a buffer that keeps the simulation alive.
@@ -204,6 +332,25 @@ void bind_simulation(py::module_& module) {
   bound
       .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("excitations"),
            py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
+      .def("advance", &Self::advance)
+      .def("wake", &Self::wake)
+      .def("carry_over", &Self::carry_over)
+      .def("wrists",
+           [](Self& self) {
+             std::vector<double> out;
+             for (const model::Drive& drive : self.simulation().model().drives) {
+               const Pose x = self.simulation().state().bodies[at(drive.body)].pose() * drive.frame;
+               out.insert(out.end(), {x.p.x(), x.p.y(), x.p.z(), x.q.w(), x.q.x(), x.q.y(), x.q.z()});
+             }
+             return array_of(out, 7);
+           })
+      .def("targets",
+           [](Self& self) {
+             std::vector<double> out;
+             if (const auto* controller = self.simulation().controller())
+               for (const control::AxisState& axis : controller->axes()) out.push_back(axis.target);
+             return array_of(out);
+           })
       .def("muscles", &Self::muscles)
       .def(
           "set",

@@ -560,6 +560,8 @@ const Scene = (() => {
       setLook(wanted) { look = wanted; applyVisibility(); },
       render, moving, reset, select, pick: onPick,
       orbit: controls,
+      // For a page that adds to the view: what it draws, and what says that it has changed.
+      world, camera, canvas, bodies: flatBodies, changed,
       picked: () => picked,
       show(layer, on) { shown[layer] = on; applyVisibility(); },
       isShown: layer => shown[layer],
