@@ -10,7 +10,7 @@ from importlib import import_module
 
 from . import _core
 
-COMMANDS: dict[str, str] = {}
+COMMANDS: dict[str, str] = {"compare": "handsim.compare"}
 """Commands in Python, by name: the module of each."""
 
 
