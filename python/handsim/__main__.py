@@ -10,7 +10,11 @@ from importlib import import_module
 
 from . import _core
 
-COMMANDS: dict[str, str] = {"export": "handsim.export", "live": "handsim._live.command"}
+COMMANDS: dict[str, str] = {
+    "compare": "handsim.compare",
+    "export": "handsim.export",
+    "live": "handsim._live.command",
+}
 """Commands in Python, by name: the module of each."""
 
 

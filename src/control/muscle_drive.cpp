@@ -52,6 +52,10 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
 
 StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least)
     : model_(model), least_(least), dofs_(std::move(dofs)), row_(at(model.dof_count()), kNoRow) {
+  // Bone, not muscles, holds a joint that is fused.
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (model::fused(joint.axes[a])) std::erase(dofs_, at(joint.first_dof) + a);
   for (std::size_t i = 0; i < dofs_.size(); ++i) row_[dofs_[i]] = static_cast<int>(i);
   const auto rows = static_cast<Eigen::Index>(dofs_.size());
   const auto muscles = static_cast<Eigen::Index>(model.muscles.size());
@@ -81,7 +85,8 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
     const double at_activation =
         again ? std::max(activation_[static_cast<Eigen::Index>(m)], kLeastActivation) : 1;
     const double active =
-        std::max((model::tension(muscle, excursion, rate, at_activation).force - passive) / at_activation,
+        std::max((model::tension(muscle, excursion, rate, muscle.excitable * at_activation).force - passive) /
+                     at_activation,
                  kLeastShare * model::isometric_force(muscle, excursion));
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
       const int row = row_[at(muscle.path.arms[i].dof)];

@@ -173,7 +173,8 @@ ProgramSpec read_program(MapReader reader, const PoseFile& file) {
 
 void check_range(const std::string& pose, const HandAxis& axis, double angle, const Place& place,
                  Diagnostics& diagnostics) {
-  if (!axis.stop || (angle >= axis.stop->low - kRangeTolerance && angle <= axis.stop->high + kRangeTolerance))
+  if (!axis.stop || axis.stop->stiff ||
+      (angle >= axis.stop->low - kRangeTolerance && angle <= axis.stop->high + kRangeTolerance))
     return;
   diagnostics.problems.push_back({place, fmt::format("poses.{}.{}", pose, axis.joint),
                                   fmt::format("{:.4g} deg for {}", angle / kDegree, axis.name()),

@@ -52,7 +52,8 @@ struct alignas(32) ElasticRow {
 struct alignas(32) TendonBlock {
   // Constants: muscles.
   TendonLane strength, length, per_length, height, reach, least, max_speed, drag;  ///< model::HillConstants
-  TendonLane up, down;                  ///< times of activation [s]
+  TendonLane up, down;  ///< times of activation [s]
+  TendonLane excitable;
   TendonLane stiffness, damping, rest;  // Bands.
   TendonLane one_way;                   ///< 1: pulls only
   // From step to step.

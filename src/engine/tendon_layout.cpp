@@ -71,6 +71,7 @@ void set_muscle(TendonBlock& block, std::size_t lane, const model::Muscle& muscl
   block.drag[lane] = hill.drag;
   block.up[lane] = muscle.activation_time;
   block.down[lane] = muscle.deactivation_time;
+  block.excitable[lane] = muscle.excitable;
 }
 
 void set_band(TendonBlock& block, std::size_t lane, const model::Ligament& band) {

@@ -77,8 +77,8 @@ struct TendonOperations {
     V excitation = 0.0;
     if (excitations)
       excitation = V([&](auto i) {
-        const int muscle = b.tendon[static_cast<int>(i) + l];
-        return muscle == kNoTendon ? 0 : excitations[muscle];
+        const int lane = static_cast<int>(i) + l, muscle = b.tendon[lane];
+        return muscle == kNoTendon ? 0 : excitations[muscle] * b.excitable[lane];
       });
     const V activation =
         model::hill_activation(load(b.up + l), load(b.down + l), load(b.activation + l), excitation, step);

@@ -11,6 +11,7 @@
 
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
+#include "handsim/hand/what_if.h"
 
 namespace handsim::hand {
 
@@ -345,6 +346,7 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
     spec.spread = read_spread(reader.map("spread"), {"segments", "hand_mass", "passive_tissue", "ranges"});
   if (YamlNode* file = reader.file_or_block("muscles", "muscles of a hand", false))
     spec.muscles = read_muscle_file(*file, reader.path_of("muscles"), hand_axes(spec), diagnostics);
+  if (auto changed = read_what_if(reader, spec)) spec = std::move(*changed);
   reader.finish();
   return spec;
 }
@@ -360,6 +362,7 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec) {
         each.high = axis.stop->high;
       }
       if (axis.tissue) each.rest = axis.tissue->rest;
+      each.held = axis.initial;
     }
   };
   add(spec.wrist);

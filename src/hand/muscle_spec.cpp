@@ -51,7 +51,7 @@ class FileReader {
   void read_band(MapReader reader) {
     BandSpec band;
     if (reader.has("between"))
-      band.tendon = read_difference(reader);
+      band.tendon = read_difference(reader, band.between);
     else
       band.tendon = read_tendon(reader);
     band.stiffness = reader.number("stiffness", {Dimension::stiffness, 0, 1e7});
@@ -63,7 +63,36 @@ class FileReader {
     file_.bands.push_back(std::move(band));
   }
 
+  void read_nerves(MapReader reader) {
+    for (const std::string& nerve : reader.keys()) {
+      MapReader shares = reader.map(nerve);
+      for (const std::string& name : shares.keys()) {
+        file_.nerves[nerve][name] = shares.number(name, {Dimension::none, 0, 1});
+        check_muscle(shares, name, name);
+      }
+    }
+  }
+
+  void read_pulley(MapReader reader) {
+    PulleySpec pulley;
+    pulley.name = reader.name("name");
+    pulley.finger = reader.name("finger");
+    pulley.gained.name = reader.name("tendon");
+    check_muscle(reader, "tendon", pulley.gained.name);
+    read_path(reader, pulley.gained.path);
+    reader.finish();
+    file_.pulleys.push_back(std::move(pulley));
+  }
+
  private:
+  bool check_muscle(MapReader& reader, std::string_view key, const std::string& name) {
+    std::vector<std::string> known;
+    for (const MuscleSpec& each : file_.muscles) known.push_back(each.tendon.name);
+    const bool found = std::ranges::find(known, name) != known.end();
+    if (!found) reader.problem(key, name, "a muscle of this file" + nearest_hint(name, known));
+    return found;
+  }
+
   std::string read_name(MapReader& reader) {
     std::string name = reader.name("name");
     if (std::ranges::find(taken_, name) != taken_.end() && !name.empty())
@@ -75,6 +104,11 @@ class FileReader {
   TendonSpec read_tendon(MapReader& reader) {
     TendonSpec out;
     out.name = read_name(reader);
+    read_path(reader, out.path);
+    return out;
+  }
+
+  void read_path(MapReader& reader, model::TendonPath& path) {
     MapReader arms = reader.required_map("arms", "a mapping of axes to moment arms");
     for (const std::string& name : arms.keys(model::kMostArms)) {
       if (any_axis_ && find_axis(axes_, name) < 0) axes_.push_back({name});
@@ -82,12 +116,11 @@ class FileReader {
       YamlNode* node = arms.value(
           name, {{YamlNode::Kind::sequence, YamlNode::Kind::scalar}, "a moment arm or its coefficients"});
       if (axis < 0 || !node) continue;
-      out.path.arms.push_back(read_arm(arms, name, axis, *node));
+      path.arms.push_back(read_arm(arms, name, axis, *node));
     }
     for (const YamlEntry& given : arms.node().entries)
       if (find_axis(axes_, given.key) < 0) arms.unknown_key(given, "an unknown axis", names_);
-    reader.each("products", 0, 20, [&](MapReader row) { read_product(std::move(row), out.path); });
-    return out;
+    reader.each("products", 0, 20, [&](MapReader row) { read_product(std::move(row), path); });
   }
 
   /// `0.0101`, or coefficients [m], [m/rad], [m/rad^2], ...
@@ -133,47 +166,21 @@ class FileReader {
   }
 
   /// The path by which the second muscle's tendon runs ahead of the first one's.
-  TendonSpec read_difference(MapReader& reader) {
+  TendonSpec read_difference(MapReader& reader, std::vector<std::string>& of) {
     TendonSpec out;
     out.name = read_name(reader);
-    const std::vector<std::string> of = reader.texts("between", 2, 2, "two muscles above this row");
+    of = reader.texts("between", 2, 2, "two muscles above this row");
     if (of.size() != 2) return out;
     for (std::size_t side = 0; side < 2; ++side) {
       const auto found = std::ranges::find_if(
           file_.muscles, [&](const MuscleSpec& each) { return each.tendon.name == of[side]; });
-      if (found == file_.muscles.end()) {
-        std::vector<std::string> known;
-        for (const MuscleSpec& each : file_.muscles) known.push_back(each.tendon.name);
-        reader.problem("between", of[side], "a muscle of this file" + nearest_hint(of[side], known));
-        return out;
-      }
-      add(found->tendon.path, side == 0 ? 1.0 : -1.0, out.path);
+      if (!check_muscle(reader, "between", of[side])) return out;
+      add_path(found->tendon.path, side == 0 ? 1.0 : -1.0, out.path);
     }
     if (out.path.arms.size() > model::kMostArms)
       reader.problem("between", fmt::format("tendons that cross {} axes", out.path.arms.size()),
                      fmt::format("at most {}", model::kMostArms));
     return out;
-  }
-
-  /// Adds a path with a sign; products stay among its own arms.
-  static void add(const model::TendonPath& path, double sign, model::TendonPath& to) {
-    std::vector<int> place;
-    for (model::MomentArm arm : path.arms) {
-      for (double& c : arm.c) c *= sign;
-      const auto same =
-          std::ranges::find_if(to.arms, [&](const model::MomentArm& each) { return each.dof == arm.dof; });
-      place.push_back(static_cast<int>(same - to.arms.begin()));
-      if (same == to.arms.end())
-        to.arms.push_back(arm);
-      else
-        for (std::size_t k = 0; k < arm.c.size(); ++k) same->c[k] += arm.c[k];
-    }
-    for (model::ArmProduct each : path.products) {
-      each.a = place[at(each.a)];
-      each.b = place[at(each.b)];
-      each.factor *= sign;
-      to.products.push_back(each);
-    }
   }
 
   std::vector<HandAxis> axes_;
@@ -190,6 +197,26 @@ model::TendonPath scaled(model::TendonPath path, double factor) {
 }
 
 }  // namespace
+
+void add_path(const model::TendonPath& path, double sign, model::TendonPath& to) {
+  std::vector<int> place;
+  for (model::MomentArm arm : path.arms) {
+    for (double& c : arm.c) c *= sign;
+    const auto same =
+        std::ranges::find_if(to.arms, [&](const model::MomentArm& each) { return each.dof == arm.dof; });
+    place.push_back(static_cast<int>(same - to.arms.begin()));
+    if (same == to.arms.end())
+      to.arms.push_back(arm);
+    else
+      for (std::size_t k = 0; k < arm.c.size(); ++k) same->c[k] += arm.c[k];
+  }
+  for (model::ArmProduct each : path.products) {
+    each.a = place[at(each.a)];
+    each.b = place[at(each.b)];
+    each.factor *= sign;
+    to.products.push_back(each);
+  }
+}
 
 std::map<std::string, double> read_spread(MapReader reader, std::initializer_list<const char*> names) {
   std::map<std::string, double> out;
@@ -221,6 +248,8 @@ MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
   FileReader rows(axes, file);
   reader.each("muscles", 1, kMostMuscles, [&](MapReader row) { rows.read_muscle(std::move(row)); });
   reader.each("bands", 0, kMostMuscles, [&](MapReader row) { rows.read_band(std::move(row)); });
+  if (reader.has("nerves")) rows.read_nerves(reader.map("nerves"));
+  reader.each("pulleys", 0, kMostMuscles, [&](MapReader row) { rows.read_pulley(std::move(row)); });
   reader.finish();
   return file;
 }
@@ -250,6 +279,7 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     muscle.pennation = spec.pennation;
     muscle.activation_time = spec.activation_time;
     muscle.deactivation_time = spec.deactivation_time;
+    muscle.excitable = spec.excitable;
     const double across = std::sin(spec.pennation);
     const double along = std::sqrt(std::max(0.01, spec.rest * spec.rest - across * across));
     muscle.length =

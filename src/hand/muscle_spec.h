@@ -29,6 +29,7 @@ struct MuscleSpec {
   double pennation = 0;      ///< [rad]
   double rest = 1;           ///< fibre length at the joints' rest angles, over the optimal one
   double activation_time = 0.015, deactivation_time = 0.05;  ///< [s]
+  double excitable = 1;                                      ///< model::Muscle::excitable
 };
 
 /// A band across joints.
@@ -37,6 +38,13 @@ struct BandSpec {
   double stiffness = 0, damping = 0;  ///< of the reference hand [N/m], [N s/m]
   double rest = 0;                    ///< [m]
   bool both_ways = true;
+  std::vector<std::string> between;  ///< muscles whose tendons it joins
+};
+
+/// What the path of a flexor gains where a pulley of its sheath is torn.
+struct PulleySpec {
+  std::string name, finger;
+  TendonSpec gained;  ///< name of the muscle; arms of the reference hand
 };
 
 struct MuscleFile {
@@ -47,6 +55,9 @@ struct MuscleFile {
   GripTable norms;
   std::vector<MuscleSpec> muscles;
   std::vector<BandSpec> bands;
+  /// By the name of a nerve at a level: the muscles that hang on it, with the share of each.
+  std::map<std::string, std::map<std::string, double>> nerves;
+  std::vector<PulleySpec> pulleys;
   std::map<std::string, double> spread;  ///< as HandSpec::spread
 };
 
@@ -55,6 +66,7 @@ struct HandAxis {
   std::string name;                 ///< e.g. `index_mcp.flexion`, `wrist.flexion`
   double low = -M_PI, high = M_PI;  ///< range [rad]
   double rest = 0;                  ///< rest angle of its tissue [rad]
+  double held = 0;                  ///< where the mount omits the axis [rad]
 };
 
 /// Standard deviations by these names: of ln of a size; `ranges` is an angle [rad].
@@ -63,6 +75,9 @@ std::map<std::string, double> read_spread(MapReader reader, std::initializer_lis
 /// Reads `muscles`; problems go into the diagnostics. @param axes of the hand; absent: any name is one
 MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
                             const std::optional<std::vector<HandAxis>>& axes, Diagnostics& diagnostics);
+
+/// Adds a path with a sign; products stay among its own arms.
+void add_path(const model::TendonPath& path, double sign, model::TendonPath& to);
 
 /// The muscle crosses the wrist: its belly lies in the forearm.
 bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes);

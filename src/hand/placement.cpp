@@ -87,7 +87,11 @@ void apply_start(Joint& joint, const Placement& placement) {
   if (found->second.size() > joint.axes.size())
     throw input_error("pose." + joint.name, fmt::format("{} angles", found->second.size()),
                       fmt::format("at most {}", joint.axes.size()));
-  for (std::size_t i = 0; i < found->second.size(); ++i) joint.axes[i].initial = found->second[i];
+  for (std::size_t i = 0; i < found->second.size(); ++i) {
+    const auto& stop = joint.axes[i].stop;
+    const double angle = found->second[i];
+    joint.axes[i].initial = stop && stop->stiff ? std::clamp(angle, stop->low, stop->high) : angle;
+  }
 }
 
 void scale_tissue(Joint& joint, const Placement& placement) {
@@ -173,24 +177,14 @@ void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& h
   }
 }
 
-/// A path by the model's coordinates, without the axes that the mount omits.
-model::TendonPath placed(const model::TendonPath& path, const std::vector<std::optional<int>>& dofs) {
-  model::TendonPath out;
-  std::vector<int> place;
-  for (model::MomentArm arm : path.arms) {
-    const std::optional<int> dof = dofs[static_cast<std::size_t>(arm.dof)];
-    place.push_back(dof ? static_cast<int>(out.arms.size()) : -1);
-    if (!dof) continue;
-    arm.dof = *dof;
-    out.arms.push_back(arm);
-  }
-  // The angle of an axis that is not there is 0, and so is its product.
-  for (model::ArmProduct each : path.products) {
-    each.a = place[static_cast<std::size_t>(each.a)];
-    each.b = place[static_cast<std::size_t>(each.b)];
-    if (each.a >= 0 && each.b >= 0) out.products.push_back(each);
-  }
-  return out;
+/// A path by the model's coordinates; axes that the mount omits are held. @return the excursion of these [m]
+double place(model::TendonPath& path, const std::vector<HandAxis>& axes,
+             const std::vector<std::optional<int>>& dofs) {
+  double held = 0;
+  for (std::size_t i = 0; i < dofs.size(); ++i)
+    if (!dofs[i]) held += model::hold(path, static_cast<int>(i), axes[i].held);
+  for (model::MomentArm& arm : path.arms) arm.dof = *dofs[static_cast<std::size_t>(arm.dof)];
+  return held;
 }
 
 /// Adds muscles and bands; the joints are in the model.
@@ -210,14 +204,14 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
   }
   for (model::Muscle muscle : hand.muscles.muscles) {
     muscle.name = index.name + "." + muscle.name;
-    muscle.path = placed(muscle.path, dofs);
+    muscle.length -= place(muscle.path, hand.axes, dofs);
     if (muscle.slack_length > 0) muscle.tendon_strain = placement.tendon_strain;
     index.muscles.push_back(static_cast<int>(model.muscles.size()));
     model.muscles.push_back(std::move(muscle));
   }
   for (model::Ligament band : hand.muscles.bands) {
     band.name = index.name + "." + band.name;
-    band.path = placed(band.path, dofs);
+    band.rest += place(band.path, hand.axes, dofs);
     index.ligaments.push_back(static_cast<int>(model.ligaments.size()));
     model.ligaments.push_back(std::move(band));
   }

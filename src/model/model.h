@@ -73,6 +73,7 @@ struct Stop {
   double high = 0;    ///< [rad] or [m]
   double bounce = 0;  ///< restitution at the stop, 0..1
   OdeStop ode = {};
+  bool stiff = false;  ///< narrower than the joint of a hand of this model: poses may lie beyond it
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
@@ -91,6 +92,12 @@ struct JointAxis {
   double initial = 0;  ///< coordinate at the start [rad] or [m]
   double torque = 0;   ///< constant, along the coordinate, where actuation is on [N m] or [N]
 };
+
+/// The range of a joint that has grown stiff: narrow, not nothing, for engines and formats want low < high.
+inline constexpr double kFusedRange = 2e-3;
+inline bool fused(const JointAxis& axis) {
+  return axis.stop && axis.stop->high - axis.stop->low < 1.01 * kFusedRange;
+}
 
 /// A joint. Frame F is fixed in the parent, M in the child; at zero coordinates they coincide. Hinge: R_FM =
 /// Rot(axis0, q0). Universal: R_FM = Rot(axis0, q0) Rot(axis1, q1). Ball: R_FM free. Slider: p_FM = q0 axis0.

@@ -58,6 +58,28 @@ PathState path_state(const TendonPath& path, std::span<const double> q) {
   return out;
 }
 
+double hold(TendonPath& path, int dof, double angle) {
+  const auto arm = std::ranges::find_if(path.arms, [&](const MomentArm& each) { return each.dof == dof; });
+  if (arm == path.arms.end()) return 0;
+  const int held = static_cast<int>(arm - path.arms.begin());
+  std::vector<double> q(at(dof) + 1);
+  q.back() = angle;
+  MomentArm alone = *arm;
+  const double out = path_state({{alone}, {}}, q).excursion, x = std::clamp(angle, arm->low, arm->high);
+  std::erase_if(path.products, [&](ArmProduct& each) {
+    if (each.b == held) std::swap(each.a, each.b), std::swap(each.power_a, each.power_b);
+    const bool with = each.a == held;
+    // factor x^n y^m is an arm m factor x^n y^(m-1) of y.
+    if (with)
+      path.arms[at(each.b)].c[at(each.power_b) - 1] += each.power_b * each.factor * power(x, each.power_a);
+    each.a -= each.a > held ? 1 : 0;
+    each.b -= each.b > held ? 1 : 0;
+    return with;
+  });
+  path.arms.erase(arm);
+  return out;
+}
+
 bool any_elastic(std::span<const Muscle> muscles) {
   return std::ranges::any_of(muscles, [](const Muscle& each) { return each.tendon_strain.has_value(); });
 }

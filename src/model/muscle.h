@@ -45,6 +45,10 @@ struct PathState {
 /// @param q coordinates of the model [rad]
 PathState path_state(const TendonPath& path, std::span<const double> q);
 
+/// What a path is at one angle of a coordinate: the others' arms, without this coordinate. @return its
+/// excursion there [m]
+double hold(TendonPath& path, int dof, double angle);
+
 /// Strains of an elastic tendon at the largest isometric force.
 inline constexpr double kLeastTendonStrain = 1e-4, kMostTendonStrain = 0.5;
 
@@ -63,6 +67,7 @@ struct Muscle {
   double deactivation_time = 0.05;  ///< [s]
   double max_speed = 10;            ///< fastest shortening [optimal fibre lengths/s]
   double initial = 0;               ///< activation at the start, 0..1
+  double excitable = 1;  ///< share of its excitation that reaches its fibres, 0..1: a blocked nerve
   /// Strain of the tendon at the largest isometric force; absent: the tendon is rigid.
   std::optional<double> tendon_strain;
 };

@@ -48,7 +48,8 @@ Tension tension(const Muscle& muscle, double excursion, double rate, double acti
 
 double isometric_force(const Muscle& muscle, double excursion) {
   const Fibre fibre = fibre_at(muscle, excursion);
-  return muscle.force * fibre.cosine * hill_active(fibre.length / muscle.fibre_length).value;
+  return muscle.excitable * muscle.force * fibre.cosine *
+         hill_active(fibre.length / muscle.fibre_length).value;
 }
 
 double passive_force(const Muscle& muscle, double excursion) {

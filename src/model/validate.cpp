@@ -271,6 +271,7 @@ class Checker {
     check_range({muscle.name, ".deactivation_time"}, muscle.deactivation_time, 1e-6, 10, "s");
     check_range({muscle.name, ".max_speed"}, muscle.max_speed, 0.01, 1e3, "1/s");
     check_range({muscle.name, ".initial"}, muscle.initial, 0, 1, "");
+    check_range({muscle.name, ".excitable"}, muscle.excitable, 0, 1, "");
     if (muscle.tendon_strain) {
       check_range({muscle.name, ".tendon_strain"}, *muscle.tendon_strain, kLeastTendonStrain,
                   kMostTendonStrain, "");

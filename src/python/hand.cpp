@@ -6,6 +6,7 @@
 #include "handsim/core/index.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/model/newton_euler.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -193,6 +194,31 @@ py::array_t<double> moment_arms(const SceneHandle& of, const py::object& q) {
   return matrix(out);
 }
 
+/// Of muscles: what full activation adds, and what they pull at rest [N]. Of coordinates: the torque of
+/// tissue and bands [N m].
+py::tuple muscle_forces(const SceneHandle& of, const py::object& q) {
+  const Posture posture(of, q);
+  const model::Model& model = posture.model;
+  Column active, passive, torque(posture.state.q.size());
+  for (const model::Muscle& muscle : model.muscles) {
+    const double excursion = model::path_state(muscle.path, posture.state.q).excursion;
+    active.push_back(model::isometric_force(muscle, excursion));
+    passive.push_back(model::passive_force(muscle, excursion));
+  }
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (const auto& tissue = joint.axes[a].tissue)
+        torque[at(joint.first_dof) + a] -=
+            tissue->stiffness * (posture.state.q[at(joint.first_dof) + a] - tissue->rest);
+  for (const model::Ligament& band : model.ligaments) {
+    const model::PathState path = model::path_state(band.path, posture.state.q);
+    const double pull = -band.stiffness * (path.excursion + band.rest);
+    for (std::size_t i = 0; i < band.path.arms.size(); ++i)
+      torque[at(band.path.arms[i].dof)] += path.arm[i] * (band.both_ways ? pull : std::max(0.0, pull));
+  }
+  return py::make_tuple(array_of(active), array_of(passive), array_of(torque));
+}
+
 /// Size, mass and strength of the first hand.
 py::dict dimensions(const SceneHandle& of) {
   first_hand(of);
@@ -229,6 +255,7 @@ void bind_hand(py::module_& module) {
   module.def("hand_inverse_dynamics", &inverse_dynamics, scene, q, py::arg("u"), py::arg("a"),
              py::arg("gravity"));
   module.def("hand_moment_arms", &moment_arms, scene, q);
+  module.def("hand_muscle_forces", &muscle_forces, scene, q);
 }
 
 }  // namespace handsim::python

@@ -115,7 +115,7 @@ std::string curves() {
 
 std::string muscle_element(const model::Muscle& muscle, const std::string& path) {
   return fmt::format("<RigidTendonMuscle name=\"{}\">", attribute(muscle.name)) +
-         element("min_control", 0.0) + element("max_control", 1.0) + path +
+         element("min_control", 0.0) + element("max_control", muscle.excitable) + path +
          element("max_isometric_force", muscle.force) + element("optimal_fiber_length", muscle.fibre_length) +
          element("tendon_slack_length", muscle.slack_length) +
          element("pennation_angle_at_optimal", muscle.pennation) +

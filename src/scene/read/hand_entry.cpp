@@ -9,6 +9,7 @@
 
 #include "handsim/control/pose_table.h"
 #include "handsim/hand/doubts.h"
+#include "handsim/hand/what_if.h"
 #include "handsim/model/effects.h"
 #include "handsim/scene/read/blocks.h"
 
@@ -201,6 +202,8 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
     entry.model = std::make_shared<const hand::HandSpec>();
   }
   const bool model_known = reader.sound();
+  if (auto changed = hand::read_what_if(reader, *entry.model))
+    entry.model = std::make_shared<const hand::HandSpec>(std::move(*changed));
   if (YamlNode* node = referenced(reader, "person", FileKind::person))
     entry.person = hand::read_person(*node, reader.path_of("person"), diagnostics);
 

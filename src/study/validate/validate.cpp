@@ -224,6 +224,22 @@ class SimulatedScenes {
       summaries_;  ///< by scene and overrides
 };
 
+/// The hands that rows measure, each built once.
+class Subjects {
+ public:
+  explicit Subjects(const ValidateSpec& spec) : spec_(spec) {}
+  const Subject& of(const Measurement& row, const hand::Person& person) {
+    const auto key = std::pair(row.person, row.hand);
+    auto found = built_.find(key);
+    if (found == built_.end()) found = built_.emplace(key, Subject(spec_.hand_of(row), person)).first;
+    return found->second;
+  }
+
+ private:
+  const ValidateSpec& spec_;
+  std::map<std::pair<std::string, std::string>, Subject> built_;
+};
+
 /// Draws hands of each person, and measures all rows that are no simulations on them.
 void draw_hands(const ValidateSpec& spec, int count, const std::function<void(double)>& progress,
                 ValidateResult& out) {
@@ -237,11 +253,11 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
   double done = 0;
   in_threads(0, stop, [&] {
     for (int i = next++; i < count && !stop; i = next++) {
-      std::map<std::string, Subject> subjects;
-      for (const auto& [name, of] : drawn) subjects.emplace(name, Subject(spec.hand, of.persons[at(i)]));
+      Subjects subjects(spec);
       for (std::size_t r = 0; r < out.rows.size(); ++r)
         if (const Measurement& of = *out.rows[r].of; of.kind != Measured::simulation) try {
-            ours[r][at(i)] = measure(subjects.at(of.person), of);
+            ours[r][at(i)] = measure(subjects.of(of, drawn.at(of.person).persons[at(i)]), of);
+            if (of.over_row) ours[r][at(i)] /= ours[*of.over_row][at(i)];
           } catch (const Error&) {
             // Such a hand has no posture in which moments balance.
             ours[r][at(i)] = NAN;
@@ -274,8 +290,7 @@ bool ValidateResult::passed() const {
 
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs,
                             std::optional<int> uncertain, const std::function<void(double)>& progress) {
-  std::map<std::string, Subject> subjects;
-  for (const auto& [name, person] : spec.people) subjects.emplace(name, Subject(spec.hand, person));
+  Subjects subjects(spec);
   ValidateResult out;
   std::optional<SimulatedScenes> scenes;
   if (runs) scenes.emplace(*runs);
@@ -287,10 +302,11 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
       row.measured = scenes.has_value();
       if (scenes) row.ours = scenes->figure(of);
     } else {
-      row.ours = measure(subjects.at(of.person), of);
+      row.ours = measure(subjects.of(of, spec.people.at(of.person)), of);
     }
+    if (of.over_row) row.ours /= out.rows[*of.over_row].ours;
     const double difference = of.kind == Measured::moment_arms
-                                  ? measure_arms(subjects.at(of.person), of).second
+                                  ? measure_arms(subjects.of(of, spec.people.at(of.person)), of).second
                                   : std::abs(row.ours - of.value);
     row.deviation = difference / of.spread;
     within += row.within() ? 1 : 0;

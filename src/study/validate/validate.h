@@ -43,6 +43,8 @@ struct Measurement {
   std::string name, unit, source, reason;
   Measured kind = Measured::moment_arms;
   std::string person;
+  std::string hand;                     ///< of ValidateSpec::hands; empty: that of the file
+  std::optional<std::size_t> over_row;  ///< row above, whose value divides this one's
   std::string muscle, axis, finger, direction;
   std::string segment;  ///< tip_force: whose middle is pressed; empty: the fingertip
   std::vector<std::string> muscles;
@@ -65,6 +67,10 @@ struct Measurement {
 struct ValidateSpec {
   std::string title;
   hand::HandSpec hand;
+  std::map<std::string, hand::HandSpec> hands;  ///< the same, changed (hand/what_if.h)
+  const hand::HandSpec& hand_of(const Measurement& row) const {
+    return row.hand.empty() ? hand : hands.at(row.hand);
+  }
   std::map<std::string, hand::Person> people;
   std::vector<Measurement> measurements;
   double goal = 0.9;  ///< share of rows within one spread

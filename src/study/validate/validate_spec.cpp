@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/units.h"
+#include "handsim/hand/what_if.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/study/validate/subject.h"
 #include "handsim/study/validate/validate.h"
@@ -87,6 +88,7 @@ class RowReader {
       if (const auto cut = segment.name.rfind("_distal"); cut != std::string::npos)
         fingers_.push_back(segment.name.substr(0, cut));
     for (const auto& [name, person] : spec.people) people_.push_back(name);
+    for (const auto& [name, changed] : spec.hands) hands_.push_back(name);
   }
 
   void read(MapReader reader) {
@@ -96,8 +98,11 @@ class RowReader {
     for (const KindForm& form : kForms) kinds.emplace_back(form.word, form.kind);
     row.kind = reader.choice<Measured>("kind", kinds);
     const bool kind_known = reader.sound();
-    if (row.kind != Measured::simulation)
+    if (row.kind != Measured::simulation) {
       row.person = known_name(reader, "person", people_, "a person of this file");
+      if (reader.has("hand"))
+        row.hand = known_name(reader, "hand", hands_, "a hand among the hands of this file");
+    }
     if (kind_known) read_kind(reader, row);
     row.source = reader.text("source");
     row.reason = reader.maybe_text("reason").value_or("");
@@ -131,7 +136,7 @@ class RowReader {
     if (reader.has("set")) row.changes = reader.texts("set", 1, 100, "overrides such as duration=1");
     row.figures = reader.texts("figure", 1, 100, kFigures);
     if (reader.has("over")) row.over = reader.texts("over", 1, 100, kFigures);
-    row.unit = reader.text("unit");
+    row.unit = row.over_row ? "1" : reader.text("unit");
   }
 
   /// The keys of the row's kind.
@@ -149,8 +154,21 @@ class RowReader {
       row.direction = known_name(reader, "direction", words_of(form.directions), "a direction");
   }
 
+  /// The row becomes a ratio.
+  KindForm over_row(MapReader& reader, Measurement& row, const KindForm& form) {
+    std::vector<std::string> above;
+    for (const Measurement& each : spec_.measurements) above.push_back(each.name);
+    const std::string name = known_name(reader, "relative_to", above, "a row above");
+    row.over_row = static_cast<std::size_t>(std::ranges::find(above, name) - above.begin());
+    if (reader.sound() && spec_.measurements[*row.over_row].kind != row.kind)
+      reader.problem("relative_to", name, "a row of the same kind");
+    if (row.kind == Measured::moment_arms) reader.problem("relative_to", "moment_arms", "another kind");
+    return {form.word, form.kind, D::none, "1", 1, form.keys, form.directions};
+  }
+
   void read_kind(MapReader& reader, Measurement& row) {
-    const KindForm& form = form_of(row.kind);
+    const KindForm form =
+        reader.has("relative_to") ? over_row(reader, row, form_of(row.kind)) : form_of(row.kind);
     row.unit = form.unit;
     row.scale = form.scale;
     std::vector<std::string> axes;
@@ -181,7 +199,7 @@ class RowReader {
   }
 
   ValidateSpec& spec_;
-  std::vector<std::string> axes_, muscles_, fingers_, people_;
+  std::vector<std::string> axes_, muscles_, fingers_, people_, hands_;
 };
 
 ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
@@ -194,6 +212,13 @@ ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
     spec.hand = hand::read_hand_spec(*node, reader.path_of("hand"), diagnostics);
   if (reader.sound() && !spec.hand.muscles)
     reader.problem("hand", "a hand model without muscles", "one with a muscles block");
+  MapReader hands = reader.map("hands");
+  for (const std::string& name : hands.keys()) {
+    MapReader keys = hands.map(name);
+    spec.hands[name] = hand::read_what_if(keys, spec.hand).value_or(spec.hand);
+    keys.finish();
+  }
+  hands.finish();
   MapReader people = reader.required_map("people", "a mapping of names to persons");
   for (const std::string& name : people.keys())
     if (YamlNode* node = people.file_or_block(name, "a person"))

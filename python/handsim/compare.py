@@ -1,0 +1,247 @@
+"""``handsim compare A B``: strength, reach and tenodesis of two hands side by side."""
+from __future__ import annotations
+
+import html
+import json
+import os
+import sys
+from pathlib import Path
+from typing import Any, Optional, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._errors import Error, input_error
+from ._hand import Hand
+from ._scene import Scene, load
+from ._statics import Statics, grip, key_pinch, polytope, thumb_workspace, tip_pinch
+
+USAGE = """handsim compare A B [--out DIR]
+
+Two hands side by side: strength of grip and pinches, largest forces of index and thumb in all directions beside people's, reach of the
+thumb, and where fingers rest at each angle of the wrist (tenodesis). A and B are scenes, by file or shipped name, or folders of runs;
+the first hand of each counts, at rest and as it is built, with its wrist.
+
+  --out DIR   also writes compare.html, a page with pictures, and compare.json
+
+Example: handsim compare muscle_grip clinic_ulnar.yaml --out out/compare
+"""
+COLORS = ("#2b6cb0", "#dd6b20")
+PRESS = {"index_mcp.flexion": 45.0, "index_pip.flexion": 45.0, "index_dip.flexion": 10.0}
+THUMB = {"thumb_mcp.flexion": 15.0, "thumb_ip.flexion": 15.0}
+PLANES: list[dict[str, Any]] = [
+    # Points: people's largest forces in the plane and their standard deviations [N].
+    {"title": "index fingertip, from its side", "finger": "index", "point": "index_tip", "body": "index_distal", "pose": PRESS, "across": 1,
+     "labels": ("distal", "palmar"), "source": "Valero-Cuevas 1998, 8 people", "points": [(0, 27.9, 4.1), (0, -7.5, 1.5)]},
+    {"title": "index fingertip, from its end", "finger": "index", "point": "index_tip", "body": "index_distal", "pose": PRESS, "across": 0,
+     "labels": ("ulnar", "palmar"), "source": "Valero-Cuevas 1998, 8 people", "points": [(0, 27.9, 4.1), (0, -7.5, 1.5), (22.9, 0, 7.8)]},
+    {"title": "thumb, middle of its proximal phalanx, from its end", "finger": "thumb", "point": "thumb_proximal", "body": "thumb_proximal",
+     "pose": THUMB, "across": 0, "labels": ("ulnar", "palmar"), "source": "Li & Harkness 2004",
+     "points": [(0, 104.1, 13.7), (0, -69.4, 9.2), (-57.7, 0, 7.6), (67.4, 0, 8.9)]}]
+WRIST = (-60, -40, -20, 0, 20, 40, 60)
+JOINTS = ("index_mcp", "index_pip", "middle_mcp", "middle_pip", "thumb_mcp", "thumb_ip")
+
+
+def hand_of(source: str) -> Hand:
+    """The first hand of a scene or of a run's folder, with muscles and a wrist that turns.
+
+    :raises Error: of kind input for another source, and for a hand without muscles
+    """
+    path = str(Path(source) / "resolved.yaml") if (Path(source) / "resolved.yaml").is_file() else source
+    scene = load(path)
+    missing = [each for each in ("muscles", "tendon_coupling") if each not in scene.effects]
+    if missing:
+        scene = load(path, {"effects": [*scene.effects, *missing]})
+    if not scene.hands:
+        raise input_error(source, "a scene without hands", "one with a hand")
+    return _alone(scene, source)
+
+
+def _alone(scene: Scene, source: str) -> Hand:
+    """A hand built from the resolved scene's first one alone."""
+    lines = scene.resolved.splitlines()
+    first = lines.index("hands:") + 1
+    end = next((i for i in range(first + 1, len(lines)) if not lines[i].startswith("   ")), len(lines))
+    text = "\n".join(["title: a hand", "hands:", *lines[first:end],
+                      "effects: [joint_stops, passive_tissue, muscles, tendon_coupling]", "duration: 1"])
+    from . import _core
+    hand = Hand.__new__(Hand)
+    hand.scene = Scene(_core.Scene.parse(text, source, ["hands.0.wrist={mount: universal}", "hands.0.pose={}"]))
+    hand.side = "left" if hand.scene.hands[0].startswith("left") else "right"
+    return hand
+
+
+def measure(hand: Hand) -> dict[str, Any]:
+    """All that the table and the pictures show. Forces in N, angles in degrees, volumes in cm^3."""
+    of = Statics(hand)
+    mirror = -1 if hand.side == "left" else 1
+    bar, fingers = grip(of)
+    volume, points = thumb_workspace(of)
+    out: dict[str, Any] = {"strength": {"grip": bar, "grip, wrist extended 30 deg": grip(of, -30)[0],
+                                        "grip, wrist flexed 30 deg": grip(of, 30)[0], **{f"grip, {f}": n for f, n in fingers.items()},
+                                        "key pinch": key_pinch(of), "tip pinch": tip_pinch(of)},
+                           "planes": [polytope(of, mirror=mirror, **_place(each)).tolist() for each in PLANES],
+                           "workspace_cm3": 1e6 * volume, "workspace": _outline(points, mirror),
+                           "tenodesis": {}}
+    rests = [of.slack_pose({"wrist.flexion": float(angle)}) for angle in WRIST]
+    for joint in JOINTS:
+        column = of.names.index(joint + ".flexion")
+        out["tenodesis"][joint] = [float(np.degrees(q[column])) for q in rests]
+    return out
+
+
+def _place(plane: dict[str, Any]) -> dict[str, Any]:
+    return {key: plane[key] for key in ("finger", "point", "body", "pose", "across")}
+
+
+def _outline(points: NDArray[np.float64], mirror: int) -> list[list[list[float]]]:
+    """Cells of 3 mm that the points cover, from the palm (radial, distal) and from the end (radial, palmar) [mm]."""
+    cells = []
+    for axes in ((0, 1), (0, 2)):
+        flat = 1e3 * points[:, axes] * ([mirror, 1] if axes[1] == 1 else [mirror, 1])
+        cells.append((3 * np.unique(np.round(flat / 3).astype(int), axis=0)).tolist())
+    return cells
+
+
+def table(names: Sequence[str], both: Sequence[dict[str, Any]]) -> list[tuple[str, str, float, float]]:
+    """Rows: quantity, unit, of A, of B."""
+    a, b = both
+    rows = [(name, "N", a["strength"][name], b["strength"][name]) for name in a["strength"]]
+    for plane, first, second in zip(PLANES, a["planes"], b["planes"]):
+        for turn, label in ((0, plane["labels"][0]), (1, plane["labels"][1]), (3, "dorsal")):
+            at = turn * len(first) // 4
+            rows.append((f"{plane['title'].split(',')[0]}, {label}", "N", float(np.hypot(*first[at])), float(np.hypot(*second[at]))))
+    rows.append(("reach of the thumb's tip", "cm3", a["workspace_cm3"], b["workspace_cm3"]))
+    for joint in JOINTS:
+        for i in (1, len(WRIST) - 2):
+            rows.append((f"rest of {joint}, wrist at {WRIST[i]} deg", "deg", a["tenodesis"][joint][i], b["tenodesis"][joint][i]))
+    unique: dict[str, tuple[str, str, float, float]] = {}
+    for row in rows:
+        unique.setdefault(row[0], row)
+    return list(unique.values())
+
+
+def _axes(title: str, labels: tuple[str, str], limits: tuple[float, float, float, float], drawn: str, ticks: float, unit: str,
+          equal: bool = True) -> str:
+    """A picture with axes, as SVG."""
+    left, right, low, high = limits
+    width, height = 420.0, 360.0
+    per = (width - 70) / (right - left), (height - 80) / (high - low)
+    if equal:
+        per = (min(per), min(per))
+    x0, y0 = 50 + (width - 70 - per[0] * (right - left)) / 2 - per[0] * left, 34 + per[1] * high
+    box = (x0 + per[0] * left, 34.0, per[0] * (right - left), per[1] * (high - low))
+    lines = []
+    for axis in (0, 1):
+        start, end = (left, right) if axis == 0 else (low, high)
+        for k in range(int(np.ceil(start / ticks)), int(np.floor(end / ticks)) + 1):
+            value = k * ticks
+            x, y = x0 + per[0] * value, y0 - per[1] * value
+            style = "#888" if k == 0 else "#e4e4e4"
+            if axis == 0:
+                lines.append(f'<line x1="{x:.1f}" y1="{box[1]:.1f}" x2="{x:.1f}" y2="{box[1] + box[3]:.1f}" stroke="{style}"/>'
+                             f'<text x="{x:.1f}" y="{box[1] + box[3] + 14:.1f}" text-anchor="middle">{value:g}</text>')
+            else:
+                lines.append(f'<line x1="{box[0]:.1f}" y1="{y:.1f}" x2="{box[0] + box[2]:.1f}" y2="{y:.1f}" stroke="{style}"/>'
+                             f'<text x="{box[0] - 5:.1f}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
+    bottom = box[1] + box[3] + 30
+    return (f'<svg viewBox="0 0 {width:g} {bottom + 12:g}" width="{width:g}"><text x="{width / 2:g}" y="18" text-anchor="middle" '
+            f'font-weight="bold">{html.escape(title)}</text>{"".join(lines)}'
+            f'<g transform="translate({x0:.2f} {y0:.2f}) scale({per[0]:.4f} {-per[1]:.4f})">{drawn}</g>'
+            f'<text x="{box[0] + box[2] / 2:.1f}" y="{bottom:.1f}" text-anchor="middle">{labels[0]}, {unit}</text>'
+            f'<text transform="translate({box[0] - 34:.1f} {box[1] + box[3] / 2:.1f}) rotate(-90)" text-anchor="middle">{labels[1]}, '
+            f'{unit}</text></svg>')
+
+
+def _line(points: Sequence[Sequence[float]], color: str, closed: bool) -> str:
+    kind, fill = ("polygon", f'fill="{color}" fill-opacity="0.15"') if closed else ("polyline", 'fill="none"')
+    text = " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
+    return f'<{kind} points="{text}" {fill} stroke="{color}" stroke-width="2" vector-effect="non-scaling-stroke"/>'
+
+
+def _limits(points: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    room = 0.08 * max(high - low)
+    return float(low[0] - room), float(high[0] + room), float(low[1] - room), float(high[1] + room)
+
+
+def pictures(both: Sequence[dict[str, Any]]) -> list[str]:
+    """SVG of all pictures."""
+    out = []
+    for k, plane in enumerate(PLANES):
+        lines = [np.array(each["planes"][k]) for each in both]
+        people = np.array(plane["points"])
+        drawn = "".join(_line(line.tolist(), color, True) for line, color in zip(lines, COLORS))
+        for x, y, spread in plane["points"]:
+            ends = [(x - spread * (x != 0), y - spread * (x == 0)), (x + spread * (x != 0), y + spread * (x == 0))]
+            drawn += _line(ends, "#222", False) + _line([(x, y), (x, y)], "#222", False).replace('stroke-width="2"',
+                                                                                               'stroke-width="8" stroke-linecap="round"')
+        spread = np.array([[x + s * (x != 0) * np.sign(x), y + s * (x == 0) * np.sign(y)] for x, y, s in people])
+        limits = _limits(np.vstack([*lines, spread, np.zeros((1, 2))]))
+        out.append(_axes(plane["title"], plane["labels"], limits, drawn, 20 if max(np.abs(limits)) < 100 else 50, "N"))
+    for view, (title, labels) in enumerate((("reach of the thumb's tip, from the palm", ("ulnar", "distal")),
+                                            ("reach of the thumb's tip, from the end", ("ulnar", "dorsal")))):
+        drawn = ""
+        for each, color in zip(both, COLORS):
+            cells = "".join(f'<rect x="{x - 1.5}" y="{y - 1.5}" width="3" height="3"/>' for x, y in each["workspace"][view])
+            drawn += f'<g fill="{color}" fill-opacity="0.35">{cells}</g>'
+        limits = _limits(np.vstack([np.array(each["workspace"][view], dtype=float) for each in both]))
+        out.append(_axes(title, labels, limits, drawn, 20, "mm"))
+    for joint in JOINTS[:4]:
+        drawn = "".join(_line(list(zip(WRIST, each["tenodesis"][joint])), color, False) for each, color in zip(both, COLORS))
+        out.append(_axes(f"rest of {joint}, muscles at rest", ("wrist flexion", joint + " flexion"), (-65, 65, -45, 105), drawn, 20, "deg", False))
+    return out
+
+
+def page(names: Sequence[str], both: Sequence[dict[str, Any]]) -> str:
+    """The whole page."""
+    cells = "".join(f"<tr><td>{html.escape(name)}</td><td>{a:.1f}</td><td>{b:.1f}</td><td>{_share(a, b)}</td><td>{unit}</td></tr>"
+                    for name, unit, a, b in table(names, both))
+    legend = " ".join(f'<b style="color:{color}">{letter}: {html.escape(name)}</b>' for letter, name, color in zip("AB", names, COLORS))
+    return ('<!doctype html><html lang="en"><meta charset="utf-8"><title>handsim compare</title><style>body{font:14px sans-serif;margin:2em;'
+            "max-width:1320px}svg{font:11px sans-serif;margin:6px}td,th{padding:2px 10px;text-align:right}td:first-child{text-align:left}"
+            f"</style><h1>Two hands</h1><p>{legend}. Black: people, with one standard deviation.</p>{''.join(pictures(both))}"
+            f"<table><tr><th></th><th>A</th><th>B</th><th>B over A</th><th></th></tr>{cells}</table>"
+            "<p>Largest forces: the hand and what it holds are at rest, each muscle gives 0 to all of its isometric force, moments of the wrist and of "
+            "the fingers that press balance. handsim is a research tool and gives no medical advice.</p></html>")
+
+
+def _share(a: float, b: float) -> str:
+    return f"{b / a:.2f}" if abs(a) > 1e-9 else ""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command. :return: exit status"""
+    given = list(arguments)
+    if not given or given[0] in ("-h", "--help"):
+        print(USAGE, end="")
+        return 0 if given else 2
+    out: Optional[Path] = None
+    if "--out" in given:
+        at = given.index("--out")
+        if at + 1 == len(given):
+            print("error: --out: got nothing, need a folder", file=sys.stderr)
+            return 2
+        out = Path(given[at + 1])
+        del given[at:at + 2]
+    if len(given) != 2 or any(each.startswith("-") for each in given):
+        print(f"error: compare: got {' '.join(given)}, need two scenes or folders of runs, and --out DIR", file=sys.stderr)
+        return 2
+    try:
+        if out is not None and out.exists() and not out.is_dir():
+            raise input_error("--out", f"{out}, which is a file", "a folder")
+        both = [measure(hand_of(each)) for each in given]
+    except Error as error:
+        print("\n".join(f"error: {line}" for line in str(error).splitlines()), file=sys.stderr)
+        return 2
+    print(f"A  {given[0]}\nB  {given[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
+    for name, unit, a, b in table(given, both):
+        print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit}")
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        for name, text in (("compare.html", page(given, both)), ("compare.json", json.dumps(dict(zip("AB", both)), indent=1))):
+            part = out / f".{name}.part"
+            part.write_text(text)
+            os.replace(part, out / name)
+        print(f"\nwrote {out / 'compare.html'} and {out / 'compare.json'}")
+    return 0
