@@ -1,6 +1,7 @@
 #include "handsim/study/validate/validate.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -130,8 +131,10 @@ double measure(const Subject& subject, const Measurement& of) {
       return largest_tip_force(subject, of);
     case Measured::pinch_force:
       return largest_pinch_force(subject, of);
+    case Measured::grip_force:
+      return largest_grip_force(subject, of);
     case Measured::joint_moment:
-      return measure_joint_moment(subject, of);
+      return of.balanced.empty() ? measure_joint_moment(subject, of) : largest_moment(subject, of);
     case Measured::passive_moment:
       return subject.passive(with_resting_fingers(subject, of.pose))[at(*subject.dof(of.axis))];
     case Measured::loaded_rotation:
@@ -279,7 +282,7 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   ValidateResult out;
   std::optional<SimulatedScenes> scenes;
   if (runs) scenes.emplace(*runs);
-  double within = 0, measured = 0;
+  std::array<double, 2> within{}, measured{};  // fitted, predicted
   for (const Measurement& of : spec.measurements) {
     ValidateRow row;
     row.of = &of;
@@ -293,11 +296,12 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
                                   ? measure_arms(subjects.at(of.person), of).second
                                   : std::abs(row.ours - of.value);
     row.deviation = difference / of.spread;
-    within += row.within() ? 1 : 0;
-    measured += row.measured ? 1 : 0;
+    within[of.predicted] += row.within() ? 1 : 0;
+    measured[of.predicted] += row.measured ? 1 : 0;
     out.rows.push_back(row);
   }
-  out.share = within / std::max(1.0, measured);
+  out.share = within[0] / std::max(1.0, measured[0]);
+  if (measured[1] > 0) out.predicted = within[1] / measured[1];
   if (uncertain) draw_hands(spec, *uncertain, progress, out);
   return out;
 }

@@ -22,6 +22,7 @@ enum class Measured {
   tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
   tip_force,        ///< largest force of a fingertip in a direction [N]
   pinch_force,      ///< largest force between thumb and a finger [N]
+  grip_force,       ///< largest sum of palmar forces of several fingers, some axes balanced [N]
   joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
   passive_moment,   ///< of tissue and resting muscles about an axis, other joints at rest [N m]
   loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
@@ -46,7 +47,9 @@ struct Measurement {
   std::string muscle, axis, finger, direction;
   std::string segment;  ///< tip_force: whose middle is pressed; empty: the fingertip
   std::vector<std::string> muscles;
-  std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
+  std::vector<std::string> balanced;     ///< axes without a moment: grip_force; joint_moment, of all muscles
+  std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1
+  std::vector<double> angles, arms;      ///< moment_arms: [rad], [m]
   Angles pose, from;
   std::filesystem::path scene;       ///< simulation
   std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
@@ -60,6 +63,7 @@ struct Measurement {
   double value = 0, spread = 0;
   double scale = 1;  ///< of the printed unit
   bool required = false;
+  bool predicted = false;  ///< nothing of the hand is fitted to it: counts apart
 };
 
 struct ValidateSpec {
@@ -82,8 +86,9 @@ struct ValidateRow {
 
 struct ValidateResult {
   std::vector<ValidateRow> rows;
-  double share = 0;                ///< of the measured rows within their spread
-  std::optional<double> coverage;  ///< share of the rows with drawn hands that are `inside`
+  double share = 0;                 ///< of the measured rows within their spread, without predicted ones
+  std::optional<double> predicted;  ///< of the measured rows that are predicted
+  std::optional<double> coverage;   ///< share of the rows with drawn hands that are `inside`
   /// True if every required row that was measured is within its spread.
   bool passed() const;
 };
