@@ -119,7 +119,7 @@ double measure_gyration(const Subject& subject, const Measurement& of) {
   return of.direction == "transverse" ? shares.gyration_transverse : shares.gyration_longitudinal;
 }
 
-double measure(const Subject& subject, const Measurement& of) {
+double measure_once(const Subject& subject, const Measurement& of) {
   switch (of.kind) {
     case Measured::moment_arms:
       return measure_arms(subject, of).first;
@@ -154,6 +154,13 @@ double measure(const Subject& subject, const Measurement& of) {
       break;  // of no subject: SimulatedScenes
   }
   return 0;
+}
+
+double measure(const Subject& subject, const Measurement& of) {
+  if (!of.over_pose) return measure_once(subject, of);
+  Measurement other = of;
+  other.pose = *of.over_pose;
+  return measure_once(subject, of) / measure_once(subject, other);
 }
 
 /// What stands at a path of keys, of indices of lists, and of `name`s of a list's entries, with or without

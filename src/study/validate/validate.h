@@ -51,6 +51,7 @@ struct Measurement {
   std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1
   std::vector<double> angles, arms;      ///< moment_arms: [rad], [m]
   Angles pose, from;
+  std::optional<Angles> over_pose;   ///< forces and moments: a pose whose value divides that of `pose`
   std::filesystem::path scene;       ///< simulation
   std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
   /// simulation: paths in summary.json (`climbs.0.load_N`) whose numbers or vectors, by length, are added

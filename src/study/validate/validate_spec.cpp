@@ -196,10 +196,16 @@ class RowReader {
     }
     if (row.kind == Measured::simulation) read_simulation(reader, row);
     row.pose = read_pose(reader, "pose", axes);
+    Dimension dimension = form.dimension;
+    if ((dimension == D::force || dimension == D::torque) && reader.has("over_pose")) {
+      row.over_pose = read_pose(reader, "over_pose", axes);
+      dimension = D::none;
+      row.unit = "1";
+    }
     for (const std::string& each : axes) check(reader, "pose", each, axes_, "axes of the hand");
     row.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
-    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", {form.dimension, -1e4, 1e4});
-    row.spread = reader.number("spread", {form.dimension, 0, 1e4, true});
+    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", {dimension, -1e4, 1e4});
+    row.spread = reader.number("spread", {dimension, 0, 1e4, true});
     if (reader.sound() && !(row.spread > 0)) reader.problem("spread", "0", "more than 0");
   }
 
