@@ -140,8 +140,10 @@ double measure_once(const Subject& subject, const Measurement& of) {
     case Measured::loaded_rotation:
       return measure_rotation(subject, of);
     case Measured::coupled_angle:
-      return subject.balance(with_resting_fingers(subject, of.pose), {*subject.dof(of.axis)},
-                             {})[at(*subject.dof(of.axis))];
+      return subject.balance(
+          with_resting_fingers(subject, of.pose),
+          of.finger.empty() ? std::vector{*subject.dof(of.axis)} : subject.finger_dofs(of.finger),
+          {})[at(*subject.dof(of.axis))];
     case Measured::pulley_force:
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
     case Measured::hand_mass:

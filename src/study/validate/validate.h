@@ -27,12 +27,13 @@ enum class Measured {
   passive_moment,   ///< of tissue and resting muscles about an axis, other joints at rest [N m]
   loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
                     ///< [rad]
-  coupled_angle,    ///< of an axis where tissue and bands balance, others held at a pose [rad]
-  pulley_force,     ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
-  hand_mass,        ///< [kg]
-  centre_of_mass,   ///< of the hand from the wrist, share of hand length [1]
-  gyration,         ///< radius of the hand about an axis, share of hand length [1]
-  simulation,       ///< a number of the summary of a scene's run, in the summary's own unit
+  coupled_angle,  ///< of an axis where tissue, bands and resting muscles balance, others held at a pose; with
+                  ///< a finger all its axes may turn [rad]
+  pulley_force,   ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
+  hand_mass,      ///< [kg]
+  centre_of_mass,  ///< of the hand from the wrist, share of hand length [1]
+  gyration,        ///< radius of the hand about an axis, share of hand length [1]
+  simulation,      ///< a number of the summary of a scene's run, in the summary's own unit
 };
 
 /// Its word in files.

@@ -187,6 +187,8 @@ class RowReader {
       for (const double arm : row.arms) row.value += arm / static_cast<double>(row.arms.size());
     }
     if (row.kind == Measured::excursion) row.from = read_pose(reader, "from", axes);
+    if (row.kind == Measured::coupled_angle && reader.has("finger"))
+      row.finger = known_name(reader, "finger", fingers_, "a finger of the hand");
     if (row.kind == Measured::tip_force && reader.has("segment"))
       row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
     if (row.kind == Measured::loaded_rotation) row.load = reader.number("load", {Dimension::none, 0, 1});
