@@ -30,24 +30,58 @@ constexpr double kMissingShare = 0.01, kMissingTorque = 1e-3;
 constexpr double kInwards = -0.5;     ///< cosine beyond which the other end lies inside the finger's shaft
 constexpr double kFinestLean = 1e-4;  ///< of the search, over the friction
 
-/// Forces of a contact whose torques muscles have to hold, at one posture.
+constexpr double kAtStop = 1e-6;  ///< An axis this near to its stop lies on it [rad].
+
+/// The model with a muscle for each stop that an axis lies on: it pushes back with all that muscles of the
+/// axis can give.
+model::Model with_stops(model::Model model, std::span<const double> q) {
+  std::vector<double> most(q.size());
+  for (const model::Muscle& muscle : model.muscles) {
+    const model::PathState path = model::path_state(muscle.path, q);
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+      most[at(muscle.path.arms[i].dof)] += muscle.force * std::abs(path.arm[i]);
+  }
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      const std::size_t i = at(joint.first_dof) + a;
+      const auto& stop = joint.axes[a].stop;
+      if (!stop || !(most[i] > 0) || (q[i] > stop->low + kAtStop && q[i] < stop->high - kAtStop)) continue;
+      model::Muscle& back = model.muscles.emplace_back();
+      back.path.arms = {{static_cast<int>(i), {q[i] > stop->low + kAtStop ? -1.0 : 1.0}}};
+      back.force = most[i];
+      back.fibre_length = 1;
+      back.length = 1 + model::path_state(back.path, q).excursion;
+    }
+  return model;
+}
+
+/// Forces of a contact whose torques muscles have to hold beside those of tissue, bands and stops, at one
+/// posture.
 class Press {
  public:
   /// @param J torques of a force: a column for each of `dofs`, rows in the axes of `normal`
   Press(const Subject& subject, std::span<const double> q, std::vector<int> dofs, Eigen::MatrixXd J)
       : dofs_(std::move(dofs)),
         J_(std::move(J)),
-        state_(model::state_at(subject.model(), q)),
-        muscles_(subject.model(), {dofs_.begin(), dofs_.end()}),
-        torques_(q.size()) {}
+        model_(with_stops(subject.model(), q)),
+        state_(model::state_at(model_, q)),
+        muscles_(model_, {dofs_.begin(), dofs_.end()}),
+        torques_(q.size()),
+        helped_(subject.tissue(q)) {
+    const std::vector<double> bands = subject.bands(q);
+    for (std::size_t i = 0; i < helped_.size(); ++i) helped_[i] += bands[i];
+  }
 
   /// Largest component along `normal` of forces within `friction` of it: bisection on what is left undone.
+  /// Tissue and bands may ask for a force: forces that hold are an interval.
   double largest(const Vec3& normal, double friction) {
     const Vec3 first = normal.unitOrthogonal(), second = normal.cross(first);
     across_ = J_.transpose() * (Eigen::Matrix<double, 3, 2>() << first, second).finished();
     along_ = J_.transpose() * normal;
     lean_.setZero();
     double low = 0, high = kHighest;
+    while (low < kHighest && !holds(low, friction)) low = std::max(0.25, 1.4 * low);
+    if (low > kHighest) return 0;
     for (int i = 0; i < 40; ++i) {
       const double middle = 0.5 * (low + high);
       (holds(middle, friction) ? low : high) = middle;
@@ -61,7 +95,7 @@ class Press {
     const Eigen::VectorXd wanted = force * (along_ + across_ * lean);
     largest_ = wanted.cwiseAbs().maxCoeff();
     for (std::size_t i = 0; i < dofs_.size(); ++i)
-      torques_[at(dofs_[i])] = wanted[static_cast<Eigen::Index>(i)];
+      torques_[at(dofs_[i])] = wanted[static_cast<Eigen::Index>(i)] - helped_[at(dofs_[i])];
     muscles_.solve(state_, torques_);
     return muscles_.missing();
   }
@@ -100,13 +134,14 @@ class Press {
 
   std::vector<int> dofs_;
   Eigen::MatrixXd J_;
+  model::Model model_;
   model::State state_;
   control::StaticOptimisation muscles_;
-  std::vector<double> torques_;
-  Eigen::VectorXd along_;                ///< torques of a newton along the normal
-  Eigen::Matrix<double, -1, 2> across_;  ///< and of one across it, in two directions
-  Eigen::Vector2d lean_;                 ///< shear over the force along the normal
-  double largest_ = 0;                   ///< of the torques that were wanted last [N m]
+  std::vector<double> torques_, helped_;  ///< of muscles, of tissue and bands
+  Eigen::VectorXd along_;                 ///< torques of a newton along the normal
+  Eigen::Matrix<double, -1, 2> across_;   ///< and of one across it, in two directions
+  Eigen::Vector2d lean_;                  ///< shear over the force along the normal
+  double largest_ = 0;                    ///< of the torques that were wanted last [N m]
 };
 
 }  // namespace
@@ -146,13 +181,18 @@ double Subject::arm(const model::Muscle& muscle, int dof, std::span<const double
   return 0;
 }
 
-std::vector<double> Subject::passive(std::span<const double> q) const {
+std::vector<double> Subject::tissue(std::span<const double> q) const {
   std::vector<double> out(q.size());
   for (const model::Joint& joint : model_.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       const std::size_t i = at(joint.first_dof) + a;
       if (const auto& tissue = joint.axes[a].tissue) out[i] -= tissue->stiffness * (q[i] - tissue->rest);
     }
+  return out;
+}
+
+std::vector<double> Subject::passive(std::span<const double> q) const {
+  std::vector<double> out = tissue(q);
   for (const model::Muscle& muscle : model_.muscles)
     pull(
         muscle.path, q, [&](double excursion) { return model::passive_force(muscle, excursion); }, out);
@@ -328,6 +368,33 @@ double largest_pinch_force(const Subject& subject, const Measurement& of) {
   both << J[0], -J[1];
   Press press(subject, q, dofs, std::move(both));
   return press.largest(normal, of.friction);
+}
+
+double largest_moment(const Subject& subject, const Measurement& of) {
+  std::vector<int> dofs = {*subject.dof(of.axis)};
+  for (const std::string& axis : of.balanced) dofs.push_back(*subject.dof(axis));
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(dofs.size()));
+  J(0, 0) = of.direction == "negative" ? -1 : 1;
+  return Press(subject, subject.coordinates(of.pose), dofs, std::move(J)).largest({1, 0, 0}, 0);
+}
+
+double largest_grip_force(const Subject& subject, const Measurement& of) {
+  const std::vector<double> q = subject.coordinates(of.pose);
+  std::map<int, double> torques;  // of a newton, by coordinate; the hand's own grip does not load the wrist
+  for (const std::string& axis : of.balanced) torques[*subject.dof(axis)] = 0;
+  for (const auto& [segment, share] : of.shares) {
+    const Eigen::MatrixXd J = subject.point_jacobian(segment, subject.middle(segment), q);
+    Eigen::Index column = 0;
+    for (const int dof : subject.finger_dofs(segment.substr(0, segment.rfind('_'))))
+      torques[dof] += share * tip_direction("palmar").dot(J.col(column++).head<3>());
+  }
+  std::vector<int> dofs;
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(torques.size()));
+  for (const auto& [dof, torque] : torques) {
+    J(0, static_cast<Eigen::Index>(dofs.size())) = torque;
+    dofs.push_back(dof);
+  }
+  return Press(subject, q, dofs, std::move(J)).largest({1, 0, 0}, 0);
 }
 
 }  // namespace handsim::study

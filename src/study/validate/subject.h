@@ -26,6 +26,8 @@ class Subject {
   std::vector<double> coordinates(const Angles& pose) const;
   /// Moment arm [m] about an axis.
   double arm(const model::Muscle& muscle, int dof, std::span<const double> q) const;
+  /// Moment of tissue about every coordinate [N m].
+  std::vector<double> tissue(std::span<const double> q) const;
   /// Moment of tissue, and of muscles without activation, about every coordinate [N m].
   std::vector<double> passive(std::span<const double> q) const;
   /// Moment of bands about every coordinate [N m].
@@ -58,12 +60,20 @@ class Subject {
   model::Model model_;
 };
 
-/// The largest force along a direction that activations of 0 to 1 hold at a fingertip without a moment [N].
+/// The largest force along a direction that activations of 0 to 1 hold at a fingertip without a moment [N],
+/// beside tissue, bands and the stops of axes that the pose puts on them.
 /// @param of: with a `segment` at its middle; its `friction` lets the force lean from the direction
 double largest_tip_force(const Subject& subject, const Measurement& of);
 
 /// The largest force between the round ends of the thumb and of a finger, along the line of their centres
 /// [N]. @throws Error (physics) where the ends do not face each other
 double largest_pinch_force(const Subject& subject, const Measurement& of);
+
+/// The largest moment about an axis while axes that are `balanced` have none [N m].
+double largest_moment(const Subject& subject, const Measurement& of);
+
+/// The largest sum of palmar forces at the middles of segments, in given `shares`, while `balanced` axes have
+/// no moment [N].
+double largest_grip_force(const Subject& subject, const Measurement& of);
 
 }  // namespace handsim::study

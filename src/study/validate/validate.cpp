@@ -1,6 +1,7 @@
 #include "handsim/study/validate/validate.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -118,7 +119,7 @@ double measure_gyration(const Subject& subject, const Measurement& of) {
   return of.direction == "transverse" ? shares.gyration_transverse : shares.gyration_longitudinal;
 }
 
-double measure(const Subject& subject, const Measurement& of) {
+double measure_once(const Subject& subject, const Measurement& of) {
   switch (of.kind) {
     case Measured::moment_arms:
       return measure_arms(subject, of).first;
@@ -130,15 +131,19 @@ double measure(const Subject& subject, const Measurement& of) {
       return largest_tip_force(subject, of);
     case Measured::pinch_force:
       return largest_pinch_force(subject, of);
+    case Measured::grip_force:
+      return largest_grip_force(subject, of);
     case Measured::joint_moment:
-      return measure_joint_moment(subject, of);
+      return of.balanced.empty() ? measure_joint_moment(subject, of) : largest_moment(subject, of);
     case Measured::passive_moment:
       return subject.passive(with_resting_fingers(subject, of.pose))[at(*subject.dof(of.axis))];
     case Measured::loaded_rotation:
       return measure_rotation(subject, of);
     case Measured::coupled_angle:
-      return subject.balance(with_resting_fingers(subject, of.pose), {*subject.dof(of.axis)},
-                             {})[at(*subject.dof(of.axis))];
+      return subject.balance(
+          with_resting_fingers(subject, of.pose),
+          of.finger.empty() ? std::vector{*subject.dof(of.axis)} : subject.finger_dofs(of.finger),
+          {})[at(*subject.dof(of.axis))];
     case Measured::pulley_force:
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
     case Measured::hand_mass:
@@ -151,6 +156,13 @@ double measure(const Subject& subject, const Measurement& of) {
       break;  // of no subject: SimulatedScenes
   }
   return 0;
+}
+
+double measure(const Subject& subject, const Measurement& of) {
+  if (!of.over_pose) return measure_once(subject, of);
+  Measurement other = of;
+  other.pose = *of.over_pose;
+  return measure_once(subject, of) / measure_once(subject, other);
 }
 
 /// What stands at a path of keys, of indices of lists, and of `name`s of a list's entries, with or without
@@ -294,7 +306,7 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   ValidateResult out;
   std::optional<SimulatedScenes> scenes;
   if (runs) scenes.emplace(*runs);
-  double within = 0, measured = 0;
+  std::array<double, 2> within{}, measured{};  // fitted, predicted
   for (const Measurement& of : spec.measurements) {
     ValidateRow row;
     row.of = &of;
@@ -309,11 +321,12 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
                                   ? measure_arms(subjects.of(of, spec.people.at(of.person)), of).second
                                   : std::abs(row.ours - of.value);
     row.deviation = difference / of.spread;
-    within += row.within() ? 1 : 0;
-    measured += row.measured ? 1 : 0;
+    within[of.predicted] += row.within() ? 1 : 0;
+    measured[of.predicted] += row.measured ? 1 : 0;
     out.rows.push_back(row);
   }
-  out.share = within / std::max(1.0, measured);
+  out.share = within[0] / std::max(1.0, measured[0]);
+  if (measured[1] > 0) out.predicted = within[1] / measured[1];
   if (uncertain) draw_hands(spec, *uncertain, progress, out);
   return out;
 }

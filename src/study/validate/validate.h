@@ -22,16 +22,18 @@ enum class Measured {
   tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
   tip_force,        ///< largest force of a fingertip in a direction [N]
   pinch_force,      ///< largest force between thumb and a finger [N]
+  grip_force,       ///< largest sum of palmar forces of several fingers, some axes balanced [N]
   joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
   passive_moment,   ///< of tissue and resting muscles about an axis, other joints at rest [N m]
   loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
                     ///< [rad]
-  coupled_angle,    ///< of an axis where tissue and bands balance, others held at a pose [rad]
-  pulley_force,     ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
-  hand_mass,        ///< [kg]
-  centre_of_mass,   ///< of the hand from the wrist, share of hand length [1]
-  gyration,         ///< radius of the hand about an axis, share of hand length [1]
-  simulation,       ///< a number of the summary of a scene's run, in the summary's own unit
+  coupled_angle,  ///< of an axis where tissue, bands and resting muscles balance, others held at a pose; with
+                  ///< a finger all its axes may turn [rad]
+  pulley_force,   ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
+  hand_mass,      ///< [kg]
+  centre_of_mass,  ///< of the hand from the wrist, share of hand length [1]
+  gyration,        ///< radius of the hand about an axis, share of hand length [1]
+  simulation,      ///< a number of the summary of a scene's run, in the summary's own unit
 };
 
 /// Its word in files.
@@ -48,8 +50,11 @@ struct Measurement {
   std::string muscle, axis, finger, direction;
   std::string segment;  ///< tip_force: whose middle is pressed; empty: the fingertip
   std::vector<std::string> muscles;
-  std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
+  std::vector<std::string> balanced;     ///< axes without a moment: grip_force; joint_moment, of all muscles
+  std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1
+  std::vector<double> angles, arms;      ///< moment_arms: [rad], [m]
   Angles pose, from;
+  std::optional<Angles> over_pose;   ///< forces and moments: a pose whose value divides that of `pose`
   std::filesystem::path scene;       ///< simulation
   std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
   /// simulation: paths in summary.json (`climbs.0.load_N`) whose numbers or vectors, by length, are added
@@ -62,6 +67,7 @@ struct Measurement {
   double value = 0, spread = 0;
   double scale = 1;  ///< of the printed unit
   bool required = false;
+  bool predicted = false;  ///< nothing of the hand is fitted to it: counts apart
 };
 
 struct ValidateSpec {
@@ -88,8 +94,9 @@ struct ValidateRow {
 
 struct ValidateResult {
   std::vector<ValidateRow> rows;
-  double share = 0;                ///< of the measured rows within their spread
-  std::optional<double> coverage;  ///< share of the rows with drawn hands that are `inside`
+  double share = 0;                 ///< of the measured rows within their spread, without predicted ones
+  std::optional<double> predicted;  ///< of the measured rows that are predicted
+  std::optional<double> coverage;   ///< share of the rows with drawn hands that are `inside`
   /// True if every required row that was measured is within its spread.
   bool passed() const;
 };

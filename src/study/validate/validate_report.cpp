@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -138,10 +139,12 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
                                 "measured +- spread", "unit", "verdict", "source");
   int required = 0;
   std::size_t left_out = 0;
-  for (const ValidateRow& row : result.rows) {
+  std::array<std::size_t, 2> rows{};  // fitted, predicted
+  const auto add = [&](const ValidateRow& row) {
     const Measurement& of = *row.of;
     left_out += row.measured ? 0 : 1;
-    if (!row.measured) continue;
+    if (!row.measured) return;
+    ++rows[of.predicted];
     const double scale = 1 / of.scale;
     std::string verdict = row.within() ? "within" : fmt::format("{:.1f} x", row.deviation);
     if (!row.within() && of.required) verdict += " short";
@@ -155,10 +158,18 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
           owners_text(row.uncertainty->variance));
     if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
     required += of.required ? 1 : 0;
+  };
+  for (const bool predicted : {false, true}) {
+    if (predicted && result.predicted) out += "\npredictions, to which nothing of the hand is fitted\n";
+    for (const ValidateRow& row : result.rows)
+      if (row.of->predicted == predicted) add(row);
   }
   out += fmt::format("\n{:.0f} % of {} rows are within one spread (goal {:.0f} %); {} are required, {}\n",
-                     100 * result.share, result.rows.size() - left_out, 100 * spec.goal, required,
+                     100 * result.share, rows[0], 100 * spec.goal, required,
                      result.passed() ? "all within" : "not all within");
+  if (result.predicted)
+    out +=
+        fmt::format("{:.0f} % of {} predictions are within one spread\n", 100 * *result.predicted, rows[1]);
   if (result.coverage)
     out += fmt::format(
         "{:.0f} % of the measured values are within the middle 90 % of drawn hands, their spread added\n",
@@ -169,15 +180,15 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
 
 std::string validate_csv(const ValidateResult& result) {
   std::string out =
-      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason,"
+      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,predicted,source,reason,"
       "percentile_5,percentile_95,inside\n";
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
     const Measurement& of = *row.of;
     out += fmt::format(
-        "{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{}\n", quoted(of.name), row.ours / of.scale,
+        "{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{},{}\n", quoted(of.name), row.ours / of.scale,
         of.value / of.scale, of.spread / of.scale, of.unit, row.deviation, row.within() ? "within" : "short",
-        of.required ? "yes" : "no", quoted(of.source), quoted(of.reason),
+        of.required ? "yes" : "no", of.predicted ? "yes" : "no", quoted(of.source), quoted(of.reason),
         row.uncertainty ? fmt::format("{:.6g},{:.6g},{}", row.uncertainty->low / of.scale,
                                       row.uncertainty->high / of.scale, row.inside ? "yes" : "no")
                         : ",,");
@@ -191,6 +202,7 @@ bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
                {"rows_within_spread", result.share},
                {"goal", spec.goal},
                {"required_rows_within", result.passed()}};
+  if (result.predicted) json["predictions_within_spread"] = *result.predicted;
   if (result.coverage) json["inside_90"] = *result.coverage;
   add_origin(json);
   Report report{validate_csv(result), json.dump(2) + "\n", {}, {}};

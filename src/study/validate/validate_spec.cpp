@@ -34,6 +34,7 @@ constexpr KindForm kForms[] = {
     {"tip_force", Measured::tip_force, D::force, "N", 1, "finger friction",
      "palmar dorsal distal proximal ulnar radial"},
     {"pinch_force", Measured::pinch_force, D::force, "N", 1, "finger friction"},
+    {"grip_force", Measured::grip_force, D::force, "N", 1, "shares"},
     {"joint_moment", Measured::joint_moment, D::torque, "N m", 1, "axis muscles", "positive negative"},
     {"passive_moment", Measured::passive_moment, D::torque, "N m", 1, "axis"},
     {"loaded_rotation", Measured::loaded_rotation, D::angle, "deg", kDegree, "finger muscle axis"},
@@ -107,6 +108,7 @@ class RowReader {
     row.source = reader.text("source");
     row.reason = reader.maybe_text("reason").value_or("");
     row.required = reader.flag("required", false);
+    row.predicted = reader.flag("predicted", false);
     reader.finish();
     spec_.measurements.push_back(std::move(row));
   }
@@ -115,7 +117,7 @@ class RowReader {
   std::vector<std::string> segments_of(const std::string& finger) const {
     std::vector<std::string> out;
     for (const hand::SegmentSpec& segment : spec_.hand.segments)
-      if (segment.name.starts_with(finger + "_")) out.push_back(segment.name);
+      if (finger.empty() || segment.name.starts_with(finger + "_")) out.push_back(segment.name);
     return out;
   }
   static std::string known_name(MapReader& reader, std::string_view key,
@@ -139,6 +141,19 @@ class RowReader {
     row.unit = row.over_row ? "1" : reader.text("unit");
   }
 
+  void read_shares(MapReader& reader, Measurement& row) {
+    MapReader shares = reader.required_map("shares", "a mapping of segments to shares");
+    for (const std::string& segment : shares.keys()) {
+      check(shares, segment, segment, segments_of(""), "a segment of a finger");
+      row.shares[segment] = shares.number(segment, {Dimension::none, 0, 1});
+    }
+    shares.finish();
+    double sum = 0;
+    for (const auto& [segment, share] : row.shares) sum += share;
+    if (shares.sound() && std::abs(sum - 1) > 0.01)
+      reader.problem("shares", fmt::format("a sum of {:.3g}", sum), "shares whose sum is 1");
+  }
+
   /// The keys of the row's kind.
   void read_keys(MapReader& reader, Measurement& row, const KindForm& form) {
     for (const std::string& key : words_of(form.keys)) {
@@ -146,7 +161,15 @@ class RowReader {
       if (key == "muscle") row.muscle = known_name(reader, key, muscles_, "a muscle of the hand");
       if (key == "finger") row.finger = known_name(reader, key, fingers_, "a finger of the hand");
       if (key == "friction") row.friction = reader.number(key, {Dimension::none, 0, 10}, 0);
-      if (key != "muscles") continue;
+      if (key == "shares") read_shares(reader, row);
+      if ((key == "axis" || key == "shares") && reader.has("balanced")) {
+        row.balanced = reader.texts("balanced", 1, 100, "axes of the hand");
+        for (const std::string& axis : row.balanced)
+          check(reader, "balanced", axis, axes_, "axes of the hand");
+        if (reader.has("muscles"))
+          reader.problem("muscles", "muscles beside balanced axes", "one of the two");
+      }
+      if (key != "muscles" || !row.balanced.empty()) continue;
       row.muscles = reader.texts(key, 1, 100, "muscles of the hand");
       for (const std::string& name : row.muscles) check(reader, key, name, muscles_, "muscles of the hand");
     }
@@ -182,6 +205,8 @@ class RowReader {
       for (const double arm : row.arms) row.value += arm / static_cast<double>(row.arms.size());
     }
     if (row.kind == Measured::excursion) row.from = read_pose(reader, "from", axes);
+    if (row.kind == Measured::coupled_angle && reader.has("finger"))
+      row.finger = known_name(reader, "finger", fingers_, "a finger of the hand");
     if (row.kind == Measured::tip_force && reader.has("segment"))
       row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
     if (row.kind == Measured::loaded_rotation) row.load = reader.number("load", {Dimension::none, 0, 1});
@@ -191,10 +216,16 @@ class RowReader {
     }
     if (row.kind == Measured::simulation) read_simulation(reader, row);
     row.pose = read_pose(reader, "pose", axes);
+    Dimension dimension = form.dimension;
+    if ((dimension == D::force || dimension == D::torque) && reader.has("over_pose")) {
+      row.over_pose = read_pose(reader, "over_pose", axes);
+      dimension = D::none;
+      row.unit = "1";
+    }
     for (const std::string& each : axes) check(reader, "pose", each, axes_, "axes of the hand");
     row.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
-    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", {form.dimension, -1e4, 1e4});
-    row.spread = reader.number("spread", {form.dimension, 0, 1e4, true});
+    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", {dimension, -1e4, 1e4});
+    row.spread = reader.number("spread", {dimension, 0, 1e4, true});
     if (reader.sound() && !(row.spread > 0)) reader.problem("spread", "0", "more than 0");
   }
 
