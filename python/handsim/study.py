@@ -172,7 +172,8 @@ def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick
 
 def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = None, *, sides: Sequence[str] = (),
            friction: Optional[float] = None, friction_search: bool = False, margin: bool = False,
-           confirm: bool = False, pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
+           confirm: bool = False, pictures: bool = False, uncertain: Optional[int] = None, threads: int = 0,
+           out: Out = None, progress: Progress = None) -> Study:
     """Grasp and climb scenes in one table of each: ``tables["grasps"]``, ``tables["climbs"]``.
 
     :param scenes: files, names of shipped scenes, or folders
@@ -181,15 +182,21 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     :param friction_search: the smallest friction that still holds each grasp
     :param margin: each grasp again with 5 % more and less friction and mass
     :param confirm: each grasp again at half the step
+    :param uncertain: as many hands are drawn within what is uncertain, in place of the scenes' own, on ``threads`` cores
+        (0: all): ``tables["uncertain"]`` has every figure with its interval and the owners of its variance
     """
     flags(friction_search=friction_search, margin=margin, pictures=pictures)
     if friction is not None:
         real("friction", friction)
+    if uncertain is not None:
+        whole("uncertain", uncertain, 2), whole("threads", threads, 0, MOST_THREADS)
+        if friction is not None or friction_search or margin or confirm or pictures:
+            raise input_error("uncertain", "options of one run of each scene", "scenes, overrides, sides and out alone")
     listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
     with _folder(out) as folder, bar(progress, "grasps") as told:
-        _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
-                     friction_search, margin, confirm, pictures, told)
-        return Study("grasps", folder, "")
+        text = _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
+                            friction_search, margin, confirm, pictures, uncertain, threads, told)
+        return Study("uncertain" if uncertain else "grasps", folder, text)
 
 
 def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[int] = None,
@@ -240,8 +247,8 @@ def merge(folders: Union[PathText, Sequence[PathText]], *, out: Out = None) -> S
 
 def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion: Optional[PathText] = None,
             names: Optional[PathText] = None, loads: Optional[PathText] = None, cutoff: Optional[float] = 6.0,
-            clamp: bool = False, check: bool = True, muscles: bool = False, co_contraction: float = 0, out: Out = None,
-            progress: Progress = None) -> Study:
+            clamp: bool = False, check: bool = True, muscles: bool = False, co_contraction: float = 0,
+            uncertain: Optional[int] = None, threads: int = 0, out: Out = None, progress: Progress = None) -> Study:
     """Inverse dynamics: the torques about every axis that make a motion: ``tables["torques"]`` over time, and
     ``tables["summary"]`` by axis.
 
@@ -254,17 +261,26 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     :param muscles: activations by static optimisation as well, of a scene with muscles: tables ``activations``,
         ``excitations`` and ``reserves``, the torques that the muscles leave undone; the check is driven by these
     :param co_contraction: least activation of every muscle, 0 to 0.9
+    :param uncertain: as many hands are drawn within what is uncertain, on ``threads`` cores (0: all), without the check:
+        figures with their intervals in ``summary["outcomes"]``, ``tables["bands"]`` over time; of a scene's file or name
     """
     flags(clamp=clamp, check=check, muscles=muscles)
     if not 0 <= real("co_contraction", co_contraction) <= 0.9:
         raise input_error("co_contraction", str(co_contraction), "0 to 0.9")
     if cutoff is not None:
         real("cutoff", cutoff)
+    file = None
+    if uncertain is not None:
+        whole("uncertain", uncertain, 2), whole("threads", threads, 0, MOST_THREADS)
+        if not isinstance(scene, (str, PathLike)):
+            raise input_error("scene", "a compiled scene beside uncertain", "its file, or the name of a shipped one")
+        file = find_file(scene)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder, bar(progress, "inverse") as told:
         text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check,
-                             float(co_contraction) if muscles else None, told)
-        return Study("inverse", folder, text)
+                             float(co_contraction) if muscles else None, file, override_list(overrides), uncertain, threads,
+                             told)
+        return Study("rollouts" if uncertain else "inverse", folder, text)
 
 
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,

@@ -81,6 +81,16 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
 /// Adds `--set`, and `--engine` for `--set solver.engine=...`.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
+/// Adds `--uncertain`, a number of drawn hands.
+inline CLI::Option* add_uncertain(CLI::App& command, std::optional<int>& count) {
+  return command
+      .add_option(
+          "--uncertain", count,
+          "draw as many hands within what is uncertain of them: all figures with intervals, and which "
+          "inputs own their variance")
+      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
+}
+
 /// Adds `--report` to a study.
 template <class Arguments>
 CLI::Option* add_report_flag(CLI::App& command, Arguments& arguments) {

@@ -79,8 +79,9 @@ struct RenderArguments {
 int render_command(const RenderArguments& arguments);
 
 struct GraspArguments : study::GraspStudy {
-  std::string side;     ///< right, left, both; empty: the scene's
-  bool report = false;  ///< writes report.html
+  std::string side;              ///< right, left, both; empty: the scene's
+  bool report = false;           ///< writes report.html
+  std::optional<int> uncertain;  ///< hands that are drawn
 };
 int grasp_command(const GraspArguments& arguments);
 
@@ -89,6 +90,8 @@ struct RolloutsArguments : study::RolloutOptions {
   std::vector<std::string> overrides;          ///< of the scene
   std::optional<int> count, seed;              ///< in place of the study's
   bool uncertain = false;                      ///< `study` is a scene, whose uncertain hands are drawn
+  std::optional<study::RolloutsSpec> spec;     ///< in place of the file's, uncertain
+  std::string command;                         ///< that repeats it
   bool report = false;                         ///< writes report.html
   std::vector<std::filesystem::path> folders;  ///< of `merge`
 };
@@ -96,6 +99,9 @@ int rollouts_command(const RolloutsArguments& arguments);
 int merge_command(const RolloutsArguments& arguments);
 /// The study with the command line's changes. @throws Error (input) with every problem of the file.
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments);
+/// True after Ctrl-C and the end of a job's time: what is done is saved, then the program ends; a second
+/// signal ends it at once.
+const std::atomic<bool>& stop_at_signals();
 /// `3/16`. @throws Error (input) for another text.
 study::Shard shard_of(const std::string& text);
 

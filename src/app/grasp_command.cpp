@@ -93,6 +93,17 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
   for (const std::filesystem::path& folder : folders) write_report({folder});
 }
 
+int uncertain_grasps(const GraspArguments& arguments, study::GraspStudy study,
+                     study::StudyCommands commands) {
+  const study::StudyEnd end = with_progress([&](const auto& show) {
+    study.progress = show;
+    return study::uncertain_grasps(study, *arguments.uncertain, 0, stop_at_signals());
+  });
+  commands.study += fmt::format(" --uncertain {}", *arguments.uncertain);
+  if (end.missing.empty()) study::finish_study(arguments.out, commands, arguments.report);
+  return print_study(end, arguments.out);
+}
+
 }  // namespace
 
 int grasp_command(const GraspArguments& arguments) {
@@ -102,6 +113,7 @@ int grasp_command(const GraspArguments& arguments) {
   else if (!arguments.side.empty())
     study.sides = {arguments.side};
   const study::StudyCommands commands = study::grasp_commands(study);
+  if (arguments.uncertain) return uncertain_grasps(arguments, study, commands);
   if (arguments.report) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");

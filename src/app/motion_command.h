@@ -23,6 +23,8 @@ struct InverseArguments {
   double co_contraction = 0;  ///< least activation
   bool apart = false;         ///< with muscles: no contact in the check, which is no part of the torques
   bool json = false;
+  std::optional<int> uncertain;  ///< hands that are drawn
+  bool report = false;           ///< of these: writes report.html
 };
 /// @throws Error (input) for a file of names that is none.
 study::InverseInput inverse_input(const InverseArguments& arguments);

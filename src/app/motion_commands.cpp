@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/command_line.h"
+#include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/motion_command.h"
 #include "handsim/app/progress.h"
@@ -53,7 +54,9 @@ void add_inverse(CommandLine& line) {
       ->check(CLI::Range(0.0, 0.9))
       ->needs(muscles);
   add_overrides(inverse, arguments->overrides);
-  inverse.add_flag("--json", arguments->json, "print summary.json in place of the table");
+  CLI::Option* json = inverse.add_flag("--json", arguments->json, "print summary.json in place of the table");
+  CLI::Option* uncertain = add_uncertain(inverse, arguments->uncertain)->excludes(json);
+  add_report_flag(inverse, *arguments)->needs(uncertain);
 }
 
 void add_track(CommandLine& line) {
@@ -96,14 +99,14 @@ control::MotionNames load_names(const std::filesystem::path& path) {
   return out;
 }
 
-/// The scene; --muscles puts them in effect.
-scene::Scene with_muscles(const InverseArguments& arguments) {
-  scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+/// Of the scene; --muscles puts them in effect.
+std::vector<std::string> with_muscles(const InverseArguments& arguments) {
+  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   using model::Effect;
   const auto touches = [&](Effect effect) {
     return effect == Effect::self_contact || effect == Effect::object_contact || effect == Effect::friction;
   };
-  if (!arguments.muscles || (!scene.model.muscles.empty() && !arguments.apart)) return scene;
+  if (!arguments.muscles || (!scene.model.muscles.empty() && !arguments.apart)) return arguments.overrides;
   std::string effects = "muscles, tendon_coupling";
   for (int i = 0; i < model::kEffectCount; ++i)
     if (const auto effect = static_cast<Effect>(i);
@@ -111,7 +114,29 @@ scene::Scene with_muscles(const InverseArguments& arguments) {
       effects += fmt::format(", {}", model::name(effect));
   std::vector<std::string> overrides = arguments.overrides;
   overrides.push_back("effects=[" + effects + "]");
-  return scene::load_scene(arguments.scene, overrides);
+  return overrides;
+}
+
+/// Hands that are drawn: a study of rollouts.
+int uncertain_inverse(const InverseArguments& arguments) {
+  RolloutsArguments of;
+  of.study = arguments.scene;
+  of.out = arguments.out;
+  of.report = arguments.report;
+  of.uncertain = true;
+  of.spec = study::uncertain_inverse(arguments.scene, with_muscles(arguments), inverse_input(arguments),
+                                     *arguments.uncertain);
+  std::vector<std::string> words = {"inverse", arguments.scene.string()};
+  for (const auto& [name, file] :
+       {std::pair("--motion", arguments.motion), {"--names", arguments.names}, {"--loads", arguments.loads}})
+    if (file) words.insert(words.end(), {name, file->string()});
+  words.insert(words.end(), {"--cutoff", arguments.cutoff ? fmt::format("{}", *arguments.cutoff) : "none"});
+  if (arguments.clamp) words.emplace_back("--clamp");
+  if (arguments.muscles)
+    words.insert(words.end(), {"--muscles", "--co-contraction", fmt::format("{}", arguments.co_contraction)});
+  words.insert(words.end(), {"--uncertain", fmt::format("{}", *arguments.uncertain)});
+  of.command = study::command_text(words, arguments.overrides);
+  return rollouts_command(of);
 }
 
 /// Reads a file of a known kind. @throws Error (input) with all its problems.
@@ -178,7 +203,8 @@ study::InverseInput inverse_input(const InverseArguments& arguments) {
 }
 
 int inverse_command(const InverseArguments& arguments) {
-  const scene::Scene scene = with_muscles(arguments);
+  if (arguments.uncertain) return uncertain_inverse(arguments);
+  const scene::Scene scene = scene::load_scene(arguments.scene, with_muscles(arguments));
   print_warnings(scene.warnings);
   const study::InverseInput input = inverse_input(arguments);
   const output::OutputFolder folder(arguments.out, study::inverse_files(), [&] {

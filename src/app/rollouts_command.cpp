@@ -19,14 +19,6 @@ namespace {
 
 std::atomic<bool> stop_asked = false;
 
-/// Ctrl-C and the end of a job's time: what is done is saved, then the program ends; a second one at once.
-void stop_at_signals() {
-  struct sigaction action {};
-  action.sa_handler = [](int) { stop_asked = true; };
-  action.sa_flags = static_cast<int>(SA_RESETHAND);
-  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
-}
-
 /// The shard of a process that mpirun or srun has started among others, each with one thread.
 void take_shard_of_job(study::RolloutOptions& options) {
   for (const auto& [rank, size] :
@@ -48,6 +40,14 @@ void print_end(const study::RolloutsResult& result, const std::filesystem::path&
 
 }  // namespace
 
+const std::atomic<bool>& stop_at_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { stop_asked = true; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+  return stop_asked;
+}
+
 study::Shard shard_of(const std::string& text) {
   const std::size_t slash = text.find('/');
   const auto k = parse_number(text.substr(0, slash));
@@ -61,6 +61,7 @@ study::Shard shard_of(const std::string& text) {
 }
 
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
+  if (arguments.spec) return *arguments.spec;
   study::RolloutsSpec spec = arguments.uncertain ? study::uncertain_rollouts(arguments.study)
                                                  : study::load_rollouts(arguments.study);
   spec.set.insert(spec.set.end(), arguments.overrides.begin(), arguments.overrides.end());
@@ -72,6 +73,8 @@ study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
 int rollouts_command(const RolloutsArguments& arguments) {
   stop_at_signals();
   study::RolloutOptions options = arguments;
+  // A scene's command has no --resume: it goes on by itself, or where it is of recorded motion begins anew.
+  if (arguments.uncertain) options.resume = true;
   if (options.shard.whole()) take_shard_of_job(options);
   const study::RolloutStudy study(rollouts_of(arguments));
   print_warnings(study.warnings());
@@ -87,16 +90,19 @@ int rollouts_command(const RolloutsArguments& arguments) {
   }
   const study::RolloutsResult result = with_progress([&](const auto& show) {
     options.progress = show;
+    if (std::error_code none; arguments.spec) std::filesystem::remove(where / study::kJournalName, none);
     return study::run_rollouts(study, options, stop_asked, [&] { folder.clear(); });
   });
   if (result.done < result.size) {
-    print_error("stopped: {} of {} rollouts are done; the same command with --resume goes on\n", result.done,
-                result.size);
+    print_error("stopped: {} of {} rollouts are done; the same command{} goes on\n", result.done, result.size,
+                arguments.uncertain ? "" : " with --resume");
     return 1;
   }
   const study::StudyCommands commands =
-      arguments.uncertain ? study::uncertain_commands(arguments.study, arguments.overrides, *arguments.count)
-                          : study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
+      arguments.spec ? study::StudyCommands{arguments.command}
+      : arguments.uncertain
+          ? study::uncertain_commands(arguments.study, arguments.overrides, *arguments.count)
+          : study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
   if (!options.shard.whole()) {
     // For the table of all shards.
     study::write_commands(arguments.out, commands);

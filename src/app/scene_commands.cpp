@@ -42,9 +42,7 @@ void add_hand(CommandLine& line) {
       "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
   add_person(hand, arguments);
   add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
-  hand.add_option("--uncertain", arguments->uncertain,
-                  "draw as many hands within what is uncertain: intervals of all figures, and what owns them")
-      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
+  add_uncertain(hand, arguments->uncertain);
   CLI::Option* population = hand.add_option("--population", arguments->population,
                                             "of a survey, in place of a person: percentiles of its hands");
   add_words(population, "ansur2");
@@ -94,11 +92,7 @@ void add_run(CommandLine& line) {
   run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
       ->check(from_0)
       ->needs(rollout);
-  run.add_option(
-         "--uncertain", arguments->uncertain,
-         "as many runs with hands drawn within what is uncertain of them: figures with intervals, and "
-         "which inputs own their variance")
-      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
+  add_uncertain(run, arguments->uncertain);
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
           ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));

@@ -40,6 +40,7 @@ void add_grasp(CommandLine& line) {
   grasp.add_flag("--confirm", arguments->confirm,
                  "run each grasp again at half the step: uncertain if that changes the verdict, or by more "
                  "than its margin");
+  add_uncertain(grasp, arguments->uncertain);
   add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   add_drawing(grasp, arguments->video, arguments->gl, "in each run's folder: a name without one");
@@ -102,11 +103,7 @@ void add_validate(CommandLine& line) {
   validate.add_option("measurements", asked->file, "file of measurements (default: the installed ones)");
   CLI::Option* out = validate.add_option("--out", asked->run.out, "folder for the study's files and runs/");
   validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);
-  validate
-      .add_option("--uncertain", asked->uncertain,
-                  "draw as many hands within what is uncertain: intervals of all rows, and how many measured "
-                  "values they cover")
-      ->check(number_from(2, 1e5, true, "a whole number of hands, from 2"));
+  add_uncertain(validate, asked->uncertain);
   add_report_flag(validate, asked->run)->needs(out);
 }
 

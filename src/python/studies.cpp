@@ -45,10 +45,11 @@ std::string stability(const path& study, const path& out, const std::vector<std:
   });
 }
 
-/// @return whether every criterion held
-bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
-            const std::vector<std::string>& overrides, std::optional<double> friction, bool friction_search,
-            bool margin, bool confirm, bool pictures, const py::object& progress) {
+/// @return what the command prints of drawn hands, else nothing
+std::string grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
+                   const std::vector<std::string>& overrides, std::optional<double> friction,
+                   bool friction_search, bool margin, bool confirm, bool pictures,
+                   std::optional<int> uncertain, int threads, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
     study::GraspStudy study;
     study.scenes = scenes;
@@ -61,10 +62,32 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
     study.confirm = confirm;
     study.pictures = pictures;
     study.progress = hooks.told;
+    if (uncertain) {
+      study.progress = [&hooks](double share) { hooks.share = share; };
+      const study::StudyEnd end = study::uncertain_grasps(study, *uncertain, threads, hooks.stop);
+      study::finish_study(out, study::grasp_commands(study), false);
+      return end.text;
+    }
     const study::GraspTables tables = study::run_grasps(study);
     study::finish_study(out, study::grasp_commands(study), false);
-    return tables.passed() && tables.missing.empty();
+    return std::string();
   });
+}
+
+std::string run_spec(study::RolloutsSpec spec, const study::StudyCommands& commands, const path& out,
+                     int threads, bool resume, StudyHooks& hooks) {
+  study::RolloutOptions options;
+  options.out = out;
+  options.threads = threads;
+  options.resume = resume;
+  // The study ends by `stop`, not by an exception.
+  options.progress = [&hooks](double share) { hooks.share = share; };
+  const study::RolloutStudy study(std::move(spec));
+  const output::OutputFolder folder(out, study::rollout_files());
+  const auto result = study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
+  if (result.done < result.size) return std::string();
+  study::finish_study(out, commands, false);
+  return study::rollouts_screen(result.table);
 }
 
 /// @param uncertain whether the file is a scene, whose uncertain hands are drawn
@@ -76,21 +99,10 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
     spec.set.insert(spec.set.end(), overrides.begin(), overrides.end());
     spec.count = count.value_or(spec.count);
     spec.seed = seed.value_or(spec.seed);
-    study::RolloutOptions options;
-    options.out = out;
-    options.threads = threads;
-    options.resume = resume;
-    // The study ends by `stop`, not by an exception.
-    options.progress = [&hooks](double share) { hooks.share = share; };
-    const study::RolloutStudy study(std::move(spec));
-    const output::OutputFolder folder(out, study::rollout_files());
-    const auto result = study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
-    if (result.done < result.size) return std::string();
-    study::finish_study(out,
-                        uncertain ? study::uncertain_commands(file, overrides, *count)
-                                  : study::rollouts_commands(file, overrides, seed),
-                        false);
-    return study::rollouts_screen(result.table);
+    return run_spec(std::move(spec),
+                    uncertain ? study::uncertain_commands(file, overrides, *count)
+                              : study::rollouts_commands(file, overrides, seed),
+                    out, threads, resume, hooks);
   });
 }
 
@@ -147,7 +159,9 @@ void bind_motion(py::module_& module) {
       "inverse",
       [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
          const std::optional<path>& names, const std::optional<path>& loads, std::optional<double> cutoff,
-         bool clamp, bool check, std::optional<double> least_activation, const py::object& progress) {
+         bool clamp, bool check, std::optional<double> least_activation, const std::optional<path>& file,
+         const std::vector<std::string>& overrides, std::optional<int> uncertain, int threads,
+         const py::object& progress) {
         InverseArguments arguments;
         arguments.motion = motion;
         arguments.names = names;
@@ -157,11 +171,17 @@ void bind_motion(py::module_& module) {
         arguments.no_check = !check;
         arguments.muscles = least_activation.has_value();
         arguments.co_contraction = least_activation.value_or(0);
+        if (uncertain)
+          return run_study(progress, [&](StudyHooks& hooks) {
+            return run_spec(
+                study::uncertain_inverse(*file, overrides, app::inverse_input(arguments), *uncertain), {},
+                out, threads, false, hooks);
+          });
         return inverse(of, out, arguments, progress);
       },
       py::arg("scene"), py::arg("out"), py::arg("motion"), py::arg("names"), py::arg("loads"),
-      py::arg("cutoff"), py::arg("clamp"), py::arg("check"), py::arg("least_activation"),
-      py::arg("progress"));
+      py::arg("cutoff"), py::arg("clamp"), py::arg("check"), py::arg("least_activation"), py::arg("file"),
+      py::arg("overrides"), py::arg("uncertain"), py::arg("threads"), py::arg("progress"));
   module.def(
       "track",
       [](const path& recording, const path& out, const std::optional<path>& person,
@@ -196,7 +216,7 @@ void bind_studies(py::module_& module) {
              py::arg("threads"), py::arg("pictures"), py::arg("progress"));
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
              py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
-             py::arg("pictures"), py::arg("progress"));
+             py::arg("pictures"), py::arg("uncertain"), py::arg("threads"), py::arg("progress"));
   module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
              py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("uncertain"),
              py::arg("progress"));

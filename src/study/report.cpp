@@ -50,9 +50,9 @@ struct Kind {
   const char* about;
 };
 constexpr Kind kStudyTables[] = {
-    {"accuracy.csv", "accuracy.json"}, {"effects.csv", "effects.json"}, {"stability.csv", "stability.json"},
-    {"rollouts.csv", "summary.json"},  {"grasps.csv", nullptr},         {"climbs.csv", nullptr},
-    {"validate.csv", "validate.json"}};
+    {"accuracy.csv", "accuracy.json"}, {"effects.csv", "effects.json"},  {"stability.csv", "stability.json"},
+    {"uncertain.csv", nullptr},        {"rollouts.csv", "summary.json"}, {"grasps.csv", nullptr},
+    {"climbs.csv", nullptr},           {"validate.csv", "validate.json"}};
 
 std::string text_of(const fs::path& path) {
   constexpr std::size_t kLargest = 1UL << 30U;
@@ -149,6 +149,7 @@ std::string study_page(const fs::path& folder) {
   }
   if (data["tables"].empty())
     throw input_error(folder.string(), "a folder without tables", "the folder of a run or study");
+  if (fs::exists(folder / kBandsFile)) data["bands"] = text_of(folder / kBandsFile);
   for (const auto& entry : fs::directory_iterator(folder))
     if (fs::exists(entry.path() / kPageFile)) data["pages"].push_back(entry.path().filename().string());
   return output::report_page(output::PageKind::study, std::string(data["title"]),

@@ -60,6 +60,8 @@ struct StudyCommands {
 /// Names of the files.
 inline constexpr const char* kStudyFile = "study.json";
 inline constexpr const char* kPageFile = "report.html";
+inline constexpr const char* kBandsFile =
+    "bands.csv";  ///< curves with their middle 90 %, which the page draws
 
 /// `handsim WORDS --set ... --out again`.
 std::string command_text(const std::vector<std::string>& words,

@@ -200,7 +200,7 @@ std::string owners_text(const std::vector<VarianceShare>& shares) {
       told.push_back(fmt::format("{} {:.0f} %", each.of, 100 * each.share));
   }
   if (told.empty()) return shares.empty() ? "-" : "no input has 1 %";
-  return fmt::format("{} ({:.0f} % explained)", fmt::join(told, ", "), 100 * all);
+  return fmt::format("{} ({:.0f} % explained)", fmt::join(told, ", "), std::max(0.0, 100 * all));
 }
 
 }  // namespace handsim::study

@@ -28,6 +28,29 @@ def test_uncertain_hands_have_intervals():
     assert gap["percentile_5"] <= gap["mean"]["value"] <= gap["percentile_95"]
 
 
+def test_drawn_hands_grasp_and_move():
+    """Oracle: the same seed's table in one thread and in two; a drawn hand's torques are those of its own inverse dynamics."""
+    short = {"grasps.0.hold": "0.6 s", "solver.engine": "articulated",
+             "grasps.0.shake.levels": [{"acceleration": 2, "frequency": "4 Hz"}]}
+    first, second = (hs.study.grasps("grasp_pinch", short, uncertain=3, threads=n) for n in (1, 2))
+    assert list(first.tables["uncertain"]["figure"]) == list(second.tables["uncertain"]["figure"])
+    assert np.array_equal(first.tables["uncertain"]["mean"], second.tables["uncertain"]["mean"])
+    assert "held in" in first.text
+    motion = {"duration": "0.05 s", "criteria": {}}
+    drawn = hs.study.inverse("every_pose", motion, uncertain=2)
+    name = "right.index_mcp.flexion"
+    column = drawn.tables["rollouts"]
+    own = dict(motion)
+    for key in column:
+        if "deviations" in key:
+            own[key] = float(column[key][1])
+    torques = hs.study.inverse("every_pose", own, check=False).tables["torques"]
+    assert np.isclose(np.abs(torques[f"{name}_active"]).max(), column[f"{name}.largest_torque[N_m]"][1], rtol=1e-6)
+    assert "right.index_mcp.flexion.torque.p5[N_m]" in drawn.tables["bands"]
+    with pytest.raises(hs.Error, match="options of one run"):
+        hs.study.grasps("grasp_pinch", uncertain=3, margin=True)
+
+
 def test_rollouts_are_a_function_of_the_seed():
     first, second = (hs.study.rollouts("rollouts_free_fall", count=6, seed=3, threads=n) for n in (1, 2))
     table, other = first.tables["rollouts"], second.tables["rollouts"]

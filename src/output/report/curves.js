@@ -63,7 +63,7 @@ const Curves = (() => {
 
   /**
    * A plot of the curves of one unit.
-   * @param title name and unit. @param curves [{name, times, values, colour, dash, width, faint}]
+   * @param title name and unit. @param curves [{name, times, values, colour, dash, width, faint}], with a band around it {low, high}
    * @param span [start, end] of the time axis, changed by the page. @param onTime(t) a place was clicked.
    */
   function plot(title, unit, curves, span, onTime) {
@@ -87,12 +87,12 @@ const Curves = (() => {
 
     function range(list) {
       let low = Infinity, high = -Infinity;
-      for (const {times, values} of list)
+      for (const {times, values, low: under = values, high: over = values} of list)
         for (let i = 0; i < times.length; ++i) {
           if (times[i] < span[0] && i + 1 < times.length && times[i + 1] < span[0]) continue;
           if (times[i] > span[1] && i > 0 && times[i - 1] > span[1]) break;
-          low = Math.min(low, values[i]);
-          high = Math.max(high, values[i]);
+          low = Math.min(low, under[i]);
+          high = Math.max(high, over[i]);
         }
       if (!(high >= low)) return [0, 1];
       const spare = high > low ? 0.06 * (high - low) : Math.max(1e-12, 0.1 * Math.abs(high)) || 1;
@@ -110,6 +110,14 @@ const Curves = (() => {
       draw.rect(box.left, box.top, box.width, box.height);
       draw.clip();
       draw.lineJoin = 'round';
+      for (const curve of list.filter(c => c.low)) {
+        draw.fillStyle = curve.shown || curve.colour;
+        draw.globalAlpha = 0.2;
+        draw.beginPath();
+        curve.times.forEach((t, i) => draw.lineTo(toX(t), toY(curve.low[i])));
+        for (let i = curve.times.length; i-- > 0;) draw.lineTo(toX(curve.times[i]), toY(curve.high[i]));
+        draw.fill();
+      }
       for (const curve of list) {
         draw.strokeStyle = curve.shown || curve.colour;
         draw.globalAlpha = curve.faint ? 0.5 : 1;
@@ -148,7 +156,8 @@ const Curves = (() => {
       }
       for (const label of labels) {
         const values = label.curves.map(c => valueAt(c, t)).filter(v => v !== null);
-        label.value.textContent = values.map(v => Table.text(+v.toPrecision(3))).join(' / ');
+        const digits = v => Table.text(+v.toPrecision(3)), of = label.curves[0], end = side => valueAt({times: of.times, values: of[side]}, t);
+        label.value.textContent = values.map(digits).join(' / ') + (of.low && values.length ? ` (${digits(end('low'))} to ${digits(end('high'))})` : '');
       }
     }
     function pick(event) {

@@ -85,14 +85,45 @@
     return {out, draw, pick, items};
   }
 
-  const sections = data.tables.map(section);
+  /** Curves of drawn hands, of one kind at a time: medians, with the middle nine of ten as bands. */
+  function bands(csv) {
+    const [columns, ...rows] = read(csv), times = rows.map(row => row[0]), span = [times[0], times[times.length - 1]], kinds = new Map();
+    const parts = ['thumb', 'index', 'middle', 'ring', 'little', 'palm', 'wrist', 'forearm'];
+    for (let c = 1; c < columns.length; c += 3) {
+      const [, full, , unit] = /^(.*)\.p5(\[(.*)\])?$/.exec(columns[c]), [low, values, high] = [0, 1, 2].map(i => rows.map(row => (unit === 'rad' ? 180 / Math.PI : 1) * row[c + i]));
+      if (low.every(v => v === 0) && high.every(v => v === 0)) continue;
+      const kind = full.endsWith('.torque') ? 'torques' : full.startsWith('activation.') ? 'activations' : full.startsWith('force.') ? 'contact forces' : 'angles';
+      const words = full.replace(/^(activation|force)\.|\.torque$/g, ''), part = parts.find(p => words.includes(p)) || '', place = kind === 'contact forces' ? '' : part;
+      if (!kinds.has(kind)) kinds.set(kind, new Map());
+      const groups = kinds.get(kind);
+      if (!groups.has(place)) groups.set(place, {unit: (unit || '').replace('rad', 'deg').replace('_', ' '), list: []});
+      const list = groups.get(place).list;
+      list.push({name: kind === 'activations' ? words.replace(`${part}.`, '') : words, times, values, low, high, colour: Curves.palette[list.length % Curves.palette.length]});
+    }
+    let plots = [];
+    const kind = choice('curves', [...kinds.keys()], kinds.has('torques') ? 'torques' : undefined, show), box = element('div', {class: 'bands'});
+    function show() {
+      const order = [...kinds.get(valueOf(kind))].sort(([a], [b]) => parts.indexOf(a) - parts.indexOf(b));
+      plots = order.map(([part, of]) => Curves.plot(part || valueOf(kind), of.unit, of.list, span, t => plots.forEach(plot => plot.cursor(t))));
+      box.replaceChildren(...plots.map(plot => plot.element));
+      for (const plot of plots) plot.update();
+    }
+    if (!kinds.size) return null;
+    const out = element('section', {id: 'bands'}, element('h2', {}, 'Curves with bands'),
+      element('p', {class: 'dim'}, 'Lines: the median of the drawn hands; bands: from the 5th to the 95th percentile at each time, of those whose run goes on. A click or drag in a plot shows the figures at that time; a click on a name hides its curve.'),
+      element('div', {class: 'bar'}, kind), box);
+    return {out, show};
+  }
+
+  const sections = data.tables.map(section), banded = data.bands ? bands(data.bands) : null;
   document.body.append(
     element('header', {}, element('h1', {}, data.title), element('p', {class: 'dim'}, `${data.name}; handsim ${data.handsim}`)),
-    element('main', {}, sections.map(s => s.out),
+    element('main', {}, banded ? banded.out : null, sections.map(s => s.out),
       data.study.command ? element('section', {}, element('h2', {}, 'Repeat it'), element('p', {}, element('code', {}, data.study.command))) : null,
       data.about ? element('details', {}, element('summary', {}, 'Figures, machine and versions'), Table.any(data.about)) : null,
       element('p', {class: 'dim'}, 'A click on a head sorts, a click on a row or a point shows the command that repeats it. Numbers have seven digits here, all digits in the tables of the folder. The page needs no network.')));
   for (const s of sections) s.draw();
+  if (banded) banded.show();
   /** For tests and scripts in the browser's console. */
   window.handsimReport = {sections, data};
 })();

@@ -11,6 +11,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/study/inverse/loads.h"
 
 namespace handsim::study {
@@ -18,6 +19,7 @@ namespace handsim::study {
 namespace {
 
 constexpr std::size_t kMostValues = 50'000'000;
+constexpr std::size_t kBandRows = 400;  ///< of curves for bands, about
 
 /// Angles of all hands over time, on the grid of the solver's steps.
 struct SampledMotion {
@@ -345,7 +347,52 @@ void summarise(InverseResult& result) {
   if (count > 0) result.rms_error = std::sqrt(all / static_cast<double>(count));
 }
 
+Findings measured(const scene::Scene& scene, const InverseResult& result) {
+  Findings out;
+  const auto add = [&](const std::string& name, double value) { out.figures.emplace_back(name, value); };
+  out.curves.columns = {"time[s]"};
+  for (const InverseAxis& axis : result.axes) {
+    add(axis.name + ".largest_torque[N_m]", axis.largest_torque);
+    add(axis.name + ".rms_torque[N_m]", axis.rms_torque);
+    out.curves.columns.push_back(axis.name + ".torque[N_m]");
+  }
+  std::vector<double> largest(result.rows[0].activation.size(), 0.0);
+  for (std::size_t m = 0; m < largest.size(); ++m)
+    out.curves.columns.push_back(fmt::format("activation.{}.{}",
+                                             simulation::moved_by(scene.model.muscles[m], scene.model),
+                                             scene.model.muscles[m].name));
+  double effort = 0;
+  for (std::size_t n = 0; n < result.rows.size(); ++n) {
+    const InverseRow& row = result.rows[n];
+    for (std::size_t m = 0; m < largest.size(); ++m) {
+      largest[m] = std::max(largest[m], row.activation[m]);
+      effort += row.activation[m] * row.activation[m];
+    }
+    if (n % (1 + result.rows.size() / kBandRows) != 0) continue;
+    out.curves.values.push_back(row.time);
+    for (const InverseAxis& axis : result.axes) out.curves.values.push_back(row.active(axis.dof));
+    out.curves.values.insert(out.curves.values.end(), row.activation.begin(), row.activation.end());
+  }
+  for (std::size_t m = 0; m < largest.size(); ++m)
+    add("largest_activation." + scene.model.muscles[m].name, largest[m]);
+  if (largest.empty()) return out;
+  add("effort", effort / static_cast<double>(largest.size() * result.rows.size()));
+  add("reserve_share", result.reserve_share.value_or(0));
+  return out;
+}
+
 }  // namespace
+
+RolloutsSpec uncertain_inverse(const std::filesystem::path& scene, std::vector<std::string> overrides,
+                               InverseInput input, int count) {
+  RolloutsSpec out = uncertain_rollouts(scene);
+  out.title = scene.stem().string() + ", torques of hands within what is uncertain";
+  out.set = std::move(overrides);
+  out.count = count;
+  input.forward = false;
+  out.measure = [input](const scene::Scene& of) { return measured(of, run_inverse(of, input)); };
+  return out;
+}
 
 InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
                           const std::function<void(double)>& progress) {

@@ -11,6 +11,7 @@
 #include "handsim/control/motion_trajectory.h"
 #include "handsim/core/units.h"
 #include "handsim/scene/compile/scene.h"
+#include "handsim/study/rollouts/rollouts_spec.h"
 
 namespace handsim::study {
 
@@ -80,6 +81,11 @@ struct InverseResult {
 /// @throws Error (input) for a scene without hands, with loops or free hands, and for files that do not fit.
 InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
                           const std::function<void(double)>& progress = {});
+
+/// A study of hands within what is uncertain of the scene's: torques, with activations these too, and their
+/// bands. The check is left to the scene's own hand.
+RolloutsSpec uncertain_inverse(const std::filesystem::path& scene, std::vector<std::string> overrides,
+                               InverseInput input, int count);
 
 /// Names of the files of write_inverse().
 std::vector<std::string> inverse_files();

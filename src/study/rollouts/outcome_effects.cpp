@@ -74,6 +74,8 @@ Input input_of(const Table& table, std::size_t column, const std::vector<const R
   return out;
 }
 
+}  // namespace
+
 OutcomeEffects effects_on(const Table& table, std::size_t outcome) {
   OutcomeEffects out;
   out.name = table.head.columns[outcome].name;
@@ -99,8 +101,6 @@ OutcomeEffects effects_on(const Table& table, std::size_t outcome) {
   out.variance = variance_shares(inputs, out.values);
   return out;
 }
-
-}  // namespace
 
 bool KeyEffect::levels() const {
   return text || std::ranges::all_of(bins, [](const Bin& bin) { return bin.low == bin.high; });

@@ -44,6 +44,9 @@ struct OutcomeEffects {
   bool varies() const { return all && (verdict || all->low < all->high); }
 };
 
+/// Of the outcome in a column.
+OutcomeEffects effects_on(const Table& table, std::size_t outcome);
+
 /// `held` first, then the outcomes that the study names.
 std::vector<OutcomeEffects> outcome_effects(const Table& table);
 

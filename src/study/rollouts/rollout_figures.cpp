@@ -7,6 +7,9 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
+#include "handsim/output/table/csv_rows.h"
+#include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::study {
@@ -89,7 +92,7 @@ void add_grasp(const GraspFigures& grasp, const std::string& head, double now, N
   const auto add_grip = [&](const char* name, auto field) {
     add(name, grip ? number(static_cast<double>(field(*grip))) : Cell());
   };
-  add("margin", grasp.complete ? number(grasp.margin()) : Cell());
+  add("margin", grasp.margin_measured() ? number(grasp.margin()) : Cell());
   add_grip("contacts", [](const simulation::Grip& of) { return of.contacts; });
   add_grip("normal_force[N]", [](const simulation::Grip& of) { return of.normal; });
   add_grip("friction_used", [](const simulation::Grip& of) { return of.friction_used; });
@@ -116,6 +119,40 @@ NamedCells figures_of(const Simulation& simulation) {
   }
   add_muscles(simulation, out);
   return out;
+}
+
+void add_curves(const Simulation& simulation, Trajectory& to) {
+  const model::Model& model = simulation.model();
+  const model::State& state = simulation.state();
+  const bool first = to.columns.empty();
+  const auto add = [&](const std::string& name, double value) {
+    if (first) to.columns.push_back(name);
+    to.values.push_back(value);
+  };
+  add("time[s]", state.time);
+  const std::vector<std::string> names = output::coordinate_names(model);
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size() && joint.kind != model::JointKind::slider; ++a)
+      add(names[at(joint.first_dof) + a] + "[rad]", state.q[at(joint.first_dof) + a]);
+  if (simulation.scene().control)
+    for (const control::DrivenAxis& axis : simulation.scene().control->axes)
+      add(axis.name + ".torque[N_m]", state.tau[axis.dof]);
+  for (std::size_t i = 0; i < state.activation.size(); ++i)
+    add(fmt::format("activation.{}.{}", simulation::moved_by(model.muscles[i], model), model.muscles[i].name),
+        state.activation[i]);
+  if (!simulation.scene().spec.solver.contact_forces) return;
+  for (const model::HandIndex& hand : model.hands) {
+    std::array<double, simulation::kHandParts.size()> forces{};
+    for (const engine::Contact& contact : simulation.engine().contacts())
+      for (const int index : {contact.shape_a, contact.shape_b}) {
+        const model::Shape& shape = model.shapes[at(index)];
+        const int part = simulation::hand_part(shape.part);
+        if (part >= 0 && std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
+          forces[at(part)] += contact.normal_force();
+      }
+    for (std::size_t i = 0; i < forces.size(); ++i)
+      add(fmt::format("force.{}.{}[N]", hand.name, simulation::kHandParts[i]), forces[i]);
+  }
 }
 
 std::map<std::string, double> summary_figures(const Simulation& simulation) {

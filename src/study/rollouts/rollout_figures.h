@@ -18,6 +18,10 @@ using NamedCells = std::vector<std::pair<std::string, Cell>>;
 /// climbs, and the activations of muscles, also as the mean of their squares, `effort`.
 NamedCells figures_of(const simulation::Simulation& simulation);
 
+/// Adds a row of curves: the hands' angles, torques about driven axes, activations, and the normal forces of
+/// the parts of hands where the scene has contacts with forces.
+void add_curves(const simulation::Simulation& simulation, Trajectory& to);
+
 /// The numbers of summary.json that the motion alone decides, by their path: items of lists by their `name`,
 /// `part` or pair (`contact_forces.fingers.right.index.mean_normal_force_N`); true is 1.
 std::map<std::string, double> summary_figures(const simulation::Simulation& simulation);

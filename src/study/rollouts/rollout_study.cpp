@@ -21,6 +21,8 @@ namespace {
 using simulation::Simulation;
 
 constexpr long kMostRollouts = 1'000'000'000;
+/// Rows of curves for bands, about.
+constexpr long kBandRows = 400;
 const std::vector<Column> kOutcome = {{"held", ColumnRole::outcome, false},
                                       {"ended", ColumnRole::outcome, true},
                                       {"ended_at[s]", ColumnRole::outcome, false}};
@@ -82,17 +84,19 @@ void take_figures(const Simulation& simulation, bool diverged, Outcome& out) {
 }
 
 /// To the end, or to what ends it.
+/// @param curves for bands, or null
 Outcome run_to_end(Simulation& simulation, bool stop_lost, const std::atomic<bool>& stop,
-                   std::optional<Trajectory>& trajectory) {
+                   std::optional<Trajectory>& trajectory, Trajectory* curves = nullptr) {
   Outcome out;
   bool diverged = false;
   try {
     if (trajectory) record(simulation, *trajectory);
-    const long steps = simulation.step_count();
+    const long steps = simulation.step_count(), every = std::max(1L, steps / kBandRows);
     while (simulation.steps() < steps && !over(simulation, stop_lost)) {
       if (stop.load(std::memory_order_relaxed)) return {{}, true};
       simulation.step();
       if (trajectory) record(simulation, *trajectory);
+      if (curves && simulation.steps() % every == 0) add_curves(simulation, *curves);
     }
   } catch (const Error& error) {
     if (!error.fault()) throw;
@@ -126,6 +130,9 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
     diagnostics.throw_if_any();
   }
   files_ = scene::files_read(base);
+  // Bands of contact forces.
+  if (spec_.bands && base.spec.solver.effects.any_contact() && !base.spec.solver.contact_forces)
+    apply_override(root_, "record.contacts=true", diagnostics.budget);
   follow_files(root_, base.resolved);
   if (spec_.uncertain) add_uncertain(base);
   if (spec_.vary.empty())
@@ -177,9 +184,11 @@ void RolloutStudy::add_uncertain(const scene::Scene& scene) {
   });
   for (std::size_t i = 0; i < (one ? std::min<std::size_t>(1, hands.size()) : hands.size()); ++i)
     for (const std::string& name : hand::uncertain_of(*hands[i].model, hands[i].person, muscles))
-      vary(fmt::format("hands.{}.person.deviations.{}", one && hands.size() > 1 ? "*" : std::to_string(i),
-                       name),
-           0, 1);
+      // A motion that was recorded is within its hand's ranges and strength.
+      if (!spec_.measure || (name != "ranges" && name != "grip_strength"))
+        vary(fmt::format("hands.{}.person.deviations.{}", one && hands.size() > 1 ? "*" : std::to_string(i),
+                         name),
+             0, 1);
   const YamlNode* contacts = scene.resolved.find("contacts");
   const YamlNode* materials = contacts ? contacts->find("materials") : nullptr;
   for (std::size_t i = 0; materials && i < materials->items.size(); ++i)
@@ -237,8 +246,10 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
   for (const scene::InputFile& input : scene.inputs) scene_hash_ = hash_bytes(*input.bytes, scene_hash_);
   for (std::filesystem::path& file : scene::files_read(scene))
     if (std::ranges::find(files_, file) == files_.end()) files_.push_back(std::move(file));
+  if (spec_.measure && sample_) return;
   try {
-    for (const auto& [name, cell] : figures_of(Simulation(scene))) {
+    for (const auto& [name, cell] :
+         spec_.measure ? spec_.measure(scene).figures : figures_of(Simulation(scene))) {
       const bool text = name.ends_with("outcome") || name.ends_with("last_touched_by");
       const Column column = {name, ColumnRole::figure, text};
       if (std::ranges::find(figures_, column) == figures_.end()) figures_.push_back(column);
@@ -259,7 +270,7 @@ void RolloutStudy::find_outcomes() {
   Diagnostics diagnostics;
   if (spec_.uncertain && spec_.outcomes.empty())
     for (Column& column : figures_)
-      if (!column.text && !column.name.ends_with(".held")) column.role = ColumnRole::asked;
+      if (!column.text) column.role = ColumnRole::asked;
   for (const std::string& name : spec_.outcomes) {
     const auto found = std::ranges::find_if(figures_, [&](const Column& column) {
       return !column.text && (column.name == name || column.name.starts_with(name + "["));
@@ -344,10 +355,19 @@ std::optional<Row> RolloutStudy::run(long rollout, const std::atomic<bool>& stop
   if (rollout < spec_.trajectories) row.trajectory.emplace();
   Outcome outcome;
   try {
-    Simulation simulation(compile(choice.overrides));
-    outcome = run_to_end(simulation, spec_.stop_lost, stop, row.trajectory);
-    if (reads_summary_)
-      for (const auto& [path, value] : summary_figures(simulation)) outcome.cells.emplace(path, value);
+    const scene::Scene scene = compile(choice.overrides);
+    if (spec_.measure) {
+      Findings found = spec_.measure(scene);
+      outcome.cells = {found.figures.begin(), found.figures.end()};
+      outcome.cells["ended"] = "end";
+      row.curves = std::move(found.curves);
+    } else {
+      Simulation simulation(scene);
+      outcome =
+          run_to_end(simulation, spec_.stop_lost, stop, row.trajectory, spec_.bands ? &row.curves : nullptr);
+      if (reads_summary_)
+        for (const auto& [path, value] : summary_figures(simulation)) outcome.cells.emplace(path, value);
+    }
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input) throw;
     row.trajectory.reset();

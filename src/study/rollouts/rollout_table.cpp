@@ -1,10 +1,14 @@
 #include "handsim/study/rollouts/rollout_table.h"
 
+#include <algorithm>
 #include <bit>
+
+#include <fmt/format.h>
 
 #include "handsim/core/error.h"
 #include "handsim/core/units.h"
 #include "handsim/study/report.h"
+#include "handsim/study/statistics.h"
 
 namespace handsim::study {
 
@@ -72,6 +76,33 @@ TableHead read_head(ArchiveReader& in) {
   });
   in(out.origin);
   return out;
+}
+
+std::string bands_csv(const std::vector<Trajectory>& curves) {
+  const auto longer = [](const Trajectory& a, const Trajectory& b) {
+    return a.values.size() < b.values.size();
+  };
+  const Trajectory& longest = *std::ranges::max_element(curves, longer);
+  const std::size_t width = longest.columns.size();
+  std::string out = field(longest.columns[0]);
+  for (std::size_t c = 1; c < width; ++c) {
+    const std::string& name = longest.columns[c];
+    const std::size_t unit = std::min(name.find('['), name.size());
+    for (const char* part : {".p5", ".p50", ".p95"})
+      out += "," + field(name.substr(0, unit) + part + name.substr(unit));
+  }
+  std::vector<double> values;
+  for (std::size_t row = 0; row < longest.values.size(); row += width) {
+    out += "\n" + number_text(longest.values[row]);
+    for (std::size_t c = 1; c < width; ++c) {
+      values.clear();
+      for (const Trajectory& each : curves)
+        if (row + c < each.values.size()) values.push_back(each.values[row + c]);
+      std::ranges::sort(values);
+      for (const double share : {0.05, 0.5, 0.95}) out += fmt::format(",{:.7g}", quantile(values, share));
+    }
+  }
+  return out + "\n";
 }
 
 void save(ArchiveWriter& out, const Row& row) {

@@ -30,7 +30,7 @@ struct Column {
   bool operator==(const Column&) const = default;
 };
 
-/// The states of one rollout, in the columns of trajectory.csv.
+/// The states of one rollout, in the columns of trajectory.csv, or other curves; the time first.
 struct Trajectory {
   std::vector<std::string> columns;
   std::vector<double> values;  ///< row by row
@@ -40,6 +40,7 @@ struct Row {
   long rollout = 0;
   std::vector<Cell> cells;  ///< in the order of the columns
   std::optional<Trajectory> trajectory;
+  Trajectory curves;  ///< for bands; the journal does not keep them
 };
 
 /// What all shards of a study share.
@@ -63,6 +64,10 @@ struct Table {
 /// One row of CSV; a number as the shortest text that reads back as the same.
 std::string csv_row(const TableHead& head, const Row& row);
 std::string csv_head(const TableHead& head);
+
+/// At each time the 5th, 50th and 95th percentile of each curve, `NAME.p5[unit]`, of those that reach it.
+/// @param curves with the same columns and times, some of which may end early
+std::string bands_csv(const std::vector<Trajectory>& curves);
 
 void save(ArchiveWriter& out, const TableHead& head);
 void save(ArchiveWriter& out, const Row& row);

@@ -56,16 +56,20 @@ class WorkQueue {
       if (!done_[at(next_)]) out.push_back(options_.shard.k - 1 + next_ * options_.shard.n);
     return out;
   }
-  void take(const std::vector<Row>& rows) {
+  void take(std::vector<Row> rows) {
     if (rows.empty()) return;
     const std::lock_guard lock(mutex_);
     journal_.add(rows);
+    for (Row& row : rows)
+      if (!row.curves.columns.empty()) curves_.push_back(std::move(row.curves));
     count_ += static_cast<long>(rows.size());
     if (options_.progress) options_.progress(static_cast<double>(count_) / static_cast<double>(size_));
   }
   long size() const { return size_; }
   long done() const { return count_; }
   long computed() const { return count_ - before_; }
+  /// Of the rollouts of this run, in any order.
+  const std::vector<Trajectory>& curves() const { return curves_; }
 
  private:
   std::size_t place(long rollout) const { return at(rollout / options_.shard.n); }
@@ -74,6 +78,7 @@ class WorkQueue {
   Journal& journal_;
   long size_, next_ = 0, count_ = 0, before_ = 0;
   std::vector<bool> done_;
+  std::vector<Trajectory> curves_;
   std::mutex mutex_;
 };
 
@@ -167,6 +172,9 @@ RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& opt
     WorkQueue queue(study, options, journal, content.rows);
     run_threads(study, options.threads, queue, stop);
     out.size = queue.size(), out.done = queue.done(), out.computed = queue.computed();
+    // Bands are of all rollouts or not at all.
+    if (out.computed == study.size() && !queue.curves().empty())
+      output::write_file(options.out / kBandsFile, bands_csv(queue.curves()));
   }
   out.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (out.done < out.size || !options.shard.whole()) return out;

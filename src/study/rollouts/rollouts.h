@@ -65,6 +65,13 @@ StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const
 StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
                                 std::optional<int> seed);
 
+/// `held in 87 % of 200 hands, 82 to 91 % (95 % interval)`; empty where nothing is judged.
+std::string held_text(const Table& table);
+
+/// Lines of uncertain.csv after their head: figure, hands, mean or share, ends of the middle 90 % or of the
+/// share's 95 % interval, owners of the variance.
+std::string figure_rows(const std::string& head, const Table& table);
+
 /// The same of `handsim run SCENE --uncertain count`.
 StudyCommands uncertain_commands(const std::filesystem::path& scene,
                                  const std::vector<std::string>& overrides, int count);

@@ -195,10 +195,10 @@ std::string short_owners(std::vector<VarianceShare> shares) {
 }
 
 /// An outcome in one line; nothing of one that does not vary.
-std::string line_of(const OutcomeEffects& of) {
+std::string line_of(const OutcomeEffects& of, std::size_t width) {
   if (!of.varies()) return "";
   const auto [low, high] = middle_90(of.values);
-  return fmt::format("  {:<34} {:>11.4g}  {:<25} {}\n", of.verdict ? "share " + of.name : of.name,
+  return fmt::format("  {:<{}} {:>11.4g}  {:<25} {}\n", of.verdict ? "share " + of.name : of.name, width,
                      of.all->value,
                      of.verdict ? fmt::format("({:.3f} to {:.3f}, 95 %)", of.all->low, of.all->high)
                                 : fmt::format("{:.4g} to {:.4g}", low, high),
@@ -207,9 +207,29 @@ std::string line_of(const OutcomeEffects& of) {
 
 }  // namespace
 
+std::string held_text(const Table& table) {
+  const OutcomeEffects held = effects_on(table, table.head.column("held"));
+  if (!held.all) return "";
+  std::map<std::string, long> ways = endings(table);
+  return fmt::format("held in {:.0f} % of {} hands, {:.0f} to {:.0f} % (95 % interval){}",
+                     100 * held.all->value, held.values.size(), 100 * held.all->low, 100 * held.all->high,
+                     ways["refused"] > 0 ? fmt::format("; {} refused", ways["refused"]) : "");
+}
+
+std::string figure_rows(const std::string& head, const Table& table) {
+  std::string out;
+  for (const OutcomeEffects& of : outcome_effects(table)) {
+    if (of.values.empty()) continue;
+    const auto [low, high] = of.verdict ? std::pair(of.all->low, of.all->high) : middle_90(of.values);
+    out += fmt::format("{},{},{},{:.7g},{:.7g},{:.7g},{}\n", head, quoted(of.name), of.values.size(),
+                       of.all->value, low, high, quoted(short_owners(of.variance)));
+  }
+  return out;
+}
+
 std::vector<std::string> rollout_files() {
   std::vector<std::string> out = report_files("rollouts", {"rollouts"});
-  out.insert(out.end(), {"rollouts.h5", "summary.json"});
+  out.insert(out.end(), {"rollouts.h5", "summary.json", kBandsFile});
   return out;
 }
 
@@ -236,11 +256,15 @@ std::string rollouts_screen(const Table& table) {
   std::string out =
       fmt::format("{}\n  {} rollouts: {}\n", table.head.title, table.head.size, fmt::join(parts, ", "));
   const std::vector<OutcomeEffects> outcomes = outcome_effects(table);
+  std::size_t width = 34;
+  for (const OutcomeEffects& of : outcomes) width = std::max(width, of.name.size());
   for (const OutcomeEffects& of : outcomes) {
     if (outcomes.size() > kTold || outcomes.size() * of.keys.size() > kMostLines) {
       if (&of == &outcomes.front())
-        out += fmt::format("\n  {:<34} {:>11}  {:<25} {}\n", "figure", "mean", "nine in ten", "variance of");
-      out += line_of(of);
+        out += (of.all ? "  " + held_text(table) + "\n" : "") + fmt::format("\n  {:<{}} {:>11}  {:<25} {}\n",
+                                                                            "figure", width, "mean",
+                                                                            "nine in ten", "variance of");
+      out += line_of(of, width);
       continue;
     }
     if (of.verdict) {
@@ -263,7 +287,8 @@ std::string rollouts_screen(const Table& table) {
 bool write_rollouts(const Table& table, const std::filesystem::path& out) {
   write_hdf5(table, out / "rollouts.h5");
   std::vector<OutcomeEffects> outcomes = outcome_effects(table);
-  std::erase_if(outcomes, [&](const OutcomeEffects& of) { return of.name != "held" && !of.varies(); });
+  if (std::ranges::any_of(outcomes, &OutcomeEffects::varies))
+    std::erase_if(outcomes, [](const OutcomeEffects& of) { return !of.varies(); });
   outcomes.resize(std::min(outcomes.size(), kTold));
   Report report;
   report.csv = csv_of(table);

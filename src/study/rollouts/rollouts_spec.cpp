@@ -269,7 +269,7 @@ RolloutsSpec uncertain_rollouts(const std::filesystem::path& scene) {
   RolloutsSpec out;
   out.scene = scene;
   out.title = scene.stem().string() + ", hands within what is uncertain";
-  out.uncertain = true;
+  out.uncertain = out.bands = out.stop_lost = true;
   return out;
 }
 
@@ -381,8 +381,8 @@ void RolloutStudy::check_record_and_stop() const {
               spec_.figures[i], need_word(spec_.figures[i], names));
   const bool grasps =
       std::ranges::any_of(names, [](const std::string& name) { return name.ends_with("outcome"); });
-  if (spec_.stop_lost && !grasps)
-    problem(at("stop", "lost"), "stop.lost", "true in a scene without a grasp", "a grasps block, or no stop");
+  if (const YamlNode* lost = at("stop", "lost"); lost && spec_.stop_lost && !grasps)
+    problem(lost, "stop.lost", "true in a scene without a grasp", "a grasps block, or no stop");
   diagnostics.throw_if_any();
 }
 

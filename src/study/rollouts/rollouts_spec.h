@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,7 +11,9 @@
 
 #include "handsim/core/yaml_reader.h"
 #include "handsim/hand/person.h"
+#include "handsim/scene/compile/scene.h"
 #include "handsim/study/rollouts/population.h"
+#include "handsim/study/rollouts/rollout_table.h"
 
 namespace handsim::study {
 
@@ -41,6 +44,12 @@ struct VariedKey {
   Place place;
 };
 
+/// What is measured of a scene: figures by name, and curves.
+struct Findings {
+  std::vector<std::pair<std::string, Cell>> figures;
+  Trajectory curves;
+};
+
 struct RolloutsSpec {
   std::string title;
   std::filesystem::path scene;
@@ -50,6 +59,8 @@ struct RolloutsSpec {
   std::vector<VariedKey> vary;
   /// Also varied: what persons, hand models and materials give a spread, normal around their values.
   bool uncertain = false;
+  bool bands = false;                                         ///< of each rollout's curves: bands.csv
+  std::function<Findings(const scene::Scene&)> measure = {};  ///< in place of a run
   /// Figures that are analysed beside the verdict: columns, or paths in summary.json.
   std::vector<std::string> outcomes;
   std::optional<Place> outcome_place;

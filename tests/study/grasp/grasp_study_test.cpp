@@ -3,10 +3,13 @@
 #include <cmath>
 #include <fstream>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/rollouts/rollouts.h"
+#include "handsim/study/statistics.h"
 #include "scene_files.h"
 
 namespace handsim::study {
@@ -322,6 +325,41 @@ TEST(Turning, IsFoundOnBothSidesOfTheLeastFriction) {
   EXPECT_EQ(turning(scene, false), "5 % more friction");
   set_friction(scene, 1.5 * high);
   EXPECT_EQ(turning(scene, true), "");
+}
+
+// Oracle: the run of each drawn hand by itself; the bits of one thread.
+TEST(UncertainGrasps, HoldInTheShareOfTheirOwnRuns) {
+  const test::TemporaryFolder folder;
+  GraspStudy study;
+  study.scenes = {test::source("config/grasp_pinch.yaml")};
+  study.overrides = {kShort[0], kBrief, "solver.engine=articulated"};
+  constexpr int kHands = 6;
+  std::vector<std::string> texts;
+  for (const int threads : {1, 2}) {
+    study.out = folder.path() / std::to_string(threads);
+    const StudyEnd end = uncertain_grasps(study, kHands, threads, false);
+    texts.push_back(test::text_of(study.out / "uncertain.csv") + end.text +
+                    test::text_of(study.out / "grasp_pinch" / "rollouts.csv"));
+  }
+  EXPECT_EQ(texts[0], texts[1]);
+  RolloutsSpec spec = uncertain_rollouts(study.scenes[0]);
+  spec.set = study.overrides;
+  spec.count = kHands;
+  const RolloutStudy drawn(spec);
+  long held = 0, judged = 0;
+  for (int i = 0; i < kHands; ++i) try {
+      held += simulate(drawn.scene(i)).front().held ? 1 : 0;
+      ++judged;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::input) << "the grasp does not fit this hand";
+    }
+  const auto own = share(held, judged);
+  ASSERT_TRUE(own);
+  EXPECT_NE(texts[0].find(fmt::format("held in {:.0f} % of {} hands, {:.0f} to {:.0f} %", 100 * own->value,
+                                      judged, 100 * own->low, 100 * own->high)),
+            std::string::npos)
+      << texts[0];
+  EXPECT_NE(texts[0].find("\"grasp_turn.held\""), std::string::npos) << "each criterion is a share, too";
 }
 
 }  // namespace

@@ -356,6 +356,19 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
   EXPECT_TRUE(nlohmann::json::parse(one.summary)["outcomes"].contains("joint_gap[m]"));
 }
 
+// Oracle: of 21 evenly spaced numbers the 5th, 50th and 95th percentile are the 2nd, 11th and 20th. A curve
+// that ends early counts as long as it lasts.
+TEST(Rollouts, BandsAreThePercentilesOfTheCurvesThatAreThere) {
+  std::vector<Trajectory> curves;
+  for (int i = 21; i > 0; --i) {
+    curves.push_back({{"time[s]", "x.torque[N_m]"}, {0.5, static_cast<double>(i)}});
+    if (i == 7) curves.back().values.insert(curves.back().values.end(), {1, 70});
+  }
+  EXPECT_EQ(bands_csv(curves),
+            "time[s],x.torque.p5[N_m],x.torque.p50[N_m],x.torque.p95[N_m]\n"
+            "0.5,2,11,20\n1,70,70,70\n");
+}
+
 class ShippedStudy : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(, ShippedStudy,
                          testing::Values("rollouts_power_can", "rollouts_pinch", "rollouts_free_fall",
