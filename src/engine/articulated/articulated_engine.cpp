@@ -184,6 +184,7 @@ void ArticulatedEngine::accept(const StepInput& input) {
     had_torques_ = !input.torques.empty();
   }
   require_excitations(model_, settings_, input.excitations);
+  if (muscles_ && derive_) muscles_->keep();
   if (muscles_) mechanism_.set_torques(muscles_->begin(input));
   const bool fits = input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
                                              input.servos.size() == at(model_.dof_count()));
@@ -227,7 +228,12 @@ void ArticulatedEngine::collide(StepReport& report) {
 bool ArticulatedEngine::arrive(bool fast) {
   bool sound = momentum_.correct(mechanism_.kernel().kinematics(mechanism_.tree()));
   // Rates beyond all bounds may come back within them.
-  if (fast) sound = fast_spin_->correct(sound);
+  if (fast) {
+    if (derive_) uncorrected_.assign(mechanism_.u().begin(), mechanism_.u().end());
+    sound = fast_spin_->correct(sound);
+    if (derive_ && !std::ranges::equal(uncorrected_, mechanism_.u()))
+      derive_->notes.emplace_back("fast rotation: rates were corrected, derivatives are those before");
+  }
   if (!loops_) return sound;
   return sound && loops_->close() < kOpen && momentum_.correct(sound);
 }
@@ -258,6 +264,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  if (derive_) find_derivatives(input, report);
   momentum_.begin(input.forces, report.contacts > 0 ? contact_.get() : nullptr, settings_.step, false);
   if (!fast && !moving && !loops_) {
     const bool sound = momentum_.correct(kernel.advance(tree, settings_.step));
@@ -292,6 +299,7 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  if (derive_) begin_derivatives();
   place();
   keep_start();
   accept(input);

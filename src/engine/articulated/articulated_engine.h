@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "handsim/engine/articulated/contact/contact_dynamics.h"
+#include "handsim/engine/articulated/derivatives/step_slopes.h"
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"
 #include "handsim/engine/articulated/dynamics/smooth.h"
 #include "handsim/engine/articulated/fast_spin.h"
@@ -41,6 +42,11 @@ class ArticulatedEngine final : public Engine {
   bool tests_contacts() const override { return contact_ != nullptr; }
   std::string version() const override;
   std::vector<std::string> notes() const override { return notes_; }
+
+  /// Steps fill these in until null is given, with contacts solved to rounding; the caller keeps them.
+  /// Such a step throws Error (input), and is made by half, where there are no derivatives: a method for
+  /// smooth motion, loops, free hands, elastic tendons, contacts that Newton's method does not solve.
+  void derive(StepDerivatives* out) const { derive_ = out; }
 
   /// For tests and measurements.
   const Mechanism& mechanism() const { return mechanism_; }
@@ -77,6 +83,8 @@ class ArticulatedEngine final : public Engine {
   int solve_step();
   void step_implicitly(const StepInput& input, double end, StepReport& report);
   bool arrive(bool fast);
+  void begin_derivatives();
+  void find_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
   void place() const;
   void give_rest() const;
@@ -102,6 +110,9 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
   std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
   MomentumBalance momentum_;
+  std::unique_ptr<StepSlopes> slopes_;  ///< with derivatives only
+  mutable StepDerivatives* derive_ = nullptr;
+  std::vector<double> uncorrected_;      ///< rates
   std::vector<double> saved_;            ///< positions, rates and torques before the step
   std::vector<BaseMotion> saved_bases_;  ///< of the drives
   std::vector<Prospect::Driven> ways_;   ///< of the drives, during the step

@@ -11,8 +11,6 @@ namespace handsim::engine {
 namespace {
 
 constexpr std::size_t kUsualContacts = 32, kUsualTouches = 16;  ///< So many need no allocation in a step.
-/// Least share of a pad's stiffness: a point that just touches has a spring still.
-constexpr double kLeastStiffness = 1e-3;
 
 Clearance::Pair pair_of(std::size_t i, std::size_t j) {
   return {static_cast<std::uint32_t>(std::min(i, j)), static_cast<std::uint32_t>(std::max(i, j))};
@@ -155,7 +153,8 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
     const std::size_t first = contacts_.size();
     const auto surface = [this, a = a, b = b] { return rules_.between(model_.shapes[a], model_.shapes[b]); };
     const bool flat = narrow_.flat(a, b);
-    int count = narrow_phase(a, b, flat && surface().compliance.has_value(), state);
+    int count = narrow_phase(a, pose(a, state), b, pose(b, state), flat && surface().compliance.has_value(),
+                             contacts_);
     if (!fast.empty() && std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
       count += approach(a, b, count > 0, state);
     if (count == 0) continue;
@@ -176,7 +175,7 @@ void Collider::share_stiffness(const Touch& touch, bool flat) {
   }
   for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
     const double depth = contacts_[i].depth;
-    shares_.push_back(flat && sum > 0 ? std::max(depth * depth / std::sqrt(sum), kLeastStiffness)
+    shares_.push_back(flat && sum > 0 ? std::max(depth * depth / std::sqrt(sum), kLeastShare)
                                       : 1.0 / touch.count);
   }
 }
@@ -197,27 +196,28 @@ Pose Collider::pose(std::size_t shape, const model::State& state) {
 }
 
 /// The same of a capsule and a sphere; nothing for other pairs.
-std::optional<int> Collider::capsule_and_sphere(std::size_t a, std::size_t b) {
+std::optional<int> Collider::capsule_and_sphere(std::size_t a, const Pose& x_WA, std::size_t b,
+                                                const Pose& x_WB, std::vector<Contact>& out) const {
   using model::ShapeKind;
   const bool turned = model_.shapes[a].kind == ShapeKind::sphere;
-  const std::size_t i = turned ? b : a, j = turned ? a : b;
-  const model::Shape &capsule = model_.shapes[i], &sphere = model_.shapes[j];
+  const model::Shape &capsule = model_.shapes[turned ? b : a], &sphere = model_.shapes[turned ? a : b];
   if (capsule.kind != ShapeKind::capsule || sphere.kind != ShapeKind::sphere) return std::nullopt;
-  const auto found = capsule_on_sphere({clearance_->pose(i), capsule.radius, capsule.length},
-                                       clearance_->pose(j).p, sphere.radius);
+  const auto found = capsule_on_sphere({turned ? x_WB : x_WA, capsule.radius, capsule.length},
+                                       (turned ? x_WA : x_WB).p, sphere.radius);
   if (!found) return 0;
   const Vec3 normal = turned ? Vec3(-found->normal) : found->normal;
-  contacts_.push_back(
+  out.push_back(
       {static_cast<int>(a), static_cast<int>(b), found->position, normal, found->depth, Vec3::Zero()});
   return 1;
 }
 
-/// Appends the pair's contact points to the list. @return how many
-int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state) {
+/// Appends a pair's contact points. @return how many
+int Collider::narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB, bool pad,
+                           std::vector<Contact>& out) {
   const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
-    contacts_.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
+    out.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
   };
-  if (const auto own = narrow_.manifold(a, pose(a, state), b, pose(b, state), pad)) {
+  if (const auto own = narrow_.manifold(a, x_WA, b, x_WB, pad)) {
     for (int i = 0; i < own->count; ++i) {
       const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
       add(point.position, point.normal, point.depth);
@@ -225,9 +225,9 @@ int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::
     return own->count;
   }
   if (clearance_) {
-    if (const auto count = capsule_and_sphere(a, b)) return *count;
-    for (const std::size_t shape : {a, b})
-      place_shape(geoms_[shape], model_.shapes[shape], clearance_->pose(shape));
+    if (const auto count = capsule_and_sphere(a, x_WA, b, x_WB, out)) return *count;
+    place_shape(geoms_[a], model_.shapes[a], x_WA);
+    place_shape(geoms_[b], model_.shapes[b], x_WB);
   }
   std::array<dContactGeom, kMaxPairContacts> points;
   const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
@@ -237,6 +237,15 @@ int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::
         Vec3(point.normal[0], point.normal[1], point.normal[2]), point.depth);
   }
   return count;
+}
+
+std::span<const Contact> Collider::touch_at(std::size_t a, const Pose& x_WA, std::size_t b,
+                                            const Pose& x_WB) {
+  const bool pad =
+      narrow_.flat(a, b) && rules_.between(model_.shapes[a], model_.shapes[b]).compliance.has_value();
+  trial_.clear();
+  narrow_phase(a, x_WA, b, x_WB, pad, trial_);
+  return trial_;
 }
 
 }  // namespace handsim::engine

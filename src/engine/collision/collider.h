@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/collision/approach.h"
 #include "handsim/engine/collision/clearance.h"
 #include "handsim/engine/collision/ode_library.h"
@@ -18,6 +19,8 @@ namespace handsim::engine {
 
 /// Shapes from which on sweep-and-prune is faster than testing all pairs of bounding boxes.
 inline constexpr std::size_t kSweepFrom = 24;
+/// Least share of a pad's stiffness: a point that just touches has a spring still.
+inline constexpr double kLeastShare = 1e-3;
 
 /// Two shapes that touch: which points of the list are theirs, and what their surfaces are to each other.
 struct Touch {
@@ -51,6 +54,11 @@ class Collider {
   std::span<const Touch> touches() const { return touches_; }
   /// Share of the pair's stiffness and damping that each contact has where its surfaces are pads.
   std::span<const double> shares() const { return shares_; }
+  /// Points of two shapes at other poses; the list stays. Valid until the next call. For a collider without
+  /// ODE bodies.
+  std::span<const Contact> touch_at(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB);
+  /// Whether a touch's points share its stiffness by their depths.
+  bool shares_by_depth(const Contact& any) const { return narrow_.flat(at(any.shape_a), at(any.shape_b)); }
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);
@@ -59,8 +67,10 @@ class Collider {
   std::vector<Clearance::Pair> allowed_pairs() const;
   void find_near(const model::State& state);
   Pose pose(std::size_t shape, const model::State& state);
-  int narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state);
-  std::optional<int> capsule_and_sphere(std::size_t a, std::size_t b);
+  int narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB, bool pad,
+                   std::vector<Contact>& out);
+  std::optional<int> capsule_and_sphere(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB,
+                                        std::vector<Contact>& out) const;
   std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
   void share_stiffness(const Touch& touch, bool flat);
   int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
@@ -77,7 +87,7 @@ class Collider {
   NarrowPhase narrow_;
   Approach approach_;
   std::vector<Way> ways_;  ///< of each body, in a step with a fast one
-  std::vector<Contact> contacts_;
+  std::vector<Contact> contacts_, trial_;
   std::vector<Touch> touches_;
   std::vector<double> shares_;  ///< as the contacts
 };

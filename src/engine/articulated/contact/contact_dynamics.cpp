@@ -16,12 +16,6 @@ namespace {
 
 constexpr std::size_t kUsualPairs = 8;  ///< So many pairs touch at a time, usually.
 
-/// One for each thread: thousands of engines that take turns need one.
-Workspace& workspace() {
-  thread_local Workspace own;
-  return own;
-}
-
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
   enter_ode();
@@ -29,6 +23,12 @@ const model::Model& entered(const model::Model& model) {
 }
 
 }  // namespace
+
+/// One for each thread: thousands of engines that take turns need one.
+Workspace& ContactDynamics::workspace() {
+  thread_local Workspace own;
+  return own;
+}
 
 ContactDynamics::ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism,
                                  Loops* loops)
@@ -349,6 +349,12 @@ NewtonReport ContactDynamics::solve(double step) {
     report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
               again.residual, again.solved, again.iterative};
   }
+  take_over(p, step);
+  return report;
+}
+
+/// The solution: accelerations, what is in force, and the warm start of the next step.
+void ContactDynamics::take_over(const Problem& p, double step) {
   const std::span<double> du = mechanism_.du();
   memory_.change.assign(at(space_.size()), 0.0);
   for (std::size_t i = 0; i < dof_of_.size(); ++i) {
@@ -362,7 +368,6 @@ NewtonReport ContactDynamics::solve(double step) {
     *each.axis.saturated = sign(p.servos[at(each.place)].saturated);
   }
   store_warm_start(p, step);
-  return report;
 }
 
 }  // namespace handsim::engine::articulated

@@ -65,6 +65,9 @@ class ContactDynamics {
   NewtonReport solve(double step);
 
  private:
+  friend class ContactSlopes;  ///< of the solution, while the thread solves no other problem
+  static Workspace& workspace();
+  void take_over(const Problem& p, double step);
   struct Coordinate {
     int dof = 0, place = 0;  ///< of the joint space, of the solver
     AxisView axis;

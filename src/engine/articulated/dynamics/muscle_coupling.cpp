@@ -81,6 +81,12 @@ bool MuscleCoupling::on_one_branch(int a, int b) const {
   return low == std::min(x, y);
 }
 
+bool MuscleCoupling::pulls(std::size_t dof) const {
+  return std::ranges::any_of(muscles_.slopes(), [&](const Muscles::Slope& each) {
+    return at(each.row) == dof || at(each.column) == dof;
+  });
+}
+
 /// The dofs of all trees with tendons: B changes the accelerations of the whole tree.
 void MuscleCoupling::find_trees() {
   const auto root = [&](int dof) {

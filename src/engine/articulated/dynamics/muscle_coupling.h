@@ -57,6 +57,14 @@ class MuscleCoupling {
       if (of(i)) space.add(i, j, step * slopes()[k]);
     }
   }
+  /// Calls f(i, j, entry of B) with dofs of the joint space, j carries i or is i.
+  template <class F>
+  void each_slope(const F& f) const {
+    for (std::size_t k = 0; k < entries_.size(); ++k)
+      f(space_dofs_[k].first, space_dofs_[k].second, slopes()[k]);
+  }
+  /// Whether a tendon crosses a coordinate of the model.
+  bool pulls(std::size_t dof) const;
   /// Removes h B du from the torques that `find_torques` wrote.
   void find_torques(double step) { scalar_.find_torques(memory_.rows(), step); }
   /// Writes activations, fibre lengths and tensions.

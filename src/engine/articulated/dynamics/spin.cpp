@@ -11,7 +11,16 @@ namespace {
 constexpr int kIterations = 12;
 constexpr double kTolerance = 1e-14;
 
-/// Left Jacobian of the rotation by a vector: how its exponential turns when the vector changes.
+/// The derivative of exp(h W) I W.
+Mat3 turned_slope(const Vec3& moments, const Vec3& end, double step) {
+  const Vec3 turn = step * end;
+  const Mat3 R = rotation_quaternion(turn).toRotationMatrix();
+  return R * Mat3(moments.asDiagonal()) -
+         step * cross_matrix(R * Vec3(moments.cwiseProduct(end))) * left_jacobian(turn);
+}
+
+}  // namespace
+
 Mat3 left_jacobian(const Vec3& turn) {
   const double angle = turn.norm();
   const Mat3 K = cross_matrix(turn);
@@ -21,7 +30,9 @@ Mat3 left_jacobian(const Vec3& turn) {
          (angle - std::sin(angle)) / (square * angle) * K * K;
 }
 
-}  // namespace
+Mat3 spun_slope(const Vec3& moments, const Vec3& end, double step) {
+  return turned_slope(moments, end, step).inverse() * Mat3(moments.asDiagonal());
+}
 
 std::optional<Vec3> spun(const Vec3& moments, const Vec3& spin, double step) {
   const Vec3 momentum = moments.cwiseProduct(spin);

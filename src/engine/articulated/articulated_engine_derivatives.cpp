@@ -1,0 +1,33 @@
+// Steps with derivatives.
+#include <algorithm>
+
+#include "handsim/engine/articulated/articulated_engine.h"
+
+namespace handsim::engine::articulated {
+
+/// Refuses what has no derivatives, and makes the state at the start of the step.
+void ArticulatedEngine::begin_derivatives() {
+  const auto refuse = [](const char* got, const char* need) { throw input_error("derivatives", got, need); };
+  if (smooth_) refuse("a method for smooth motion", "method semi_implicit_euler");
+  if (loops_) refuse("closed loops", "a scene without loops");
+  if (momentum_.jointed()) refuse("a free hand", "hands with a fixed or driven wrist");
+  if (settings_.effects.has(model::Effect::muscles) && model::any_elastic(model_.muscles))
+    refuse("elastic tendons", "rigid ones");
+  for (const Node& node : mechanism_.topology().nodes)
+    if (node.kind == NodeKind::ball && node.reversed)
+      refuse("a ball joint whose parent is carried by its child", "joints from the base outwards");
+  state();
+}
+
+/// Between the solution of the step and its motion.
+void ArticulatedEngine::find_derivatives(const StepInput& input, const StepReport& report) {
+  if (!slopes_)
+    slopes_ = std::make_unique<StepSlopes>(model_, settings_, mechanism_, muscles_.get(), contact_.get());
+  if (report.contacts > 0 && (report.iterative || report.lcp_failures > 0 || !slopes_->refine()))
+    throw input_error("derivatives", "contacts that Newton's method does not solve", "another state or step");
+  if (report.contacts == 0 && report.lcp_failures > 0)
+    throw input_error("derivatives", "stops and torque limits that do not agree", "another state or step");
+  if (!derive_->step_only) slopes_->find(input, state_, report.contacts > 0, *derive_);
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,91 @@
+// Contact points of two shapes as functions of how these lie to each other, by differences.
+#include <cmath>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/derivatives/contact_slopes.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// Steps of the differences: an error of (step / radius)^4 beside rounding [rad], [m].
+constexpr double kTurn = 2e-4, kShift = 2e-6;
+
+/// A pose after a twist about a point.
+Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
+  Vec3 axis = Vec3::Zero();
+  axis[direction % 3] = size;
+  if (direction >= 3) return {pose.p + axis, pose.q};
+  const Quat turn = rotation_quaternion(axis);
+  return {about + turn * (pose.p - about), turn * pose.q};
+}
+
+}  // namespace
+
+/// Of all points of a touch.
+void ContactSlopes::find_responses(const Touch& touch, const model::State& start) {
+  const Contact& any = contact_.contacts()[touch.first];
+  responses_.assign(at(touch.count), {});
+  about_ = any.position;
+  const auto pose = [&](int shape) {
+    const model::Shape& of = model_.shapes[at(shape)];
+    return start.bodies[at(of.body)].pose() * of.pose;
+  };
+  const Pose x_WA = pose(any.shape_a), x_WB = pose(any.shape_b);
+  // A coming contact: bodies move on to it, its place and normal are where they get to.
+  bool coming = false;
+  for (std::size_t k = 0; k < at(touch.count); ++k) {
+    const Contact& contact = contact_.contacts()[touch.first + k];
+    if (contact.depth >= 0) continue;
+    coming = true;
+    Spatial along;
+    along << (contact.position - about_).cross(contact.normal), contact.normal;
+    responses_[k].depth = -along.transpose();
+    note(contact, "not yet touching: its place and normal are taken as fixed");
+  }
+  for (int direction = 0; direction < 6 && !coming; ++direction) difference(touch, x_WA, x_WB, direction);
+  if (!coming && touch.surface.compliance && contact_.collider_.shares_by_depth(any)) share_depths(touch);
+}
+
+void ContactSlopes::difference(const Touch& touch, const Pose& x_WA, const Pose& x_WB, int direction) {
+  const Contact& any = contact_.contacts()[touch.first];
+  const double size = direction < 3 ? kTurn : kShift;
+  const auto add = [&](double by, double weight, double whole) {
+    const std::span<const Contact> found = contact_.collider_.touch_at(
+        at(any.shape_a), twisted(x_WA, about_, direction, by * size), at(any.shape_b), x_WB);
+    if (found.size() != at(touch.count)) return false;
+    for (std::size_t k = 0; k < found.size(); ++k) {
+      const Contact& here = contact_.contacts()[touch.first + k];
+      ContactResponse& to = responses_[k];
+      const double scale = weight / (whole * size);
+      to.place.col(direction) += scale * (found[k].position - here.position);
+      to.normal.col(direction) += scale * (found[k].normal - here.normal);
+      to.depth[direction] += scale * (found[k].depth - here.depth);
+    }
+    return true;
+  };
+  const std::vector<ContactResponse> before = responses_;
+  const bool above = add(1, 8, 12) && add(2, -1, 12);
+  const bool below = add(-1, -8, 12) && add(-2, 1, 12);
+  if (above && below) return;
+  // Points come or go: the side on which they stay.
+  responses_ = before;
+  note(any, "points come and go with its tilt: one-sided");
+  if (add(above ? 1 : -1, above ? 4 : -4, 2)) add(above ? 2 : -2, above ? -1 : 1, 2);
+}
+
+/// Shares depth^2 / sqrt(sum of depth^4) of the points of flat faces.
+void ContactSlopes::share_depths(const Touch& touch) {
+  double sum = 0;
+  const auto depth = [&](std::size_t k) { return contact_.contacts()[touch.first + k].depth; };
+  Eigen::Matrix<double, 1, 6> change = Eigen::Matrix<double, 1, 6>::Zero();
+  for (std::size_t k = 0; k < at(touch.count); ++k) {
+    sum += std::pow(depth(k), 4);
+    change += 2 * std::pow(depth(k), 3) * responses_[k].depth;
+  }
+  for (std::size_t k = 0; k < at(touch.count) && sum > 0; ++k)
+    if (contact_.collider_.shares()[touch.first + k] > kLeastShare)
+      responses_[k].share = 2 / depth(k) * responses_[k].depth - change / sum;
+}
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,348 @@
+#include "handsim/engine/articulated/derivatives/contact_slopes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/spring.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+constexpr int kRefinements = 12;
+/// Step of Newton's method, as a share of the largest change of a rate, that only rounding leaves.
+constexpr double kRefined = 1e-14, kAccepted = 1e-9;
+/// A contact that carries less of the largest impulse is about to open; one that gives way slower [m/s] and
+/// carries none is about to close; friction this near to its limit is about to stick or slide.
+constexpr double kLeastImpulse = 1e-6, kLeastSpeed = 1e-8, kLimitMargin = 1e-6;
+
+}  // namespace
+
+ContactSlopes::ContactSlopes(const model::Model& model, Mechanism& mechanism, ContactDynamics& contact,
+                             const DynamicsSlopes& tree)
+    : model_(model), mechanism_(mechanism), contact_(contact), tree_(tree) {}
+
+ContactSlopes::Law6 ContactSlopes::law_of(const ContactRows& rows) {
+  Law6 D = Law6::Zero();
+  if (rows.open) return D;
+  D(0, 0) = 1 / rows.regularization;
+  for (std::size_t k = 0; k < rows.disc_count; ++k) {
+    const Disc& disc = rows.discs[k];
+    const auto first = static_cast<Eigen::Index>(disc.row), size = static_cast<Eigen::Index>(disc.size);
+    const double slip[] = {disc.slip_x, disc.slip_y};
+    for (Eigen::Index i = 0; i < size; ++i) {
+      if (!disc.slides) {
+        D(first + i, first + i) = 1 / disc.regularization;
+        continue;
+      }
+      D(first + i, 0) = -disc.coefficient * slip[i] * D(0, 0);
+      for (Eigen::Index j = 0; j < size && size > 1; ++j)
+        D(first + i, first + j) = disc.tangent_stiffness * ((i == j ? 1 : 0) - slip[i] * slip[j]);
+    }
+  }
+  return D;
+}
+
+void ContactSlopes::add_stiffness(Eigen::MatrixXd& K) {
+  Workspace& w = ContactDynamics::workspace();
+  Problem& p = w.problem;
+  p.find_jacobians(w.kernel);
+  for (const ContactRows& rows : p.contacts) {
+    if (rows.open) continue;
+    const auto size = static_cast<Eigen::Index>(rows.rows), width = static_cast<Eigen::Index>(rows.dof_count);
+    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
+        p.entries_of(rows), size, width);
+    const Eigen::MatrixXd DJ = law_of(rows).topLeftCorner(size, size) * J, sum = J.transpose() * DJ;
+    const std::span<const int> dofs = p.dofs_of(rows);
+    for (Eigen::Index i = 0; i < width; ++i)
+      for (Eigen::Index j = 0; j < width; ++j)
+        K(contact_.dof_of_[at(dofs[at(i)])], contact_.dof_of_[at(dofs[at(j)])]) += sum(i, j);
+  }
+}
+
+bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
+  Workspace& w = ContactDynamics::workspace();
+  Problem& p = w.problem;
+  const std::vector<int>& dofs = contact_.dof_of_;
+  const Eigen::Index n = p.size();
+  w.resize(p);
+  double last = HUGE_VAL;
+  bool done = false;
+  for (int i = 0; i < kRefinements && !done; ++i) {
+    evaluate(p, w, Law::coulomb);
+    Eigen::MatrixXd all = inertia;
+    add_stiffness(all);
+    Eigen::MatrixXd K = all(dofs, dofs);
+    Eigen::VectorXd d(n);
+    double largest = 0;
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const Servo& servo = p.servos[at(k)];
+      if (servo.limit > 0 && servo.saturated == Side::within) K(k, k) += servo.slope;
+      d[k] = -w.F[at(k)];
+      largest = std::max(largest, std::abs(p.x[at(k)]));
+      if (p.bounds[at(k)].side == Side::within) continue;
+      K.row(k).setZero();
+      K.col(k).setZero();
+      K(k, k) = 1;
+      d[k] = 0;
+    }
+    d = K.partialPivLu().solve(d);
+    const double change = d.lpNorm<Eigen::Infinity>();
+    if (!std::isfinite(change)) return false;
+    // Rounding does not get smaller from step to step.
+    done = change <= kRefined * largest || (change <= kAccepted * largest && change >= 0.5 * last);
+    last = change;
+    for (Eigen::Index k = 0; k < n; ++k) p.x[at(k)] += d[k];
+  }
+  evaluate(p, w, Law::coulomb);
+  contact_.take_over(p, step);
+  return done;
+}
+
+void ContactSlopes::find_velocities() {
+  Workspace& w = ContactDynamics::workspace();
+  end_.assign(mechanism_.views().size(), Spatial::Zero());
+  std::vector<double> x(at(tree_.size()), 0.0);
+  for (std::size_t i = 0; i < contact_.dof_of_.size(); ++i) x[at(contact_.dof_of_[i])] = w.problem.x[i];
+  for (int i = 0; i < static_cast<int>(end_.size()); ++i) {
+    if (tree_.parent_node(i) != kNoNode) end_[at(i)] = end_[at(tree_.parent_node(i))];
+    for (int dof = tree_.first_dof(i); dof <= tree_.last_dof(i); ++dof)
+      end_[at(i)] += x[at(dof)] * tree_.axis(dof);
+  }
+  for (std::size_t i = 0; i < end_.size(); ++i) end_[i] += read6(mechanism_.view(i).v, mechanism_.stride());
+}
+
+ContactSlopes::Partner ContactSlopes::partner_of(int shape) const {
+  Partner out;
+  out.node = contact_.node_of(shape);
+  const ContactDynamics::Motion motion = contact_.motion_of(shape);
+  out.origin = motion.origin;
+  out.start << motion.w, motion.v;
+  out.end = out.node == kNoNode ? out.start : end_[at(out.node)];
+  return out;
+}
+
+void ContactSlopes::begin_pair(int shape_a, int shape_b) {
+  a_ = partner_of(shape_a);
+  b_ = partner_of(shape_b);
+  columns_.clear();
+  total_.setZero();
+  const auto add = [&](int node, bool Column::*which) {
+    if (node == kNoNode) return;
+    for (int dof = tree_.last_dof(node); dof != kNoDof; dof = tree_.parent_dof(dof)) {
+      auto found = std::ranges::find(columns_, dof, &Column::dof);
+      if (found == columns_.end()) found = columns_.insert(columns_.end(), Column{.dof = dof});
+      (*found).*which = true;
+    }
+  };
+  add(a_.node, &Column::of_a);
+  add(b_.node, &Column::of_b);
+}
+
+/// Generalised forces S . W of the pair's wrench W, for rates that move one body and not the other.
+void ContactSlopes::end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u) const {
+  const Vec3 apart = a_.origin - b_.origin;
+  // On b at its origin: the opposite wrench.
+  const auto on_b = [&](const Spatial& wrench) {
+    Spatial out = -wrench;
+    out.head<3>() -= apart.cross(Vec3(wrench.tail<3>()));
+    return out;
+  };
+  for (const Column& row : columns_) {
+    if (row.of_a == row.of_b) continue;
+    const auto on = [&](const Spatial& wrench) { return row.of_a ? wrench : on_b(wrench); };
+    const Spatial& S = tree_.axis(row.dof);
+    const Spatial total = on(total_);
+    for (const Column& column : columns_) {
+      by_q(row.dof, column.dof) -= S.dot(on(column.by_q));
+      by_u(row.dof, column.dof) -= S.dot(on(column.by_u));
+      // What carries the same body is on its branch.
+      if ((row.of_a ? column.of_a : column.of_b) && tree_.moves_axis(column.dof, row.dof))
+        by_q(row.dof, column.dof) -= cross_motion(tree_.axis(column.dof), S).dot(total);
+    }
+  }
+}
+
+Spatial ContactSlopes::twist(const Partner& side, int dof, const Vec3& place) const {
+  return at_point(tree_.axis(dof), place - side.origin);
+}
+
+ContactSlopes::Change ContactSlopes::moved(const Point& point, const Column& column,
+                                           const ContactResponse& response) const {
+  Change out;
+  const Vec3& c = point.contact->position;
+  const Spatial none = Spatial::Zero();
+  const Spatial of_a = column.of_a ? twist(a_, column.dof, c) : none,
+                of_b = column.of_b ? twist(b_, column.dof, c) : none;
+  const Spatial apart = at_point(of_a - of_b, about_ - c);
+  out.place = of_b.tail<3>() + response.place * apart;
+  out.normal = Vec3(of_b.head<3>()).cross(point.contact->normal) + response.normal * apart;
+  out.depth = response.depth * apart;
+  out.share = response.share * apart;
+  const Spatial& S = tree_.axis(column.dof);
+  const auto add = [&](const Partner& side, Spatial Partner::*velocity, const Spatial& of_node, double sign,
+                       Spatial& to) {
+    const Spatial& v = side.*velocity;
+    to += sign * at_point(cross_motion(S, v - of_node), c - side.origin);
+  };
+  const int node = tree_.node(column.dof);
+  const bool shift = tree_.is_shift(column.dof);
+  const Spatial end = shift ? none : end_[at(node)],
+                start = shift ? none : read6(mechanism_.view(at(node)).v, mechanism_.stride());
+  if (column.of_a) add(a_, &Partner::end, end, 1, out.end);
+  if (column.of_b) add(b_, &Partner::end, end, -1, out.end);
+  if (column.of_a) add(a_, &Partner::start, start, 1, out.start);
+  if (column.of_b) add(b_, &Partner::start, start, -1, out.start);
+  out.end.tail<3>() += Vec3(a_.end.head<3>() - b_.end.head<3>()).cross(out.place);
+  out.start.tail<3>() += Vec3(a_.start.head<3>() - b_.start.head<3>()).cross(out.place);
+  return out;
+}
+
+/// The change of a contact's wrench on a, at the contact's place.
+Spatial ContactSlopes::wrench(const Point& point, const Change& change) const {
+  const ContactRows& rows = *point.rows;
+  const Mat3& E = point.frame;
+  const Vec3 n = E.col(0), turn = n.cross(change.normal);
+  // Rows of a velocity in a frame that turns with the normal.
+  const auto in_frame = [&](const Vec3& dv, const Vec3& v) {
+    return Vec3(E.transpose() * (dv + v.cross(turn)));
+  };
+  const Vec3 v = in_frame(change.end.tail<3>(), point.end.tail<3>()),
+             w = in_frame(change.end.head<3>(), point.end.head<3>());
+  const double approach = -(change.start.tail<3>().dot(n) + point.start.tail<3>().dot(change.normal));
+  Eigen::Matrix<double, 6, 1> r = Eigen::Matrix<double, 6, 1>::Zero();
+  r[0] = v[0] - point.by_depth * change.depth - point.by_approach * approach + point.r[0] * change.share;
+  for (std::size_t k = 0; k < rows.disc_count; ++k) {
+    const Disc& disc = rows.discs[k];
+    const auto first = static_cast<Eigen::Index>(disc.row);
+    if (disc.kind == Disc::Kind::spinning)
+      r[first] = w[0];
+    else
+      r.segment<2>(first) = (disc.kind == Disc::Kind::sliding ? v : w).tail<2>();
+  }
+  const Eigen::Matrix<double, 6, 1> p = -(point.law * r);
+  Vec3 force = p[0] * n + turn.cross(point.force), moment = turn.cross(point.moment);
+  for (std::size_t k = 0; k < rows.disc_count; ++k) {
+    const Disc& disc = rows.discs[k];
+    const auto first = static_cast<Eigen::Index>(disc.row);
+    if (disc.kind == Disc::Kind::spinning)
+      moment += p[first] * n;
+    else
+      (disc.kind == Disc::Kind::sliding ? force : moment) += E.rightCols<2>() * p.segment<2>(first);
+  }
+  Spatial out;
+  out << moment + change.place.cross(point.force), force;
+  return out;
+}
+
+void ContactSlopes::find_target(Point& point, const Touch& touch, double step) const {
+  const model::Material& surface = touch.surface;
+  const double depth = point.contact->depth, erp = contact_.erp_;
+  const double inside = std::max(depth - kSurfaceLayer, 0.0);
+  double target = 0;
+  if (surface.compliance) {
+    const SoftRow spring = soft_row(surface.compliance->stiffness, surface.compliance->damping, step);
+    point.by_depth = depth < 0 || inside > 0 ? spring.erp / step : 0;
+    target = spring.erp * (depth < 0 ? depth : inside) / step;
+  } else {
+    const bool fast = erp * inside / step >= kMaxCorrectingSpeed;
+    point.by_depth = depth < 0 ? 1 / step : inside > 0 && !fast ? erp / step : 0;
+    target = depth < 0 ? depth / step : std::min(erp * inside / step, kMaxCorrectingSpeed);
+  }
+  const double approach = -point.contact->normal.dot(Vec3(point.start.tail<3>()));
+  if (!(surface.restitution > 0 && approach > surface.restitution_speed)) return;
+  if (surface.restitution * approach < target) return;
+  point.by_depth = 0;
+  point.by_approach = surface.restitution;
+}
+
+void ContactSlopes::add_contact(Point& point, const ContactResponse& response) {
+  const ContactRows& rows = *point.rows;
+  const Vec3 &c = point.contact->position, r_a = c - a_.origin;
+  point.force = point.frame.col(0) * rows.impulse[0];
+  point.moment = Vec3::Zero();
+  for (std::size_t k = 0; k < rows.disc_count; ++k) {
+    const Disc& disc = rows.discs[k];
+    const double* p = rows.impulse.data() + disc.row;
+    if (disc.kind == Disc::Kind::spinning)
+      point.moment += point.frame.col(0) * p[0];
+    else
+      (disc.kind == Disc::Kind::sliding ? point.force : point.moment) +=
+          point.frame.col(1) * p[0] + point.frame.col(2) * p[1];
+  }
+  const auto at_origin = [&](Spatial wrench) {
+    wrench.head<3>() += r_a.cross(Vec3(wrench.tail<3>()));
+    return wrench;
+  };
+  Spatial own;
+  own << point.moment, point.force;
+  total_ += at_origin(own);
+  for (Column& column : columns_) {
+    column.by_q += at_origin(wrench(point, moved(point, column, response)));
+    if (column.of_a == column.of_b) continue;
+    Change rate;
+    rate.end = rate.start = column.of_a ? twist(a_, column.dof, c) : Spatial(-twist(b_, column.dof, c));
+    column.by_u += at_origin(wrench(point, rate));
+  }
+}
+
+void ContactSlopes::note(const Contact& contact, const std::string& what) {
+  notes_.push_back(fmt::format("contact {} - {}: {}", model_.shapes[at(contact.shape_a)].name,
+                               model_.shapes[at(contact.shape_b)].name, what));
+}
+
+/// What is on the edge of the active set.
+void ContactSlopes::note_sides(const Point& point, double largest) {
+  const ContactRows& rows = *point.rows;
+  if (rows.open ? point.r[0] < kLeastSpeed : rows.impulse[0] < kLeastImpulse * largest)
+    note(*point.contact, rows.open ? "about to close: one-sided" : "about to open: one-sided");
+  for (std::size_t k = 0; k < rows.disc_count && !rows.open; ++k) {
+    const Disc& disc = rows.discs[k];
+    const double* r = point.r + disc.row;
+    const double speed = disc.size > 1 ? std::hypot(r[0], r[1]) : std::abs(r[0]);
+    const double limit = disc.coefficient * rows.impulse[0] * disc.regularization;
+    if (std::abs(speed - limit) <= kLimitMargin * limit)
+      note(*point.contact, disc.slides ? "about to stick: one-sided" : "about to slide: one-sided");
+  }
+}
+
+void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::MatrixXd& by_q,
+                               Eigen::MatrixXd& by_u) {
+  Workspace& w = ContactDynamics::workspace();
+  const Problem& p = w.problem;
+  notes_.clear();
+  find_velocities();
+  double largest = 0;
+  for (const ContactRows& rows : p.contacts) largest = std::max(largest, rows.impulse[0]);
+  std::size_t i = 0;
+  for (const Touch& touch : contact_.collider_.touches()) {
+    if (!contact_.matters(touch)) continue;
+    const Contact& any = contact_.contacts()[touch.first];
+    begin_pair(any.shape_a, any.shape_b);
+    const auto closed = [&](std::size_t k) { return !p.contacts[k].open; };
+    bool some = false;
+    for (std::size_t k = 0; k < at(touch.count); ++k) some = some || closed(i + k);
+    if (some) find_responses(touch, start);
+    for (std::size_t k = 0; k < at(touch.count); ++k, ++i) {
+      Point point;
+      point.contact = &contact_.contacts()[touch.first + k];
+      point.rows = &p.contacts[i];
+      point.r = w.r.data() + kMostRows * i;
+      note_sides(point, largest);
+      if (!closed(i)) continue;
+      point.frame = contact_.frames_[i];
+      point.law = law_of(*point.rows);
+      const Vec3& c = point.contact->position;
+      point.end = at_point(a_.end, c - a_.origin) - at_point(b_.end, c - b_.origin);
+      point.start = at_point(a_.start, c - a_.origin) - at_point(b_.start, c - b_.origin);
+      find_target(point, touch, step);
+      add_contact(point, responses_[k]);
+    }
+    if (some) end_pair(by_q, by_u);
+  }
+}
+
+}  // namespace handsim::engine::articulated

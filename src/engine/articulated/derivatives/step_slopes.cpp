@@ -1,0 +1,274 @@
+#include "handsim/engine/articulated/derivatives/step_slopes.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/dynamics/spin.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// A stop whose reaction, or a servo whose distance to its limit, is this small a share, is at its edge.
+constexpr double kEdge = 1e-6;
+
+}  // namespace
+
+StepSlopes::StepSlopes(const model::Model& model, const Settings& settings, Mechanism& mechanism,
+                       MuscleCoupling* muscles, ContactDynamics* contact)
+    : model_(model), settings_(settings), mechanism_(mechanism), muscles_(muscles), tree_(mechanism) {
+  if (contact) contacts_.emplace(model, mechanism, *contact, tree_);
+  order();
+  du_.resize(at(tree_.size()));
+  q_.resize(at(model.dof_count()));
+  u_.resize(at(model.dof_count()));
+}
+
+/// Coordinates: joints as in the model, then free bodies.
+void StepSlopes::order() {
+  const std::vector<Node>& nodes = mechanism_.topology().nodes;
+  dof_of_.assign(at(model_.dof_count()), kNoDof);
+  rate_.resize(at(tree_.size()));
+  for (int i = 0; i < static_cast<int>(nodes.size()); ++i) {
+    const Node& node = nodes[at(i)];
+    for (int k = 0; k < rate_count(node.kind); ++k)
+      rate_[at(tree_.first_dof(i) + k)] = mechanism_.slot(at(i)).u + at(k) * mechanism_.stride();
+    if (!node.joint) continue;
+    const model::Joint& joint = model_.joints[at(*node.joint)];
+    const std::size_t first = at(joint.first_dof + node.axis_index);
+    for (int k = 0; k < rate_count(node.kind); ++k) dof_of_[first + at(k)] = tree_.first_dof(i) + k;
+    if (node.kind == NodeKind::ball) continue;
+    const NodeView& view = mechanism_.view(at(i));
+    singles_.push_back({tree_.first_dof(i), first, mechanism_.axis_view(at(i)), view.q, view.u});
+    const model::JointAxis& axis = joint.axes[at(node.axis_index)];
+    if (!axis.tissue || !settings_.effects.has(model::Effect::passive_tissue)) continue;
+    singles_.back().stiffness = axis.tissue->stiffness;
+    singles_.back().damping = axis.tissue->damping;
+  }
+  for (int body = 0; body < static_cast<int>(model_.bodies.size()); ++body) {
+    const int node = mechanism_.topology().node_of_body[at(body)];
+    if (node == kNoNode || nodes[at(node)].kind != NodeKind::free) continue;
+    free_bodies_.push_back(body);
+    for (int k = 0; k < 6; ++k) dof_of_.push_back(tree_.first_dof(node) + k);
+  }
+}
+
+/// K without servos and contacts.
+void StepSlopes::find_inertia() {
+  const double h = settings_.step;
+  for (std::size_t i = 0; i < du_.size(); ++i) du_[i] = mechanism_.du()[rate_[i]];
+  tree_.find(du_);
+  K_ = tree_.inertia();
+  for (const Single& each : singles_) K_(each.dof, each.dof) += h * (h * each.stiffness + each.damping);
+  if (muscles_)
+    muscles_->each_slope([&](int i, int j, double slope) {
+      K_(i, j) += h * slope;
+      if (i != j) K_(j, i) += h * slope;
+    });
+}
+
+bool StepSlopes::refine() {
+  find_inertia();
+  return contacts_->refine(K_, settings_.step);
+}
+
+void StepSlopes::find(const StepInput& input, const model::State& start, bool contacts,
+                      StepDerivatives& out) {
+  out.coordinates = tree_.size();
+  out.free_bodies = free_bodies_;
+  out.notes.clear();
+  const double h = settings_.step;
+  Eigen::MatrixXd load;
+  if (!out.feedback.compensated.empty()) {
+    tree_.find(du_, false, out.feedback.gravity);
+    load = tree_.by_position();
+  }
+  find_inertia();
+  by_q_ = h * tree_.by_position();
+  by_u_ = h * tree_.by_rate();
+  for (int node = 0; node < static_cast<int>(mechanism_.topology().nodes.size()); ++node)
+    if (mechanism_.is_lone(at(node))) add_lone(node);
+  add_singles(out);
+  for (const Single& each : singles_)
+    if (load.size() > 0 && out.feedback.compensated[each.coordinate] && (out.driven[each.coordinate]))
+      by_q_.row(each.dof) -= h * load.row(each.dof);
+  if (!input.forces.empty()) add_forces(input);
+  if (muscles_) add_muscles(input, start, out);
+  if (contacts) {
+    contacts_->add_stiffness(K_);
+    contacts_->add_slopes(start, h, by_q_, by_u_);
+    out.notes = contacts_->notes();
+  }
+  solve(out);
+}
+
+/// Springs, dampers and drives of single coordinates.
+void StepSlopes::add_singles(StepDerivatives& out) {
+  const double h = settings_.step;
+  out.driven.assign(dof_of_.size(), 1);
+  const auto of = [](const std::vector<double>& values, std::size_t i) {
+    return values.empty() ? 0 : values[i];
+  };
+  for (const Single& each : singles_) {
+    const int i = each.dof;
+    by_q_(i, i) += h * each.stiffness;
+    by_u_(i, i) += h * (h * each.stiffness + each.damping);
+    if (*each.axis.servo_limit > 0) {
+      out.driven[each.coordinate] = each.in_range();
+      const ServoLaw<double> law = each.axis.servo();
+      const double rate = *each.u + h * du_[at(i)], pull = law.pull(h * rate, rate);
+      if (std::abs(std::abs(pull) - *each.axis.servo_limit) <= kEdge * *each.axis.servo_limit)
+        out.notes.push_back(fmt::format("servo of coordinate {}: at its limit: one-sided", each.coordinate));
+      if (!each.in_range()) continue;
+      K_(i, i) += h * law.slope(h);
+      by_u_(i, i) += h * law.slope(h);
+    }
+    by_q_(i, i) -= h * of(out.feedback.by_q, each.coordinate);
+    by_u_(i, i) -= h * of(out.feedback.by_u, each.coordinate);
+  }
+}
+
+/// A free body that carries nothing has the gyroscopic torque of an implicit step (spin.h): with w in its
+/// axes, F = R (I x + I (w - W(w))).
+void StepSlopes::add_lone(int node) {
+  const Node& of = mechanism_.topology().nodes[at(node)];
+  const NodeView& view = mechanism_.view(at(node));
+  const std::size_t s = mechanism_.stride();
+  const Mat3 R = Quat(view.q[6 * s], view.q[3 * s], view.q[4 * s], view.q[5 * s]).toRotationMatrix();
+  const Mat3 I = of.inertia.asDiagonal();
+  const Vec3 w = read3(view.u, s), spin = R.transpose() * w;
+  const int first = tree_.first_dof(node);
+  Vec3 x;
+  for (int k = 0; k < 3; ++k) x[k] = settings_.step * du_[at(first + k)];
+  Vec3 y = Vec3::Zero();
+  Mat3 slope = Mat3::Zero();
+  const std::optional<Vec3> end = spin.isZero(0) ? spin : spun(of.inertia, spin, settings_.step);
+  if (end) {
+    y = I * (spin - *end);
+    slope = I * (Mat3::Identity() - spun_slope(of.inertia, *end, settings_.step));
+  }
+  const Mat3 inertia = R * I * R.transpose();
+  by_q_.middleCols(first, 6).setZero();
+  by_q_.middleRows(first, 6).setZero();
+  by_u_.middleCols(first, 6).setZero();
+  by_u_.middleRows(first, 6).setZero();
+  by_q_.block<3, 3>(first, first) = inertia * cross_matrix(x) - cross_matrix(inertia * x + R * y) +
+                                    R * slope * R.transpose() * cross_matrix(w);
+  by_u_.block<3, 3>(first, first) = R * slope * R.transpose();
+}
+
+/// Forces at mass centres, which move.
+void StepSlopes::add_forces(const StepInput& input) {
+  for (const BodyForce& each : input.forces) {
+    const int node = mechanism_.topology().node_of_body[at(each.body)];
+    const Vec3 p = read3(mechanism_.view(at(node)).p, mechanism_.stride());
+    Spatial wrench;
+    wrench << each.moment + p.cross(each.force), each.force;
+    for (int i = tree_.last_dof(node); i != kNoDof; i = tree_.parent_dof(i))
+      for (int j = tree_.last_dof(node); j != kNoDof; j = tree_.parent_dof(j)) {
+        const Vec3 turn = tree_.axis(i).head<3>();
+        double change = turn.dot(Vec3(at_point(tree_.axis(j), p).tail<3>()).cross(each.force));
+        if (tree_.moves_axis(j, i)) change += cross_motion(tree_.axis(j), tree_.axis(i)).dot(wrench);
+        by_q_(i, j) -= settings_.step * change;
+      }
+  }
+}
+
+/// The row of a coordinate on its stop: x = bound(q, u).
+void StepSlopes::hold(const Single& each) {
+  const AxisView& a = each.axis;
+  const double h = settings_.step, side = *a.side, room = side < 0 ? *each.q - *a.low : *a.high - *each.q;
+  const double share = room < 0 ? settings_.erp() : 1, target = share * room / h, speed = side * *each.u;
+  const bool bounced = speed > 0 && *a.bounce > 0 && -*a.bounce * speed < target;
+  const int i = each.dof;
+  K_.row(i).setZero();
+  by_q_.row(i).setZero();
+  by_u_.row(i).setZero();
+  K_(i, i) = 1;
+  by_q_(i, i) = bounced ? 0 : share / h;
+  by_u_(i, i) = bounced ? 1 + *a.bounce : 1;
+}
+
+/// How positions turn with the step: dq' = exp(h w') dq + h J(h w') du'.
+void StepSlopes::find_turns() {
+  turns_.clear();
+  for (std::size_t c = 0; c < dof_of_.size(); ++c) {
+    const int node = tree_.node(dof_of_[c]);
+    if (tree_.kind(node) == NodeKind::revolute || tree_.kind(node) == NodeKind::prismatic ||
+        dof_of_[c] != tree_.first_dof(node))
+      continue;
+    Vec3 turn;
+    for (int k = 0; k < 3; ++k)
+      turn[k] = mechanism_.u()[rate_[at(dof_of_[c] + k)]] + settings_.step * du_[at(dof_of_[c] + k)];
+    turn *= settings_.step;
+    turns_.push_back(
+        {c, {rotation_quaternion(turn).toRotationMatrix(), settings_.step * left_jacobian(turn)}});
+  }
+}
+
+/// Rows (q', u') from rows x in the tree's order; of_state: columns are (q, u) in the coordinates' order.
+Eigen::MatrixXd StepSlopes::stepped(const Eigen::MatrixXd& x, bool of_state) const {
+  const auto n = static_cast<Eigen::Index>(dof_of_.size());
+  Eigen::MatrixXd out(2 * n, x.cols());
+  for (Eigen::Index c = 0; c < n; ++c) out.row(n + c) = x.row(dof_of_[at(c)]);
+  if (of_state) out.bottomRightCorner(n, n).diagonal().array() += 1;
+  out.topRows(n) = settings_.step * out.bottomRows(n);
+  if (of_state) out.topLeftCorner(n, n).diagonal().array() += 1;
+  for (const auto& [first, turn] : turns_) {
+    const auto c = static_cast<Eigen::Index>(first);
+    out.middleRows<3>(c) = turn[1] * out.middleRows<3>(n + c);
+    if (of_state) out.block<3, 3>(c, c) += turn[0];
+  }
+  return out;
+}
+
+/// -K^-1 dF, with nothing in the rows of stops.
+Eigen::MatrixXd StepSlopes::response(const Eigen::MatrixXd& by) const {
+  Eigen::MatrixXd rows = by;
+  for (const Single& each : singles_)
+    if (each.held()) rows.row(each.dof).setZero();
+  return -(inverse_ * rows);
+}
+
+void StepSlopes::solve(StepDerivatives& out) {
+  const double h = settings_.step;
+  for (const Single& each : singles_)
+    if (each.held()) hold(each);
+  inverse_ = K_.partialPivLu().inverse();
+  find_turns();
+  const Eigen::Index n = out.coordinates;
+  Eigen::MatrixXd x(n, 2 * n);
+  x.leftCols(n) = -(inverse_ * by_q_);
+  x.rightCols(n) = -(inverse_ * by_u_);
+  std::vector<int> columns = dof_of_;
+  for (const int dof : dof_of_) columns.push_back(dof + out.coordinates);
+  out.by_state = stepped(x(Eigen::all, columns), true);
+  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(n, n);
+  for (Eigen::Index c = 0; c < n; ++c) unit(dof_of_[at(c)], c) = -h;
+  out.by_torque = stepped(response(unit), false);
+  Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(n, 3);
+  if (settings_.effects.has(model::Effect::gravity))
+    for (int i = 0; i < out.coordinates; ++i) weights.row(i) = -h * tree_.carried(i);
+  out.by_gravity = stepped(response(weights), false);
+  Eigen::MatrixXd forces = Eigen::MatrixXd::Zero(n, 6 * static_cast<Eigen::Index>(out.forced.size()));
+  for (std::size_t k = 0; k < out.forced.size(); ++k) {
+    const int node = mechanism_.topology().node_of_body[at(out.forced[k])];
+    const Vec3 p = read3(mechanism_.view(at(node)).p, mechanism_.stride());
+    for (int i = tree_.last_dof(node); i != kNoDof; i = tree_.parent_dof(i)) {
+      const Spatial v = at_point(tree_.axis(i), p);
+      forces.block<1, 3>(i, 6 * static_cast<Eigen::Index>(k)) = -h * v.tail<3>();
+      forces.block<1, 3>(i, 6 * static_cast<Eigen::Index>(k) + 3) = -h * v.head<3>();
+    }
+  }
+  out.by_force = stepped(response(forces), false);
+  if (by_activation_.size() == 0) return;
+  // Activations at the end pull.
+  const Eigen::MatrixXd pulled = stepped(response(by_activation_), false);
+  out.by_excitation = pulled * out.activation_by_excitation.asDiagonal();
+  out.by_activation = pulled * out.activation_by_activation.asDiagonal();
+}
+
+}  // namespace handsim::engine::articulated
