@@ -1,11 +1,8 @@
 #include "handsim/app/report_command.h"
 
-#include <spawn.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstdlib>
 
@@ -13,6 +10,7 @@
 #include "handsim/app/console.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/output/report/page.h"
 #include "handsim/simulation/report/run_report.h"
@@ -90,16 +88,6 @@ void record_contacts(scene::Scene& scene) {
   scene.spec.solver.contact_forces = true;
 }
 
-bool open_in_browser(const fs::path& page) {
-  if (!std::getenv("DISPLAY") && !std::getenv("WAYLAND_DISPLAY")) return false;
-  std::string program = "xdg-open", path = fs::absolute(page).string();
-  const std::array<char*, 3> arguments = {program.data(), path.data(), nullptr};
-  pid_t child = 0;
-  if (::posix_spawnp(&child, program.c_str(), nullptr, nullptr, arguments.data(), environ) != 0) return false;
-  int status = 0;
-  return ::waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
-}
-
 fs::path write_report(const std::vector<fs::path>& folders, const std::optional<fs::path>& out) {
   std::error_code ignored;
   for (const fs::path& folder : folders)
@@ -140,7 +128,10 @@ int view_command(const ViewArguments& arguments) {
   std::error_code failure;
   fs::rename(run.out / simulation::kReportName, page, failure);
   if (failure) throw output_error(page.string(), failure.message(), "a report of the run");
-  if (arguments.no_browser || !open_in_browser(page)) print("open it in a browser: {}\n", page.string());
+  const bool screen = std::getenv("DISPLAY") || std::getenv("WAYLAND_DISPLAY");
+  if (arguments.no_browser || !screen ||
+      output::wait_for(output::start_program({"xdg-open", fs::absolute(page).string()})) != 0)
+    print("open it in a browser: {}\n", page.string());
   return status;
 }
 

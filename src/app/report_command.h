@@ -18,7 +18,4 @@ void record_contacts(scene::Scene& scene);
 std::filesystem::path write_report(const std::vector<std::filesystem::path>& folders,
                                    const std::optional<std::filesystem::path>& out = {});
 
-/// Opens a page in the browser of the desktop; false if there is none.
-bool open_in_browser(const std::filesystem::path& page);
-
 }  // namespace handsim::app

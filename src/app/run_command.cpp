@@ -196,13 +196,13 @@ void render_picture(const scene::Scene& scene, const RenderArguments& arguments)
 
 void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
   const simulation::VideoSpec& spec = *arguments.video;
-  ProgressBar bar;
-  const simulation::Film film = simulation::film_until(
-      scene, spec, arguments.time.value_or(scene.spec.duration), [&bar](double share) { bar.show(share); });
+  const simulation::Film film = with_progress([&](const auto& show) {
+    return simulation::film_until(scene, spec, arguments.time.value_or(scene.spec.duration), show);
+  });
   const auto draw = [&](const output::Progress& progress) {
     film.write({arguments.gl, output::core_count(), 0}, progress);
   };
-  if (const auto failure = output::run_in_child(draw, [&bar](double share) { bar.show(share); }))
+  if (const auto failure = with_progress([&](const auto& show) { return output::run_in_child(draw, show); }))
     throw output_error(spec.file.string(), "no video: " + *failure,
                        "memory, room on the disk, or a smaller pictures.size");
 }
@@ -236,17 +236,15 @@ int run_scene_command(const RunArguments& arguments) {
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     print("engine auto: {}\n", scene.spec.engine_choice);
-  simulation::RunResult result;
-  {
-    ProgressBar bar;
+  simulation::RunResult result = with_progress([&](const auto& show) {
     simulation::RunOptions options = arguments;
     options.stop_lost = stop_lost;
     options.monitor = arguments.report;
     options.draw_apart = true;
-    if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
+    if (!arguments.quiet) options.progress = show;
     options.note = [](const std::string& text) { print_error("note: {}\n", text); };
-    result = simulation::run(scene, options);
-  }
+    return simulation::run(scene, options);
+  });
   if (arguments.report) add_report(arguments.out, result);
   print_warnings(overlap_texts(scene.model, result.overlaps));
   print_warnings(result.warnings);

@@ -86,20 +86,14 @@ void add_accuracy(CommandLine& line) {
                   "name the cheapest method and step that reaches this error; exit 1 if none does")
       ->check(number_from(std::numeric_limits<double>::min(), std::numeric_limits<double>::max(), false,
                           "an error above 0, such as 1e-3"));
-  accuracy.add_option("--costs", asked->costs,
-                      "table of costs for engine auto: replaces its part on this kind of scene");
   add_report_flag(accuracy, asked->run);
-}
-
-int validate_command(const Asked<study::ValidateOptions>& asked) {
-  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::validate(asked, run); });
 }
 
 void add_validate(CommandLine& line) {
   const auto asked = std::make_shared<Asked<study::ValidateOptions>>();
   CLI::App& validate = line.add(
       "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-      "handsim validate --out out/validate", validate_command, asked);
+      "handsim validate --out out/validate", bar_command<study::validate, study::ValidateOptions>, asked);
   validate.add_option("measurements", asked->file, "file of measurements (default: the installed ones)");
   CLI::Option* out = validate.add_option("--out", asked->run.out, "folder for the study's files and runs/");
   validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);

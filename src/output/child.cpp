@@ -1,6 +1,7 @@
 #include "handsim/output/child.h"
 
 #include <fcntl.h>
+#include <spawn.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -126,6 +127,30 @@ std::optional<std::string> run_in_child(const std::function<void(const Progress&
     out = describe_exit(status, report);
   close(ends[0]);
   return out;
+}
+
+std::optional<pid_t> start_program(std::vector<std::string> words, const std::filesystem::path& folder,
+                                   int input, int errors) {
+  std::vector<char*> pointers;
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
+  posix_spawn_file_actions_adddup2(&actions, input, STDIN_FILENO);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
+  pid_t child = 0;
+  const int failure = posix_spawnp(&child, pointers[0], &actions, nullptr, pointers.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  return failure == 0 ? std::optional(child) : std::nullopt;
+}
+
+int wait_for(std::optional<pid_t> program) {
+  int status = 0;
+  while (program && waitpid(*program, &status, 0) < 0)
+    if (errno != EINTR) return -1;
+  return program && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
 }  // namespace handsim::output

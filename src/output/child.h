@@ -1,9 +1,14 @@
-// Runs a job in a child process, whose crash does not end the program: Mesa and LLVM abort without memory.
+// Child processes: other programs, and a job whose crash does not end this one (Mesa and LLVM abort without
+// memory).
 #pragma once
 
+#include <sys/types.h>
+
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace handsim::output {
 
@@ -15,5 +20,12 @@ using Progress = std::function<void(double)>;
 /// @return why the job failed (its exception, signal or status); nothing if it succeeded.
 std::optional<std::string> run_in_child(const std::function<void(const Progress&)>& job,
                                         const Progress& progress);
+
+/// Starts a program that PATH finds, without a shell; its standard output goes nowhere.
+/// @returns its process, or nothing.
+std::optional<pid_t> start_program(std::vector<std::string> words, const std::filesystem::path& folder = ".",
+                                   int input = 0, int errors = 2);
+/// Waits for a program. @returns its exit status; -1 if it did not start or did not exit by itself.
+int wait_for(std::optional<pid_t> program);
 
 }  // namespace handsim::output

@@ -123,7 +123,10 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
   const double step = spec.solver.step;
   if (spec.solver.effects.has(model::Effect::actuation)) {
     find_constant_torques();
-    for (const scene::ClimbPlan& plan : scene_->plans.climbs) climbs_.emplace_back(scene_->model, plan, step);
+    for (const scene::ClimbPlan& plan : scene_->plans.climbs) {
+      const model::Model& model = scene_->model;
+      climbs_.push_back({plan, at(model.joints[at(*model.hands[plan.hand].rail)].first_dof), step});
+    }
   }
   make_controller();
   make_watchers();

@@ -1,4 +1,4 @@
-// Videos, the processes that draw, and the two ways to OpenGL.
+// Videos, the threads that draw, and the two ways to OpenGL.
 #include "handsim/output/video/video.h"
 
 #include <gtest/gtest.h>
@@ -8,6 +8,7 @@
 #include <cstdlib>
 
 #include "handsim/core/error.h"
+#include "handsim/output/child.h"
 #include "handsim/output/render/renderer.h"
 #include "render/scenes.h"
 #include "scene_files.h"
@@ -74,7 +75,7 @@ TEST(Video, RefusesWhatItCannotWrite) {
   EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
 }
 
-// Oracle: what one process gives. Five forks deliver in order also if the first of each round is the slowest.
+// Oracle: what one thread gives. Five deliver in order also if the first of each round is the slowest.
 TEST(Workers, PassPicturesOnInOrder) {
   const auto maker = [] {
     return [](std::size_t i) {
@@ -82,9 +83,9 @@ TEST(Workers, PassPicturesOnInOrder) {
       return grey(20, 10, static_cast<int>(i));
     };
   };
-  for (const int processes : {1, 5, 50}) {
+  for (const int threads : {1, 5, 50}) {
     std::size_t next = 0;
-    make_in_order(23, processes, maker, [&](std::size_t i, Image&& image) {
+    make_in_order(23, threads, maker, [&](std::size_t i, Image&& image) {
       EXPECT_EQ(i, next++);
       EXPECT_EQ(image.rgb, grey(20, 10, static_cast<int>(i)).rgb);
     });
@@ -93,13 +94,11 @@ TEST(Workers, PassPicturesOnInOrder) {
 }
 
 std::string failure_of(const MakeImage& make) {
-  try {
+  const auto job = [&](const Progress&) {
     make_in_order(
         8, 2, [&] { return make; }, [](std::size_t, Image&&) {});
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "none";
+  };
+  return run_in_child(job, {}).value_or("none");
 }
 
 TEST(Workers, ReportWhatTheyDiedOf) {

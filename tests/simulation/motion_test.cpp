@@ -7,8 +7,8 @@
 #include <fmt/format.h>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/run.h"
+#include "handsim/simulation/run/run_tables.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 #include "smooth_motion.h"

@@ -28,20 +28,27 @@ std::unique_ptr<Canvas> make_canvas(std::optional<Gl> gl) {
       return make_canvas(built_gls().back());
     }
   const Gl wanted = gl.value_or(built_gls().front());
+  std::unique_ptr<Canvas> out;
 #ifdef HANDSIM_OSMESA
-  if (wanted == Gl::osmesa) return make_osmesa_canvas();
+  if (wanted == Gl::osmesa) out = make_osmesa_canvas();
 #endif
 #ifdef HANDSIM_EGL
-  if (wanted == Gl::egl) return make_egl_canvas();
+  if (wanted == Gl::egl) out = make_egl_canvas();
 #endif
-  throw input_error("--gl", name_of(wanted),
-                    fmt::format("{}, which this build has", name_of(built_gls().front())));
+  if (!out)
+    throw input_error("--gl", name_of(wanted),
+                      fmt::format("{}, which this build has", name_of(built_gls().front())));
+  out->make_current();
+  return out;
 }
 
-void load_functions(GlAddress address) {
+void Canvas::make_current() {
+  if (!take_())
+    throw input_error("rendering", "an off-screen OpenGL context that cannot be made current",
+                      "one thread at a time for each Renderer");
   const char* missing = nullptr;
-#define HANDSIM_LOAD(TYPE, NAME)                                       \
-  gl##NAME = reinterpret_cast<PFNGL##TYPE##PROC>(address("gl" #NAME)); \
+#define HANDSIM_LOAD(TYPE, NAME)                                        \
+  gl##NAME = reinterpret_cast<PFNGL##TYPE##PROC>(address_("gl" #NAME)); \
   if (!gl##NAME) missing = "gl" #NAME;
   HANDSIM_GL_FUNCTIONS(HANDSIM_LOAD)
 #undef HANDSIM_LOAD

@@ -36,41 +36,26 @@ EGLContext new_context(EGLDisplay display) {
   return eglCreateContext(display, EGL_NO_CONFIG_KHR, EGL_NO_CONTEXT, kCore);
 }
 
-class EglCanvas final : public Canvas {
- public:
-  EglCanvas() : display_(surfaceless_display()), context_(new_context(display_)) {
-    if (context_ == EGL_NO_CONTEXT)
-      throw input_error("rendering", "no OpenGL 3.3 context of EGL without a surface",
-                        "a Mesa with EGL (Debian packages libegl1 and libgl1-mesa-dri), or --gl osmesa");
-  }
-  ~EglCanvas() override {
-    if (eglGetCurrentContext() == context_)
-      eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
-    eglDestroyContext(display_, context_);
-  }
-  EglCanvas(const EglCanvas&) = delete;
-  EglCanvas& operator=(const EglCanvas&) = delete;
-
-  void make_current() override {
-    eglBindAPI(EGL_OPENGL_API);
-    if (eglGetCurrentContext() != context_ &&
-        eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, context_) != EGL_TRUE)
-      throw input_error("rendering", "an EGL context that cannot be made current",
-                        "one thread at a time for each Renderer");
-    load_functions(eglGetProcAddress);
-  }
-
- private:
-  EGLDisplay display_;
-  EGLContext context_;
-};
-
 }  // namespace
 
 std::unique_ptr<Canvas> make_egl_canvas() {
-  auto canvas = std::make_unique<EglCanvas>();
-  canvas->make_current();
-  return canvas;
+  const EGLDisplay display = surfaceless_display();
+  const EGLContext context = new_context(display);
+  if (context == EGL_NO_CONTEXT)
+    throw input_error("rendering", "no OpenGL 3.3 context of EGL without a surface",
+                      "a Mesa with EGL (Debian packages libegl1 and libgl1-mesa-dri), or --gl osmesa");
+  const auto make_current = [display](EGLContext of) {
+    return eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, of) == EGL_TRUE;
+  };
+  const auto take = [=] {
+    eglBindAPI(EGL_OPENGL_API);
+    return eglGetCurrentContext() == context || make_current(context);
+  };
+  const auto free = [=] {
+    if (eglGetCurrentContext() == context) make_current(EGL_NO_CONTEXT);
+    eglDestroyContext(display, context);
+  };
+  return std::make_unique<Canvas>(take, free, eglGetProcAddress);
 }
 
 }  // namespace handsim::output

@@ -1,6 +1,6 @@
 #include <GL/osmesa.h>
 
-#include <array>
+#include <vector>
 
 #include "handsim/core/error.h"
 #include "handsim/output/render/canvas.h"
@@ -21,42 +21,25 @@ OSMesaContext new_context() {
   return OSMesaCreateContextAttribs(kCore, nullptr);
 }
 
-class OsmesaCanvas final : public Canvas {
- public:
-  OsmesaCanvas() : context_(new_context()) {
-    if (!context_)
-      throw input_error("rendering", "no off-screen OpenGL 3.3 context",
-                        "a Mesa with OSMesa and llvmpipe (Debian package libosmesa6), or --gl egl");
-  }
-  ~OsmesaCanvas() override {
-    // A context must not be current when it is destroyed.
-    if (OSMesaGetCurrentContext() == context_) OSMesaMakeCurrent(nullptr, nullptr, GL_UNSIGNED_BYTE, 0, 0);
-    OSMesaDestroyContext(context_);
-  }
-  OsmesaCanvas(const OsmesaCanvas&) = delete;
-  OsmesaCanvas& operator=(const OsmesaCanvas&) = delete;
-
-  void make_current() override {
-    if (OSMesaGetCurrentContext() != context_ &&
-        OSMesaMakeCurrent(context_, buffer_.data(), GL_UNSIGNED_BYTE, kEdge, kEdge) != GL_TRUE)
-      throw input_error("rendering", "an off-screen OpenGL context that cannot be made current",
-                        "one thread at a time for each Renderer");
-    load_functions(OSMesaGetProcAddress);
-  }
-
- private:
-  /// The context wants a buffer of its own, which is never shown.
-  static constexpr int kEdge = 16;
-  std::array<unsigned char, 4UL * kEdge * kEdge> buffer_{};
-  OSMesaContext context_;
-};
-
 }  // namespace
 
 std::unique_ptr<Canvas> make_osmesa_canvas() {
-  auto canvas = std::make_unique<OsmesaCanvas>();
-  canvas->make_current();
-  return canvas;
+  const OSMesaContext context = new_context();
+  if (!context)
+    throw input_error("rendering", "no off-screen OpenGL 3.3 context",
+                      "a Mesa with OSMesa and llvmpipe (Debian package libosmesa6), or --gl egl");
+  // The context wants a buffer of its own, which is never shown.
+  constexpr int kEdge = 16;
+  const auto take = [context, buffer = std::vector<unsigned char>(4UL * kEdge * kEdge)]() mutable {
+    return OSMesaGetCurrentContext() == context ||
+           OSMesaMakeCurrent(context, buffer.data(), GL_UNSIGNED_BYTE, kEdge, kEdge) == GL_TRUE;
+  };
+  // A context must not be current when it is destroyed.
+  const auto free = [context] {
+    if (OSMesaGetCurrentContext() == context) OSMesaMakeCurrent(nullptr, nullptr, GL_UNSIGNED_BYTE, 0, 0);
+    OSMesaDestroyContext(context);
+  };
+  return std::make_unique<Canvas>(take, free, OSMesaGetProcAddress);
 }
 
 }  // namespace handsim::output

@@ -59,6 +59,14 @@ GLuint add_texture(int width, int height, GLenum format, GLenum type, GLenum att
   return texture;
 }
 
+/// Without a texture; in use.
+Target new_target(int width, int height) {
+  Target target{0, 0, 0, 0, width, height};
+  glGenFramebuffers(1, &target.framebuffer);
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  return target;
+}
+
 void require_complete(const Target& target) {
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE || glGetError() != GL_NO_ERROR)
     throw driver_error(fmt::format("no frame buffer of {} x {} pixels", target.width, target.height));
@@ -90,20 +98,12 @@ GLint Program::location(const char* name) const { return glGetUniformLocation(id
 void Program::use() const { glUseProgram(id_); }
 void Program::set(const char* name, int value) const { glUniform1i(location(name), value); }
 void Program::set(const char* name, float value) const { glUniform1f(location(name), value); }
-void Program::set(const char* name, const Eigen::Vector2f& value) const {
-  glUniform2fv(location(name), 1, value.data());
-}
-void Program::set(const char* name, const Eigen::Vector3f& value) const {
-  glUniform3fv(location(name), 1, value.data());
-}
-void Program::set(const char* name, const Eigen::Vector4f& value) const {
-  glUniform4fv(location(name), 1, value.data());
-}
-void Program::set(const char* name, const Eigen::Matrix3f& value) const {
-  glUniformMatrix3fv(location(name), 1, GL_FALSE, value.data());
-}
-void Program::set(const char* name, const Eigen::Matrix4f& value) const {
-  glUniformMatrix4fv(location(name), 1, GL_FALSE, value.data());
+void Program::set(const char* name, const Eigen::Ref<const Eigen::MatrixXf>& value) const {
+  const GLint at = location(name);
+  if (value.cols() == 1)
+    (value.rows() == 2 ? glUniform2fv : value.rows() == 3 ? glUniform3fv : glUniform4fv)(at, 1, value.data());
+  else
+    (value.rows() == 3 ? glUniformMatrix3fv : glUniformMatrix4fv)(at, 1, GL_FALSE, value.data());
 }
 void Program::set(const char* name, const std::vector<Eigen::Vector4f>& values) const {
   if (values.empty()) return;
@@ -111,9 +111,7 @@ void Program::set(const char* name, const std::vector<Eigen::Vector4f>& values) 
 }
 
 Target Target::multisampled(int width, int height, int samples) {
-  Target target{0, 0, 0, 0, width, height};
-  glGenFramebuffers(1, &target.framebuffer);
-  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  Target target = new_target(width, height);
   glGenTextures(1, &target.texture);
   glBindTexture(GL_TEXTURE_2D_MULTISAMPLE, target.texture);
   glTexImage2DMultisample(GL_TEXTURE_2D_MULTISAMPLE, samples, GL_R8, width, height, GL_TRUE);
@@ -124,18 +122,14 @@ Target Target::multisampled(int width, int height, int samples) {
 }
 
 Target Target::sampled(int width, int height) {
-  Target target{0, 0, 0, 0, width, height};
-  glGenFramebuffers(1, &target.framebuffer);
-  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  Target target = new_target(width, height);
   target.texture = add_texture(width, height, GL_RGBA8, GL_UNSIGNED_BYTE, GL_COLOR_ATTACHMENT0);
   require_complete(target);
   return target;
 }
 
 Target Target::surfaces(int width, int height) {
-  Target target{0, 0, 0, 0, width, height};
-  glGenFramebuffers(1, &target.framebuffer);
-  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  Target target = new_target(width, height);
   target.texture = add_texture(width, height, GL_RGBA32F, GL_FLOAT, GL_COLOR_ATTACHMENT0);
   target.normals = add_texture(width, height, GL_RGBA16F, GL_FLOAT, GL_COLOR_ATTACHMENT1);
   target.depth = add_depth(width, height, 0, GL_DEPTH24_STENCIL8, GL_DEPTH_STENCIL_ATTACHMENT);

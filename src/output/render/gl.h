@@ -22,11 +22,8 @@ class Program {
   /// Sets a uniform of the program in use.
   void set(const char* name, int value) const;
   void set(const char* name, float value) const;
-  void set(const char* name, const Eigen::Vector2f& value) const;
-  void set(const char* name, const Eigen::Vector3f& value) const;
-  void set(const char* name, const Eigen::Vector4f& value) const;
-  void set(const char* name, const Eigen::Matrix3f& value) const;
-  void set(const char* name, const Eigen::Matrix4f& value) const;
+  /// Of a vector, or of a square matrix.
+  void set(const char* name, const Eigen::Ref<const Eigen::MatrixXf>& value) const;
   void set(const char* name, const std::vector<Eigen::Vector4f>& values) const;
 
  private:

@@ -1,9 +1,6 @@
 #include "handsim/output/table/csv_rows.h"
 
-#include <span>
-
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
 
@@ -45,16 +42,6 @@ std::vector<double> trajectory_values(const model::State& state) {
     out.insert(out.end(), {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
   }
   return out;
-}
-
-std::string trajectory_head(const model::Model& model) {
-  return fmt::format("{}\n", fmt::join(trajectory_columns(model), ","));
-}
-
-std::string trajectory_row(const model::State& state) {
-  const std::vector<double> values = trajectory_values(state);
-  // Twelve digits hide the rounding errors of the time.
-  return fmt::format("{:.12g},{}\n", values[0], fmt::join(std::span(values).subspan(1), ","));
 }
 
 std::string contact_head() {

@@ -13,9 +13,6 @@ std::vector<std::string> coordinate_names(const model::Model& model);
 
 /// trajectory.csv: time, joint coordinates and rates, body poses. Columns: `right.index_mcp.flexion[rad]`,
 /// `right.index_mcp.flexion.rate[rad/s]`, `right.palm.x[m]`, `right.palm.qw`.
-std::string trajectory_head(const model::Model& model);
-std::string trajectory_row(const model::State& state);
-/// Columns and values of the same table.
 std::vector<std::string> trajectory_columns(const model::Model& model);
 std::vector<double> trajectory_values(const model::State& state);
 

@@ -1,9 +1,5 @@
 #include "handsim/output/table/gnuplot.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <fstream>
 #include <string_view>
@@ -12,6 +8,7 @@
 #include <fmt/ranges.h>
 
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
 
 namespace handsim::output {
 
@@ -36,30 +33,12 @@ bool is_complete(const fs::path& path) {
 
 }  // namespace
 
-int gnuplot(std::vector<std::string> arguments, const fs::path& folder) {
-  arguments.insert(arguments.begin(), "gnuplot");
-  std::vector<char*> pointers;
-  for (std::string& argument : arguments) pointers.push_back(argument.data());
-  pointers.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
-  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", 1 /* O_WRONLY */, 0);
-  pid_t child = 0;
-  const int failure = posix_spawnp(&child, "gnuplot", &actions, nullptr, pointers.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (failure != 0) return -1;
-  int status = 0;
-  if (waitpid(child, &status, 0) != child) return 1;
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-}
-
-bool has_gnuplot() { return gnuplot({"-e", "exit"}, ".") == 0; }
+bool has_gnuplot() { return wait_for(start_program({"gnuplot", "-e", "exit"})) == 0; }
 
 bool plot(const std::string& script, const fs::path& folder, const std::vector<std::string>& outputs) {
   const std::string head = part_name() + ".";
   const auto part = [&](const std::string& name) { return folder / (head + name); };
-  bool good = gnuplot({"-e", fmt::format("part='{}'", head), script}, folder) == 0;
+  bool good = wait_for(start_program({"gnuplot", "-e", fmt::format("part='{}'", head), script}, folder)) == 0;
   for (const std::string& name : outputs) good = good && is_complete(part(name));
   std::error_code failure, ignored;
   for (const std::string& name : outputs) {

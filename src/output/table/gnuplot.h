@@ -8,8 +8,6 @@
 
 namespace handsim::output {
 
-/// Runs gnuplot in a folder, without a shell. @return its exit status, or -1 if it cannot be started
-int gnuplot(std::vector<std::string> arguments, const std::filesystem::path& folder);
 bool has_gnuplot();
 
 /// Runs a gnuplot script of a folder. The script names its output files by place('NAME.png') or

@@ -45,12 +45,11 @@ class VideoWriter {
 
 using MakeImage = std::function<Image(std::size_t)>;  ///< Makes picture i of a sequence.
 
-/// Starts `processes` forks; fork k makes pictures k, k + processes, ..., passed on in order. One process or
-/// picture: no fork. Not for a process that has OpenGL contexts or other threads.
-/// @param maker called once in each process, for what its pictures share, such as a Renderer.
-/// @param take called in this process.
-/// @throws Error (output) with what a fork failed of, and what `take` throws.
-void make_in_order(std::size_t count, int processes, const std::function<MakeImage()>& maker,
+/// Of so many threads, number k makes pictures k, k + threads, ..., passed on in order.
+/// @param maker called once in each thread, for what its pictures share, such as a Renderer.
+/// @param take called in this thread.
+/// @throws what a thread or `take` throws.
+void make_in_order(std::size_t count, int threads, const std::function<MakeImage()>& maker,
                    const std::function<void(std::size_t, Image&&)>& take);
 
 /// Processor cores that this process may use.

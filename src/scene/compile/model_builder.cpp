@@ -4,44 +4,11 @@
 
 #include <fmt/format.h>
 
-#include "handsim/model/validate.h"
 #include "handsim/scene/read/contact_groups.h"
 
 namespace handsim::scene {
 
 namespace {
-
-void add_object(model::Model& model, const ObjectSpec& object, int group) {
-  const int material = static_cast<int>(model.materials.size());
-  model.materials.push_back(object.material);
-  model::ObjectIndex index{object.name, {}, {}};
-  Pose x_BO = object.pose;
-  if (!object.is_static) {
-    model::Body body;
-    body.name = object.name;
-    body.mass = object.body.mass;
-    body.inertia = object.body.inertia;
-    body.zero_pose = object.pose * object.body_frame();
-    body.initial_velocity = object.velocity;
-    body.initial_angular_velocity = object.angular_velocity;
-    x_BO = object.body_frame().inverse();
-    index.body = static_cast<int>(model.bodies.size());
-    model.bodies.push_back(std::move(body));
-  }
-  for (std::size_t i = 0; i < object.shapes.size(); ++i) {
-    model::Shape shape = object.shapes[i];
-    shape.name = object.name;
-    if (object.shapes.size() > 1) shape.name += ".part" + std::to_string(i);
-    shape.part = model::Part::object;
-    shape.group = group;
-    shape.material = material;
-    shape.body = index.body.value_or(model::kWorld);
-    shape.pose = x_BO * shape.pose;
-    index.shapes.push_back(static_cast<int>(model.shapes.size()));
-    model.shapes.push_back(std::move(shape));
-  }
-  model.objects.push_back(std::move(index));
-}
 
 /// @returns the ground's group.
 int add_ground(model::Model& model, const GroundSpec& ground) {
@@ -151,7 +118,7 @@ class Builder {
     origins_.add(model_, std::nullopt);
     if (!scene_.mechanism.bodies.empty()) add_mechanism();
     diagnostics_.throw_if_any();
-    add_contact_rules();
+    add_contact_rules(model_, scene_.contacts, groups_, effects_, &origins_);
     diagnostics_.problems = model::defects(model_, origins_);
     if (diagnostics_.problems.empty()) diagnostics_.problems = start_defects(model_, effects_, origins_);
     diagnostics_.throw_if_any();
@@ -208,30 +175,6 @@ class Builder {
     for (const MechanismJointSpec& joint : scene_.mechanism.joints) {
       add_joint(model_, joint);
       origins_.add(model_, joint.place);
-    }
-  }
-
-  /// Adds the rules of the contacts block (the last for a pair applies), or one for every pair of its effect.
-  void add_contact_rules() {
-    const auto add = [&](const ContactGroups::Group& a, const ContactGroups::Group& b, int material) {
-      const auto effect = effect_of(a, b);
-      if (effect && effects_.has(*effect)) model_.contact_rules.push_back({a.number, b.number, material});
-    };
-    if (!scene_.contacts.rules) {
-      for (std::size_t a = 0; a < groups_.all.size(); ++a)
-        for (std::size_t b = a; b < groups_.all.size(); ++b)
-          add(groups_.all[a], groups_.all[b], model::kCombined);
-      return;
-    }
-    for (const ContactRuleSpec& rule : *scene_.contacts.rules) {
-      int material = model::kCombined;
-      for (const model::Material& named : scene_.contacts.materials)
-        if (rule.material == named.name) {
-          material = static_cast<int>(model_.materials.size());
-          model_.materials.push_back(named);
-        }
-      for_each_pair(groups_, rule, [&](const auto& a, const auto& b) { add(a, b, material); });
-      origins_.add(model_, rule.place);
     }
   }
 

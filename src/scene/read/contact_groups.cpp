@@ -106,4 +106,58 @@ Effects effects_of_rules(const SceneSpec& scene) {
   return effects;
 }
 
+int add_object(model::Model& model, const ObjectSpec& object, int group) {
+  const int material = static_cast<int>(model.materials.size());
+  model.materials.push_back(object.material);
+  model::ObjectIndex index{object.name, {}, {}};
+  Pose x_BO = object.pose;
+  if (!object.is_static) {
+    model::Body body;
+    body.name = object.name;
+    body.mass = object.body.mass;
+    body.inertia = object.body.inertia;
+    body.zero_pose = object.pose * object.body_frame();
+    body.initial_velocity = object.velocity;
+    body.initial_angular_velocity = object.angular_velocity;
+    x_BO = object.body_frame().inverse();
+    index.body = static_cast<int>(model.bodies.size());
+    model.bodies.push_back(std::move(body));
+  }
+  for (std::size_t i = 0; i < object.shapes.size(); ++i) {
+    model::Shape shape = object.shapes[i];
+    shape.name = object.name;
+    if (object.shapes.size() > 1) shape.name += ".part" + std::to_string(i);
+    shape.part = model::Part::object;
+    shape.group = group;
+    shape.material = material;
+    shape.body = index.body.value_or(model::kWorld);
+    shape.pose = x_BO * shape.pose;
+    index.shapes.push_back(static_cast<int>(model.shapes.size()));
+    model.shapes.push_back(std::move(shape));
+  }
+  model.objects.push_back(index);
+  return index.body.value_or(model::kWorld);
+}
+
+void add_contact_rules(model::Model& model, const ContactsSpec& contacts, const ContactGroups& groups,
+                       const Effects& wanted, model::Origins* origins) {
+  const auto add = [&](const auto& a, const auto& b, int material) {
+    const auto effect = effect_of(a, b);
+    if (effect && wanted.has(*effect)) model.contact_rules.push_back({a.number, b.number, material});
+  };
+  for (std::size_t a = 0; a < groups.all.size() && !contacts.rules; ++a)
+    for (std::size_t b = a; b < groups.all.size(); ++b) add(groups.all[a], groups.all[b], model::kCombined);
+  if (!contacts.rules) return;
+  for (const ContactRuleSpec& rule : *contacts.rules) {
+    int material = model::kCombined;
+    for (const model::Material& named : contacts.materials)
+      if (rule.material == named.name) {
+        material = static_cast<int>(model.materials.size());
+        model.materials.push_back(named);
+      }
+    for_each_pair(groups, rule, [&](const auto& a, const auto& b) { add(a, b, material); });
+    if (origins) origins->add(model, rule.place);
+  }
+}
+
 }  // namespace handsim::scene

@@ -179,29 +179,6 @@ std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagn
   return out;
 }
 
-YamlNode write_costs(const std::vector<CostTable>& tables) {
-  YamlNode root = yaml_map();
-  YamlNode kinds = yaml_sequence();
-  for (const CostTable& table : tables) {
-    YamlNode item = yaml_map();
-    put(item, "kind", std::string(kSceneKindNames[static_cast<std::size_t>(table.kind)]));
-    yaml_put(item, "scene", yaml_scalar(table.scene, true));
-    put(item, "duration", number(table.duration));
-    YamlNode rows = yaml_sequence();
-    for (const CostRow& row : table.rows) {
-      YamlNode line = yaml_map();
-      put(line, "error", fmt::format("{:.3g}", row.error));
-      put(line, "cost", fmt::format("{:.3g}", row.cost));
-      put_settings(line, row.solver);
-      rows.items.push_back(std::move(line));
-    }
-    yaml_put(item, "rows", std::move(rows));
-    kinds.items.push_back(std::move(item));
-  }
-  yaml_put(root, "kinds", std::move(kinds));
-  return root;
-}
-
 void choose_engine(MapReader& reader, SceneSpec& scene) {
   MapReader block = reader.map("solver");
   const YamlNode engine = *block.child("engine");

@@ -28,8 +28,6 @@ struct CostTable {
 
 /// Reads the tables of an accuracy study (config/accuracy_costs.yaml).
 std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics);
-/// The same tables as a tree; steps in seconds.
-YamlNode write_costs(const std::vector<CostTable>& tables);
 
 /// Reads a `solver` block with `engine: auto`: sets SceneSpec::solver from the table of costs and
 /// SceneSpec::engine_choice to the choice and its reason, and writes the choice into the block. `guard`,

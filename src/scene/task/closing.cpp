@@ -25,53 +25,7 @@ constexpr double kFarthest = 3;  ///< A finger opens by at most so many times it
 /// a squared error along the surface as this share of one into it.
 constexpr double kRidge = 3e-3, kSlideWeight = 0.2;
 
-using Owner = ContactGroups::Owner;
-
-int add_object_body(model::Model& model, const ObjectSpec& object, int group) {
-  model::Body body;
-  body.name = object.name;
-  body.mass = object.is_static ? 1 : object.body.mass;
-  body.inertia = object.is_static ? Mat3(Mat3::Identity()) : object.body.inertia;
-  const int index = static_cast<int>(model.bodies.size());
-  model.bodies.push_back(std::move(body));
-  const int material = static_cast<int>(model.materials.size());
-  model.materials.push_back(object.material);
-  for (model::Shape shape : object.shapes) {
-    shape.part = model::Part::object;
-    shape.group = group;
-    shape.material = material;
-    shape.body = index;
-    shape.pose = object.body_frame().inverse() * shape.pose;
-    model.shapes.push_back(std::move(shape));
-  }
-  return index;
-}
-
-/// The rules between this hand and the object, whatever effects are on.
-void add_rules(model::Model& model, const ContactsSpec& contacts, const ContactGroups& groups) {
-  const auto add = [&](const auto& a, const auto& b, int material) {
-    if (effect_of(a, b) == model::Effect::object_contact)
-      model.contact_rules.push_back({a.number, b.number, material});
-  };
-  if (!contacts.rules) {
-    for (const auto& a : groups.all)
-      for (const auto& b : groups.all)
-        if (a.owner == Owner::hand) add(a, b, model::kCombined);
-    return;
-  }
-  for (const ContactRuleSpec& rule : *contacts.rules) {
-    int material = model::kCombined;
-    for (const model::Material& named : contacts.materials)
-      if (rule.material == named.name) {
-        material = static_cast<int>(model.materials.size());
-        model.materials.push_back(named);
-      }
-    for_each_pair(groups, rule, [&](const auto& a, const auto& b) { add(a, b, material); });
-  }
-}
-
-}  // namespace
-
+/// The chains of a hand, in the order of its joints.
 std::vector<FingerChain> finger_chains(HandOnObject& hand) {
   const model::Model& model = hand.model();
   std::vector<FingerChain> out;
@@ -96,6 +50,8 @@ std::vector<FingerChain> finger_chains(HandOnObject& hand) {
   return out;
 }
 
+}  // namespace
+
 Closing::Closing(HandOnObject& hand, std::vector<double> open, std::vector<double> closed)
     : hand_(hand),
       chains_(finger_chains(hand)),
@@ -103,9 +59,10 @@ Closing::Closing(HandOnObject& hand, std::vector<double> open, std::vector<doubl
       closed_(std::move(closed)),
       open_(start_) {}
 
-bool Closing::moves(const FingerChain& chain) const {
-  return std::ranges::any_of(chain.axes,
-                             [&](std::size_t i) { return std::abs(closed_[i] - start_[i]) > 1e-9; });
+double Closing::way(const FingerChain& chain) const {
+  double most = 0;
+  for (const std::size_t i : chain.axes) most = std::max(most, std::abs(closed_[i] - start_[i]));
+  return most;
 }
 
 void Closing::oppose(double turn) {
@@ -137,8 +94,7 @@ bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
   bool clear = true;
   open_ = at(0);
   for (const FingerChain& chain : chains_) {
-    double fastest = 0;
-    for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));
+    const double fastest = way(chain);
     if (fastest == 0) continue;
     double share = 0;
     bool opened = false;
@@ -159,8 +115,7 @@ bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
 }
 
 void Closing::close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q) {
-  double fastest = 0;
-  for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));
+  const double fastest = way(chain);
   if (fastest == 0) return;
   std::size_t held = 0;  // axes that stand
   std::size_t part = 0;  // bodies that are not tested any more
@@ -257,10 +212,17 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   ContactGroups groups;
   groups.add_hand(placement.name, hand::add_hand(model_, site.built, placement));
   const int group = model_.add_group("objects");
-  groups.add({group, Owner::object}, {"objects", site.object.name});
-  object_ = add_object_body(model_, site.object, group);
-  body_frame_ = site.object.body_frame();
-  add_rules(model_, site.scene.contacts, groups);
+  groups.add({group, ContactGroups::Owner::object}, {"objects", site.object.name});
+  // It is placed anywhere, also one that does not move.
+  ObjectSpec object = site.object;
+  if (object.is_static) object.body = {1, object.body.centre, Mat3::Identity()};
+  object.is_static = false;
+  object_ = add_object(model_, object, group);
+  body_frame_ = object.body_frame();
+  // Whatever effects are on.
+  model::Effects touch;
+  touch.add(model::Effect::object_contact);
+  add_contact_rules(model_, site.scene.contacts, groups, touch, nullptr);
   axes_ = control::hand_axes(model_, model_.hands.front());
   parts_.assign(model_.bodies.size(), model::Part::palm);
   for (const model::Shape& shape : model_.shapes) parts_[at(shape.body)] = shape.part;

@@ -77,9 +77,6 @@ struct FingerChain {
   std::size_t watched = 0;        ///< these bodies, in HandOnObject
 };
 
-/// The chains of a hand, in the order of its joints.
-std::vector<FingerChain> finger_chains(HandOnObject& hand);
-
 class Closing {
  public:
   /// @param open, closed angles by axis [rad]. The hand must outlive this.
@@ -87,7 +84,7 @@ class Closing {
 
   const std::vector<FingerChain>& chains() const { return chains_; }
   /// True if the finger's closed angles differ from its open ones.
-  bool moves(const FingerChain& chain) const;
+  bool moves(const FingerChain& chain) const { return way(chain) > 1e-9; }
   /// Turns the thumb's first axis, of all poses, by this angle [rad]: how far it is opposite the fingers.
   void oppose(double turn);
   /// Angles from open (share 0) to closed (1), or back beyond open (below 0), within the joints' ranges.
@@ -109,6 +106,8 @@ class Closing {
   void press(const FingerChain& chain, const std::vector<TouchPoint>& contacts,
              const std::vector<double>& deeper, const Vec3& moved, const std::vector<double>& from,
              std::vector<double>& q);
+  /// Of its fastest joint, from open to closed [rad].
+  double way(const FingerChain& chain) const;
   double angle(std::size_t axis, double share) const;
   bool touches(const FingerChain& chain, const std::vector<double>& q);
   void close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q);

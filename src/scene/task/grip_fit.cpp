@@ -71,8 +71,7 @@ class Fit {
         palm_(hand_.watch(std::array{hand_.palm()})),
         depth_(hand_.model().bodies.size(), kTouchDepth) {
     out_.strength = hand::grip_strength(spec.strength, site.entry.person);
-    const auto& reference = site.scene.control->controller.grip_strength;
-    strength_ = reference ? out_.strength.own / *reference : 1;
+    strength_ = own_strength();
   }
 
   FittedGrip run() {
@@ -87,6 +86,11 @@ class Fit {
   }
 
  private:
+  /// Over the strength of the controller's table.
+  double own_strength() const {
+    const auto& reference = site_.scene.control->controller.grip_strength;
+    return reference ? out_.strength.own / *reference : 1;
+  }
   double asked(model::Part part) const {
     const auto found = spec_.forces.find(part);
     return found == spec_.forces.end() ? 0 : strength_ * found->second;
@@ -331,8 +335,7 @@ class Fit {
 
   /// Largest torque over its limit, and the axis.
   std::pair<double, std::string> worst_torque() {
-    const auto& reference = site_.scene.control->controller.grip_strength;
-    const double strength = reference ? out_.strength.own / *reference : 1;
+    const double strength = own_strength();
     const std::vector<double> tau = torques();
     std::pair<double, std::string> worst = {0, ""};
     for (std::size_t i = 0; i < tau.size(); ++i) {

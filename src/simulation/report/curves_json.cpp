@@ -156,7 +156,7 @@ void add_gaps(const RunFiles& run, Curves& curves) {
 /// Columns of monitor.csv: energies and residuals. A residual is measured in some steps only.
 void add_monitor(const std::filesystem::path& path, Curves& curves) {
   const output::NumberTable table = output::read_numbers(path, false);
-  if (fmt::format("{}\n", fmt::join(table.columns, ",")) != kMonitorHead)
+  if (fmt::format("{}", fmt::join(table.columns, ",")) != std::string("time[s]") + kMonitorColumns)
     throw input_error(path.string(), "other columns", "monitor.csv of a run");
   for (std::size_t c = 1; c < table.columns.size(); ++c) {
     const auto [name, unit] = parted(table.columns[c]);

@@ -11,7 +11,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/engine/engine.h"
-#include "handsim/simulation/run/extra_tables.h"
+#include "handsim/simulation/run/run_tables.h"
 
 namespace handsim::simulation {
 

@@ -48,8 +48,8 @@ std::vector<std::string> control_columns(const scene::Scene& scene);
 inline constexpr std::array<const char*, 5> kMuscleColumns = {".excitation[]", ".activation[]", ".tendon[N]",
                                                               ".fibre[mm]", ".speed[mm/s]"};
 std::vector<std::string> muscle_columns(const scene::Scene& scene);
-/// Head of monitor.csv. A residual that was not measured is `nan`.
-inline constexpr std::string_view kMonitorHead =
-    "time[s],kinetic[J],potential[J],sum[J],joints[m/s],joints[rad/s],contacts[m/s]\n";
+/// Columns of monitor.csv after the time. A residual that was not measured is `nan`.
+inline constexpr const char* kMonitorColumns =
+    ",kinetic[J],potential[J],sum[J],joints[m/s],joints[rad/s],contacts[m/s]";
 
 }  // namespace handsim::simulation

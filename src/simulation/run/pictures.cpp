@@ -241,7 +241,7 @@ void draw(const scene::Scene& scene, std::span<const Moment> moments, const Draw
   const auto found = views(scene, moments, scale, drawing.smooth);
   const std::vector<output::Camera>& from = found.first;
   const double floor = found.second - kFloorClearance;
-  // Before processes begin: they share the skins.
+  // Before threads begin: they share the skins.
   if (pictures.hands != scene::HandLook::shapes) output::skins_of(scene.model);
   const auto maker = [&] {
     const auto renderer = std::make_shared<output::Renderer>(pictures.size[0], pictures.size[1], drawing.gl);
@@ -253,7 +253,7 @@ void draw(const scene::Scene& scene, std::span<const Moment> moments, const Draw
       return image;
     };
   };
-  output::make_in_order(moments.size(), drawing.processes, maker, [&](std::size_t i, output::Image&& image) {
+  output::make_in_order(moments.size(), drawing.threads, maker, [&](std::size_t i, output::Image&& image) {
     const output::Camera& camera = from[i];
     const double distance = (camera.position - camera.target).norm();
     take(i, {std::move(image), pictures.size[1] / (2 * std::tan(camera.field_of_view / 2) * distance)});

@@ -28,7 +28,7 @@ Moment moment_of(const engine::Engine& engine);
 /// How pictures are drawn, apart from what the scene says.
 struct Drawing {
   std::optional<output::Gl> gl;  ///< absent: the default of this build
-  int processes = 1;             ///< that draw, see output/video/video.h
+  int threads = 1;               ///< that draw, see output/video/video.h
   /// A camera that follows the hand moves as smoothly as a mean over so many pictures before and after; its
   /// picture holds what all of them hold. 0 for pictures that stand alone.
   std::size_t smooth = 0;
@@ -63,7 +63,7 @@ Stage stage_of(const scene::Scene& scene, std::span<const Moment> moments);
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact);
 
 /// Draws the moments; passes each picture and its index to `take` in order. Creates an OpenGL context in each
-/// process. @param store called before in the drawing process, maybe a fork: to write a file, for example
+/// thread. @param store called before in the thread that draws: to write a file, for example
 void draw(const scene::Scene& scene, std::span<const Moment> moments, const Drawing& drawing,
           const std::function<void(std::size_t, const output::Image&)>& store,
           const std::function<void(std::size_t, const Picture&)>& take);

@@ -5,20 +5,9 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/units.h"
-#include "handsim/model/energy.h"
-#include "handsim/output/table/csv_rows.h"
-
 namespace handsim::simulation {
 
 namespace {
-
-/// OpenSim tables cannot mix angles and lengths in degrees: models with sliders have none.
-bool all_angles(const model::Model& model) {
-  return model.dof_count() > 0 && std::ranges::none_of(model.joints, [](const model::Joint& joint) {
-           return joint.kind == model::JointKind::slider;
-         });
-}
 
 std::string caption(const std::string& name, double time) {
   return fmt::format("{}, t = {:.2f} s", name, time);
@@ -26,47 +15,11 @@ std::string caption(const std::string& name, double time) {
 
 }  // namespace
 
-std::vector<std::string> control_columns(const scene::Scene& scene) {
-  std::vector<std::string> out;
-  if (scene.control)
-    for (const control::DrivenAxis& axis : scene.control->axes)
-      for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"})
-        out.push_back(axis.name + what);
-  return out;
-}
-
-std::vector<std::string> muscle_columns(const scene::Scene& scene) {
-  std::vector<std::string> out;
-  for (const model::Muscle& muscle : scene.model.muscles)
-    for (const char* what : kMuscleColumns) out.push_back(muscle.name + what);
-  return out;
-}
-
 Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
-    : simulation_(simulation),
-      step_(simulation.scene().spec.solver.step),
-      trajectory_(options.out / "trajectory.csv"),
-      every_(record_steps(simulation.scene().spec)) {
-  const scene::Scene& scene = simulation.scene();
-  const auto rows =
-      static_cast<std::size_t>(record_rows(simulation.steps(), simulation.step_count(), every_));
-  trajectory_.write(output::trajectory_head(scene.model));
-  if (all_angles(scene.model))
-    motion_.emplace(options.out / "trajectory.mot",
-                    output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), rows});
-  if (const std::vector<std::string> columns = control_columns(scene); !columns.empty())
-    control_.emplace(options.out / "control.sto", output::MotionHead{scene.spec.title, columns, rows});
-  if (!scene.model.muscles.empty())
-    muscles_.emplace(options.out / "muscles.sto",
-                     output::MotionHead{scene.spec.title, muscle_columns(scene), rows});
-  if (scene.spec.record_contacts)
-    contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
-  if (options.monitor) monitor_.emplace(options.out / "monitor.csv").write(kMonitorHead);
-  const scene::RecordTables& tables = scene.spec.tables;
-  if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
-    extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);
+    : simulation_(simulation), step_(simulation.scene().spec.solver.step), tables_(simulation, options) {
   plan_pictures(options);
-  if (options.video) film_.emplace(scene, *options.video, simulation.steps(), simulation.step_count());
+  if (options.video)
+    film_.emplace(simulation.scene(), *options.video, simulation.steps(), simulation.step_count());
 }
 
 void Recorder::plan_pictures(const RunOptions& options) {
@@ -164,66 +117,8 @@ void Recorder::finish_climb() {
   if (figures.failed) show(moment_of(simulation_.engine()), "after failure");
 }
 
-void Recorder::add_rows() {
-  const model::State& state = simulation_.state();
-  trajectory_.write(output::trajectory_row(state));
-  if (motion_) {
-    std::vector<double> angles = state.q;
-    for (double& angle : angles) angle *= kDegreesPerRadian;
-    motion_->add(state.time, angles);
-  }
-  if (contacts_)
-    for (const engine::Contact& contact : simulation_.engine().contacts())
-      contacts_->write(output::contact_row(simulation_.model(), state.time, contact));
-  if (monitor_) add_monitor_row();
-  if (muscles_) add_muscle_row();
-  if (!control_) return;
-  std::vector<double> row;
-  for (const control::AxisState& axis : simulation_.controller()->axes())
-    row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
-  control_->add(state.time, row);
-}
-
-void Recorder::add_muscle_row() {
-  const model::State& state = simulation_.state();
-  const std::span<const double> excitations = simulation_.excitations();
-  std::vector<double> row;
-  for (std::size_t i = 0; i < state.activation.size(); ++i)
-    row.insert(row.end(), {excitations.empty() ? 0 : excitations[i], state.activation[i],
-                           state.tendon_force[i], 1e3 * state.fibre_length[i], 1e3 * state.fibre_speed[i]});
-  muscles_->add(state.time, row);
-}
-
-void Recorder::measure() {
-  const engine::StepReport& report = simulation_.last_report();
-  const auto raise = [this](std::size_t i, double value) {
-    residuals_[i] = std::max(value, residuals_[i].value_or(0));
-  };
-  if (report.contact_sweeps > 0) raise(2, report.contact_residual);
-  if (!report.residual) return;
-  raise(0, report.residual->linear.value);
-  raise(1, report.residual->angular.value);
-  raise(2, report.residual->contact.value);
-}
-
-/// A residual that was not measured is `nan`.
-void Recorder::add_monitor_row() {
-  const model::State& state = simulation_.state();
-  const double kinetic = model::kinetic_energy(simulation_.model(), state);
-  const double potential =
-      model::potential_energy(simulation_.model(), state, simulation_.scene().spec.solver.effects);
-  std::string row = fmt::format("{:.12g},{},{},{}", state.time, kinetic, potential, kinetic + potential);
-  for (std::optional<double>& residual : residuals_) {
-    row += residual ? fmt::format(",{}", *residual) : ",nan";
-    residual.reset();
-  }
-  monitor_->write(row + "\n");
-}
-
 void Recorder::record(long step) {
-  if (monitor_) measure();
-  if (step % every_ == 0) add_rows();
-  if (extra_) extra_->update(step % every_ == 0);
+  tables_.record(step);
   for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
     const std::string& caption = planned_[taken_].caption;
     Moment moment = moment_of(simulation_.engine());
@@ -237,13 +132,7 @@ void Recorder::record(long step) {
 
 void Recorder::finish() {
   if (climb_) finish_climb();
-  trajectory_.commit();
-  if (motion_) motion_->finish();
-  if (contacts_) contacts_->commit();
-  if (monitor_) monitor_->commit();
-  if (control_) control_->finish();
-  if (muscles_) muscles_->finish();
-  if (extra_) extra_->finish();
+  tables_.finish();
 }
 
 }  // namespace handsim::simulation

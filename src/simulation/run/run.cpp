@@ -12,7 +12,6 @@
 #include "handsim/output/child.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/video/video.h"
-#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/recorder.h"
 #include "handsim/simulation/run/snapshot_file.h"

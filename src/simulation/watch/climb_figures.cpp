@@ -113,23 +113,16 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   out.time = engine.state().time;
   out.load = load_at(plan_, out.time);
   out.travel = figures_.travel;
-  std::array<PartForce, kHandParts.size()> parts;
+  PartForces parts;
   for (const engine::Contact& contact : engine.contacts()) {
     const auto a = static_cast<std::size_t>(contact.shape_a), b = static_cast<std::size_t>(contact.shape_b);
     const bool first = of_hold_[b];
     const int part = part_of_shape_[first ? a : b];
     if (!(first || of_hold_[a]) || part < 0 || contact.normal_force() <= 0) continue;
-    PartForce& sum = parts[static_cast<std::size_t>(part)];
-    ++sum.contacts;
+    parts.add(part, contact);
     ++out.contacts;
-    sum.normal += contact.normal_force();
-    sum.friction += contact.friction_force().norm();
   }
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (parts[i].contacts == 0) continue;
-    parts[i].part = kHandParts[i];
-    out.parts.push_back(parts[i]);
-  }
+  out.parts = parts.touched();
   for (const Flexors& each : flexors_) out.fingers.push_back(each.load(engine.state()));
   return out;
 }
@@ -169,7 +162,7 @@ void ClimbWatch::carry(Archive& archive, Self& self) {
 
 void ClimbWatch::save(ArchiveWriter& out) const { carry(out, *this); }
 
-void ClimbWatch::restore(ArchiveReader& in) {
+void ClimbWatch::restore(ArchiveReader& in, double /*time*/) {
   carry(in, *this);
   figures_.complete = figures_.failed;
   if (loading_ == grips_.empty())
@@ -193,29 +186,11 @@ bool ClimbWatch::over(double time) const {
 Climbs::Climbs(const Watched& watched) : engine_(watched.engine) {
   const scene::SceneSpec& spec = watched.scene.spec;
   for (const scene::ClimbPlan& plan : watched.scene.plans.climbs)
-    climbs_.emplace_back(watched.scene.model, plan, watched.scene.hands[plan.hand], spec.solver.step);
-}
-
-void Climbs::update(Step& step) {
-  for (ClimbWatch& climb : climbs_) climb.update(step.engine);
-}
-
-void Climbs::save(ArchiveWriter& out) const {
-  for (const ClimbWatch& climb : climbs_) climb.save(out);
-}
-
-void Climbs::restore(ArchiveReader& in, const model::State& /*state*/) {
-  for (ClimbWatch& climb : climbs_) climb.restore(in);
-}
-
-std::vector<ClimbFigures> Climbs::figures() const {
-  std::vector<ClimbFigures> out;
-  for (const ClimbWatch& climb : climbs_) out.push_back(climb.figures());
-  return out;
+    each_.emplace_back(watched.scene.model, plan, watched.scene.hands[plan.hand], spec.solver.step);
 }
 
 bool Climbs::over() const {
-  return std::ranges::all_of(climbs_, [&](const auto& climb) { return climb.over(engine_.state().time); });
+  return std::ranges::all_of(each_, [&](const auto& climb) { return climb.over(engine_.state().time); });
 }
 
 /// A climb that outlasts its largest load carried that much; one that is cut short at least what it did.

@@ -67,7 +67,7 @@ class ClimbWatch {
 
   void update(const engine::Engine& engine);
   void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
+  void restore(ArchiveReader& in, double time);
 
   ClimbFigures figures() const;
   /// True if the climb failed at least kAfterFailure ago.
@@ -99,26 +99,19 @@ class ClimbWatch {
   std::vector<LoadedGrip> grips_;  ///< while the palm is held
 };
 
-class Climbs final : public Watcher {
+class Climbs final : public EachTask<ClimbWatch> {
  public:
   explicit Climbs(const Watched& watched);
 
   std::string_view name() const override { return "climbs"; }
-  void update(Step& step) override;
-  void save(ArchiveWriter& out) const override;
-  void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Figures so far, in the order of the scene.
-  std::vector<ClimbFigures> figures() const;
-  const std::vector<ClimbWatch>& each() const { return climbs_; }
   /// True if every climb failed at least kAfterFailure ago.
   bool over() const;
 
  private:
   const engine::Engine& engine_;
-  std::vector<ClimbWatch> climbs_;
 };
 
 }  // namespace handsim::simulation

@@ -71,7 +71,7 @@ Pose GraspWatch::object_in_palm(const model::State& state) const {
 Grip GraspWatch::grip(const engine::Engine& engine) const {
   Grip out;
   out.time = engine.state().time;
-  std::array<PartForce, kHandParts.size()> parts;
+  PartForces parts;
   std::array<double, kHandParts.size()> limits{};
   std::vector<WrenchContact> wrenches;
   const Vec3 centre = engine.state().bodies[object_].p;
@@ -86,11 +86,7 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
       ++out.others;
       continue;
     }
-    const double friction = contact.friction_force().norm();
-    PartForce& sum = parts[static_cast<std::size_t>(part)];
-    ++sum.contacts;
-    sum.normal += normal;
-    sum.friction += friction;
+    parts.add(part, contact);
     out.normal += normal;
     ++out.contacts;
     WrenchContact wrench;
@@ -103,13 +99,10 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     wrenches.push_back(wrench);
     limits[static_cast<std::size_t>(part)] += wrench.friction * normal;
   }
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (parts[i].contacts == 0) continue;
-    parts[i].part = kHandParts[i];
-    if (parts[i].normal > kBearing * out.normal && limits[i] > 0)
-      out.friction_used = std::max(out.friction_used, parts[i].friction / limits[i]);
-    out.parts.push_back(parts[i]);
-  }
+  for (std::size_t i = 0; i < limits.size(); ++i)
+    if (parts.each[i].normal > kBearing * out.normal && limits[i] > 0)
+      out.friction_used = std::max(out.friction_used, parts.each[i].friction / limits[i]);
+  out.parts = parts.touched();
   out.wrenches = wrench_space(wrenches, length_);
   return out;
 }
@@ -205,38 +198,20 @@ std::string GraspFigures::told() const {
 
 Grasps::Grasps(const Watched& watched) {
   for (const scene::GraspPlan& plan : watched.scene.plans.grasps)
-    grasps_.emplace_back(watched.scene.model, plan, watched.scene.spec.solver.step);
-}
-
-void Grasps::update(Step& step) {
-  for (GraspWatch& grasp : grasps_) grasp.update(step.engine);
-}
-
-void Grasps::save(ArchiveWriter& out) const {
-  for (const GraspWatch& grasp : grasps_) grasp.save(out);
-}
-
-void Grasps::restore(ArchiveReader& in, const model::State& state) {
-  for (GraspWatch& grasp : grasps_) grasp.restore(in, state.time);
-}
-
-std::vector<GraspFigures> Grasps::figures() const {
-  std::vector<GraspFigures> out;
-  for (const GraspWatch& grasp : grasps_) out.push_back(grasp.figures());
-  return out;
+    each_.emplace_back(watched.scene.model, plan, watched.scene.spec.solver.step);
 }
 
 bool Grasps::failed() const {
-  return std::ranges::any_of(grasps_, [](const GraspWatch& grasp) { return grasp.figures().failed(); });
+  return std::ranges::any_of(each_, [](const GraspWatch& grasp) { return grasp.figures().failed(); });
 }
 
 bool Grasps::decided(double now) const {
-  return std::ranges::any_of(grasps_, [now](const auto& grasp) { return grasp.figures().decided(now); });
+  return std::ranges::any_of(each_, [now](const auto& grasp) { return grasp.figures().decided(now); });
 }
 
 /// Movements of grasped objects are always judged. A lost object has failed, however the run goes on.
 void Grasps::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
-  for (const GraspWatch& each : grasps_) {
+  for (const GraspWatch& each : each_) {
     const GraspFigures& grasp = each.figures();
     const auto add = [&](const char* name, const char* unit, bool known, double measured,
                          std::optional<double> limit, double time) {

@@ -117,26 +117,18 @@ class GraspWatch {
   GraspFigures figures_;
 };
 
-class Grasps final : public Watcher {
+class Grasps final : public EachTask<GraspWatch> {
  public:
   explicit Grasps(const Watched& watched);
 
   std::string_view name() const override { return "grasps"; }
-  void update(Step& step) override;
-  void save(ArchiveWriter& out) const override;
-  void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Figures so far, in the order of the scene.
-  std::vector<GraspFigures> figures() const;
   /// True if an object has already moved too far.
   bool failed() const;
   /// A grasp is decided: the rest of the run cannot mend it. @param now its time [s]
   bool decided(double now) const;
-
- private:
-  std::vector<GraspWatch> grasps_;
 };
 
 }  // namespace handsim::simulation

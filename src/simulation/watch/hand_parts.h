@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <string>
+#include <vector>
 
+#include "handsim/engine/engine.h"
 #include "handsim/model/model.h"
 
 namespace handsim::simulation {
@@ -35,6 +37,25 @@ struct PartForce {
   int contacts = 0;
   double normal = 0;    ///< sum of normal forces [N]
   double friction = 0;  ///< sum of the sizes of friction forces [N]
+};
+
+/// The forces on all parts at one time.
+struct PartForces {
+  std::array<PartForce, kHandParts.size()> each;
+
+  void add(int part, const engine::Contact& contact) {
+    PartForce& sum = each[static_cast<std::size_t>(part)];
+    sum.part = kHandParts[static_cast<std::size_t>(part)];
+    ++sum.contacts;
+    sum.normal += contact.normal_force();
+    sum.friction += contact.friction_force().norm();
+  }
+  /// Those with contacts.
+  std::vector<PartForce> touched() const {
+    std::vector<PartForce> out(each.begin(), each.end());
+    std::erase_if(out, [](const PartForce& part) { return part.contacts == 0; });
+    return out;
+  }
 };
 
 /// Names its fields to an archive (core/archive.h).

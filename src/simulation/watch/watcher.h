@@ -79,6 +79,31 @@ class Watcher {
   virtual void add_summary(SummaryJson& /*out*/) const {}
 };
 
+/// A watch of each of the scene's tasks of one kind.
+template <class Watch>
+class EachTask : public Watcher {
+ public:
+  void update(Step& step) final {
+    for (Watch& watch : each_) watch.update(step.engine);
+  }
+  void save(ArchiveWriter& out) const final {
+    for (const Watch& watch : each_) watch.save(out);
+  }
+  void restore(ArchiveReader& in, const model::State& state) final {
+    for (Watch& watch : each_) watch.restore(in, state.time);
+  }
+  const std::vector<Watch>& each() const { return each_; }
+  /// Figures so far, in the order of the scene.
+  auto figures() const {
+    std::vector<std::decay_t<decltype(each_.front().figures())>> out;
+    for (const Watch& watch : each_) out.push_back(watch.figures());
+    return out;
+  }
+
+ protected:
+  std::vector<Watch> each_;
+};
+
 /// Saves or restores fields in this order (core/archive.h).
 template <class Archive, class... Fields>
 void carry_all(Archive& archive, Fields&... fields) {

@@ -347,40 +347,6 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   return result;
 }
 
-void check_for_costs(const AccuracySpec& spec) {
-  if (!spec.kind || spec.reference == Reference::smallest_step)
-    throw input_error("--costs", "a study without a kind or without a reference", "one with both");
-}
-
-scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
-  check_for_costs(spec);
-  const Series& reference = *result.reference;
-  const std::vector<double> still(reference.rate.front().size(), 0.0);
-  const double signal =
-      rms(reference.rate, std::vector(reference.rate.size(), still), reference.time, reference.time.back());
-  scene::CostTable table;
-  table.kind = *spec.kind;
-  table.scene = spec.scene.filename().string();
-  table.duration = reference.time.back();
-  std::vector<scene::CostRow> all;
-  for (const AccuracyRow& row : result.rows) {
-    const auto method = std::ranges::find_if(
-        spec.methods, [&](const AccuracyMethod& each) { return each.name == row.method; });
-    if (row.fault || row.own_reference || row.is_reference || method->outside) continue;
-    all.push_back(
-        {row.rate_error / signal, row.cpu_per_second, make_job(spec, *method, row.step).scene.spec.solver});
-  }
-  for (const scene::CostRow& row : all)
-    if (std::ranges::none_of(all, [&](const scene::CostRow& other) {
-          return other.solver.engine() == row.solver.engine() && other.error <= row.error &&
-                 other.cost <= row.cost && (other.error < row.error || other.cost < row.cost);
-        }))
-      table.rows.push_back(row);
-  std::ranges::sort(table.rows,
-                    [](const scene::CostRow& a, const scene::CostRow& b) { return a.error > b.error; });
-  return table;
-}
-
 const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
   const AccuracyRow* best = nullptr;
   for (const AccuracyRow& row : result.rows) {

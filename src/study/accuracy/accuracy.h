@@ -7,10 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "handsim/core/yaml.h"
 #include "handsim/model/state.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/scene/read/engine_choice.h"
 #include "handsim/study/study_run.h"
 
 namespace handsim::study {
@@ -58,7 +56,6 @@ struct AccuracySpec {
   int repeats = 5;                 ///< timed runs of each row; the row has their median
   std::vector<double> plot_steps;  ///< steps whose motion is plotted [s]
   std::vector<AccuracyMethod> methods;
-  std::optional<scene::SceneKind> kind;  ///< of the scene, for the cost table of engine `auto`
 };
 
 /// Motion at the sample times.
@@ -102,13 +99,6 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @throws Error (input) for an invalid scene or override.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
-/// @throws Error (input) for a study without a kind or a reference, which a cost table needs.
-void check_for_costs(const AccuracySpec& spec);
-
-/// The cost table for engine `auto`: of each engine of handsim, the Pareto-optimal rows in error and cost.
-/// @throws Error (input) as check_for_costs.
-scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result);
-
 /// The row with the smallest cost whose whole-run error is at most `target`; null if there is none. If the
 /// study has a reference, rows with a reference of their own are ignored.
 const AccuracyRow* cheapest(const AccuracyResult& result, double target);
@@ -128,9 +118,7 @@ bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result, cons
 
 struct AccuracyOptions {
   std::filesystem::path study;
-  std::optional<double> target;  ///< whole-run error that the cheapest row must reach
-  /// Table of costs in which the part on the study's kind of scene is replaced or added.
-  std::optional<std::filesystem::path> costs;
+  std::optional<double> target;           ///< whole-run error that the cheapest row must reach
   std::vector<AccuracyMethod> more = {};  ///< beside those of the study file
 };
 /// The whole study. @throws Error (input) as its parts

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
@@ -181,35 +180,6 @@ Report report_of(const AccuracySpec& spec, const AccuracyResult& result) {
   return out;
 }
 
-/// The tables of costs in a file, which may be missing.
-std::vector<scene::CostTable> costs_in(const std::filesystem::path& path) {
-  if (!has_entry(path)) return {};
-  YamlNode root = load_yaml(path);
-  Diagnostics diagnostics;
-  std::vector<scene::CostTable> tables = scene::read_costs(root, "", diagnostics);
-  diagnostics.throw_if_any();
-  return tables;
-}
-
-/// Replaces or adds the study's part of a table of costs.
-void update_costs(const std::filesystem::path& path, const AccuracySpec& spec, const AccuracyResult& result) {
-  scene::CostTable table = cost_table(spec, result);
-  std::vector<scene::CostTable> tables = costs_in(path);
-  std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });
-  tables.push_back(std::move(table));
-  std::ranges::sort(tables,
-                    [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
-  output::write_file(
-      path,
-      "# Costs of accuracy by kind of scene: RMS error of the rates over their RMS, and CPU seconds per "
-      "simulated second\n"
-      "# of the scene measured. Engine auto uses this table. Each part is the result of its study:\n"
-      "# handsim accuracy STUDY --out DIR --costs accuracy_costs.yaml, with "
-      "accuracy_two_hands.yaml,\n"
-      "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
-          emit_yaml(scene::write_costs(tables)));
-}
-
 }  // namespace
 
 std::string accuracy_table(const AccuracyResult& result, double early) {
@@ -265,15 +235,8 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
     std::vector<std::filesystem::path> out = {options.study, spec.scene};
     for (const AccuracyMethod& method : spec.methods)
       if (method.scene) out.push_back(*method.scene);
-    if (options.costs) out.push_back(*options.costs);
     return out;
   });
-  if (options.costs) {
-    check_for_costs(spec);
-    const output::AtomicFile probe(*options.costs);
-    // A file of another content is refused before the study.
-    costs_in(*options.costs);
-  }
   const AccuracyResult result = run_accuracy(spec, run.progress);
   StudyEnd end{
       fmt::format("{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the error over the whole "
@@ -287,7 +250,6 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
   StudyCommands commands{command_text({"accuracy", options.study.string()})};
   for (const AccuracyRow& row : result.rows) commands.rows["accuracy.csv"].push_back(row.command);
   finish_study(run.out, commands, run.report);
-  if (options.costs) update_costs(*options.costs, spec, result);
   if (!options.target) return end;
   const AccuracyRow* row = cheapest(result, *options.target);
   end.passed = row != nullptr;

@@ -45,12 +45,6 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
                    reader.has("reference_set") ? "overrides for a reference that is not a method" : "nothing",
                    "overrides if reference is method, and only then");
   if (reader.has("observe")) spec.observe = reader.text("observe");
-  if (reader.has("kind")) {
-    std::vector<std::pair<std::string_view, scene::SceneKind>> words;
-    for (std::size_t k = 0; k < scene::kSceneKindNames.size(); ++k)
-      words.emplace_back(scene::kSceneKindNames[k], static_cast<scene::SceneKind>(k));
-    spec.kind = reader.choice<scene::SceneKind>("kind", words);
-  }
   spec.sample_every = reader.number("sample_every", kStepRange, 0.01);
   spec.early = reader.number("early", {Dimension::time, 0, 1e5}, 0.5);
   spec.repeats = reader.integer("repeats", 1, 1000, 5);

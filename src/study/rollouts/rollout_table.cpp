@@ -1,12 +1,20 @@
 #include "handsim/study/rollouts/rollout_table.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <bit>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
 
 #include <fmt/format.h>
 
+#include "handsim/core/archive.h"
 #include "handsim/core/error.h"
 #include "handsim/core/units.h"
+#include "handsim/output/atomic_file.h"
 #include "handsim/study/report.h"
 #include "handsim/study/statistics.h"
 
@@ -26,8 +34,111 @@ std::string field(const Cell& cell) {
 }
 
 // Bits: a figure may be infinite.
-void save_number(ArchiveWriter& out, double value) { out.word(std::bit_cast<std::uint64_t>(value)); }
-double read_number(ArchiveReader& in) { return std::bit_cast<double>(in.word()); }
+void carry_bits(ArchiveWriter& out, double value) { out.word(std::bit_cast<std::uint64_t>(value)); }
+void carry_bits(ArchiveReader& in, double& value) { value = std::bit_cast<double>(in.word()); }
+
+void carry_role(ArchiveWriter& out, ColumnRole role) { out(static_cast<int>(role)); }
+void carry_role(ArchiveReader& in, ColumnRole& role) { role = static_cast<ColumnRole>(in.count(4)); }
+
+void carry_cell(ArchiveWriter& out, const Cell& cell) {
+  out(cell.index());
+  if (const double* number = std::get_if<double>(&cell)) carry_bits(out, *number);
+  if (const auto* text = std::get_if<std::string>(&cell)) out(*text);
+}
+void carry_cell(ArchiveReader& in, Cell& cell) {
+  const std::uint64_t kind = in.count(2);
+  if (kind == 1) carry_bits(in, cell.emplace<double>());
+  if (kind == 2) in(cell.emplace<std::string>());
+}
+
+template <class Archive, class Head>
+void carry_head(Archive& archive, Head& head) {
+  archive(head.title);
+  archive(head.size);
+  archive(head.seed);
+  archive.list(head.columns, [](auto& each, auto& column) {
+    each(column.name);
+    carry_role(each, column.role);
+    each(column.text);
+  });
+  archive(head.origin);
+}
+
+template <class Archive, class T>
+void carry_row(Archive& archive, T& row) {
+  archive(row.rollout);
+  archive.list(row.cells, [](auto& each, auto& cell) { carry_cell(each, cell); });
+  bool recorded = row.trajectory.has_value();
+  archive(recorded);
+  if (!recorded) return;
+  if constexpr (std::same_as<Archive, ArchiveReader>) row.trajectory.emplace();
+  archive(row.trajectory->columns);
+  archive.list(row.trajectory->values, [](auto& each, auto& value) { carry_bits(each, value); });
+}
+
+/// To be raised with every change of what is in a journal.
+constexpr std::string_view kMark = "HANDROLL 1\n";
+constexpr std::size_t kWord = 8;
+
+constexpr std::size_t kFullRecord = std::size_t{1} << 26U;
+
+/// Its length, its hash, and the bytes.
+std::string framed(const std::string& bytes) {
+  ArchiveWriter head;
+  head.word(bytes.size());
+  head.word(hash_bytes(bytes));
+  return head.take() + bytes;
+}
+
+/// A journal record by record: a file of any size takes no more memory than what is in its records.
+class Records {
+ public:
+  Records(const std::filesystem::path& path) : name_(path.string()), size_(regular_size(path)) {
+    file_.open(path, std::ios::binary);
+    if (read(std::min(size_, kMark.size())) != kMark) refuse("a file that is none, or of another version");
+    at_ = kMark.size();
+  }
+
+  /// Nothing at the end, and where the last one is torn.
+  std::optional<std::string> next() {
+    if (size_ - at_ < 2 * kWord) return std::nullopt;
+    const std::string bytes = read(2 * kWord);
+    ArchiveReader head(bytes, name_);
+    const std::uint64_t size = head.word(), hash = head.word();
+    // None is empty: zeros are what a crash may leave of a file's end.
+    if (size == 0 || size > std::min<std::uint64_t>(size_ - at_ - 2 * kWord, kMostRecord))
+      return std::nullopt;
+    std::string record = read(size);
+    if (hash_bytes(record) != hash) return std::nullopt;
+    at_ += 2 * kWord + size;
+    return record;
+  }
+  std::size_t at() const { return at_; }
+  /// @throws Error (input) where more is left than one torn record can be.
+  void finish() const {
+    if (size_ - at_ > kMostRecord)
+      refuse(fmt::format("{} bytes after the last whole record, which is at byte {}", size_ - at_, at_));
+  }
+  [[noreturn]] void refuse(const std::string& got) const {
+    throw input_error(name_, got, "a journal of handsim rollouts");
+  }
+
+ private:
+  std::size_t regular_size(const std::filesystem::path& path) const {
+    std::error_code failure;
+    if (!std::filesystem::is_regular_file(path, failure)) refuse("no regular file");
+    return std::filesystem::file_size(path);
+  }
+  std::string read(std::size_t size) {
+    std::string out(size, '\0');
+    if (!file_.read(out.data(), static_cast<std::streamsize>(size))) refuse("a file that cannot be read");
+    return out;
+  }
+
+  std::string name_;
+  std::size_t size_, at_ = 0;
+  std::ifstream file_;
+};
 
 }  // namespace
 
@@ -52,29 +163,27 @@ std::string csv_row(const TableHead& head, const Row& row) {
   return out + "\n";
 }
 
-void save(ArchiveWriter& out, const TableHead& head) {
-  out(head.title);
-  out(head.size);
-  out(head.seed);
-  out.list(head.columns, [](ArchiveWriter& to, const Column& column) {
-    to(column.name);
-    to(static_cast<int>(column.role));
-    to(column.text);
-  });
-  out(head.origin);
-}
-
-TableHead read_head(ArchiveReader& in) {
-  TableHead out;
-  in(out.title);
-  in(out.size);
-  in(out.seed);
-  in.list(out.columns, [](ArchiveReader& from, Column& column) {
-    from(column.name);
-    column.role = static_cast<ColumnRole>(from.count(4));
-    from(column.text);
-  });
-  in(out.origin);
+JournalContent read_journal(const std::filesystem::path& path) {
+  Records records(path);
+  JournalContent out;
+  const auto head = records.next();
+  if (!head) records.refuse("a torn file");
+  ArchiveReader of_head(*head, path.string());
+  carry_head(of_head, out.head);
+  of_head.finish();
+  while (const auto record = records.next()) {
+    ArchiveReader in(*record, path.string());
+    for (std::size_t n = in.size(); n > 0; --n) {
+      Row& row = out.rows.emplace_back();
+      carry_row(in, row);
+      if (row.cells.size() != out.head.columns.size())
+        in.refuse(fmt::format("a row of {} cells", row.cells.size()),
+                  fmt::format("{}", out.head.columns.size()));
+    }
+    in.finish();
+  }
+  records.finish();
+  out.bytes = records.at();
   return out;
 }
 
@@ -105,36 +214,56 @@ std::string bands_csv(const std::vector<Trajectory>& curves) {
   return out + "\n";
 }
 
-void save(ArchiveWriter& out, const Row& row) {
-  out(row.rollout);
-  out.list(row.cells, [](ArchiveWriter& to, const Cell& cell) {
-    to(cell.index());
-    if (const double* number = std::get_if<double>(&cell)) save_number(to, *number);
-    if (const auto* text = std::get_if<std::string>(&cell)) to(*text);
-  });
-  out(row.trajectory.has_value());
-  if (!row.trajectory) return;
-  out(row.trajectory->columns);
-  out(row.trajectory->values.size());
-  for (const double value : row.trajectory->values) save_number(out, value);
+Journal::Journal(std::filesystem::path path, const TableHead& head) : path_(std::move(path)) {
+  ArchiveWriter out;
+  carry_head(out, head);
+  // Has its name when its head is whole.
+  output::write_file(path_, std::string(kMark) + framed(out.bytes()));
+  file_ = open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
 }
 
-Row read_row(ArchiveReader& in) {
-  Row out;
-  in(out.rollout);
-  in.list(out.cells, [](ArchiveReader& from, Cell& cell) {
-    const std::uint64_t kind = from.count(2);
-    if (kind == 1) cell = read_number(from);
-    if (kind == 2) from(cell.emplace<std::string>());
-  });
-  bool recorded = false;
-  in(recorded);
-  if (!recorded) return out;
-  out.trajectory.emplace();
-  in(out.trajectory->columns);
-  out.trajectory->values.resize(in.size());
-  for (double& value : out.trajectory->values) value = read_number(in);
-  return out;
+Journal::Journal(std::filesystem::path path, const JournalContent& content) : path_(std::move(path)) {
+  file_ = open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+  if (file_ < 0 || ftruncate(file_, static_cast<off_t>(content.bytes)) != 0) fail();
+}
+
+Journal::~Journal() {
+  if (file_ >= 0) close(file_);
+}
+
+void Journal::add(const std::vector<Row>& rows) {
+  std::string records;
+  for (auto from = rows.begin(); from != rows.end();) {
+    ArchiveWriter of_rows;
+    long count = 0;
+    // A record with a few long rollouts is as large as one with a thousand short ones.
+    for (; from != rows.end() && of_rows.bytes().size() < kFullRecord; ++from, ++count)
+      carry_row(of_rows, *from);
+    ArchiveWriter out;
+    out(count);
+    records += framed(out.bytes() + of_rows.bytes());
+  }
+  write(records);
+}
+
+void Journal::write(const std::string& record) {
+  const char* from = record.data();
+  std::size_t left = record.size();
+  while (left > 0 && file_ >= 0) {
+    const ssize_t written = ::write(file_, from, left);
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) break;
+    from += written;
+    left -= static_cast<std::size_t>(written);
+  }
+  // Data alone: the length goes with it.
+  if (file_ >= 0 && left == 0 && fdatasync(file_) == 0) return;
+  fail();
+}
+
+void Journal::fail() const {
+  throw output_error(path_.string(), fmt::format("a file that cannot be written ({})", std::strerror(errno)),
+                     "room on the disk; then --resume goes on from what is there");
 }
 
 }  // namespace handsim::study

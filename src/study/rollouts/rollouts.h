@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "handsim/study/report.h"
-#include "handsim/study/rollouts/journal.h"
 #include "handsim/study/rollouts/rollout_study.h"
 #include "handsim/study/study_run.h"
 

@@ -21,41 +21,30 @@ constexpr int kMostDraws = 100000;
 constexpr std::size_t kMostVariants = 1000;
 const Quantity kMoment = {Dimension::time, 0, 1e6};
 
-/// The items of a list with their paths.
+/// The items of a required list with their paths.
 template <class Read>
-void read_items(MapReader& reader, std::string_view key, bool required, Read read) {
-  YamlNode* list = reader.list(key, required);
+void read_items(MapReader& reader, std::string_view key, Read read) {
+  YamlNode* list = reader.list(key, true);
   if (!list) return;
-  if (required && list->items.empty()) reader.problem(key, "an empty list", "at least one item");
+  if (list->items.empty()) reader.problem(key, "an empty list", "at least one item");
   for (std::size_t i = 0; i < list->items.size(); ++i)
     read(list->items[i], fmt::format("{}.{}", reader.path_of(key), i));
-}
-
-/// A list of maps.
-template <class Read>
-auto read_maps(MapReader& reader, std::string_view key, bool required, Read read) {
-  std::vector<decltype(read(std::declval<MapReader>()))> out;
-  read_items(reader, key, required, [&](YamlNode& node, const std::string& path) {
-    out.push_back(read(MapReader(node, path, reader.diagnostics())));
-  });
-  return out;
 }
 
 /// `vary: [{key: solver.erp, values: [0.2, 0.8]}, {of: [{name: box, set: {...}}]}]`.
 std::vector<Alternative> read_dimension(MapReader reader) {
   std::vector<Alternative> out;
   if (reader.has("of")) {
-    out = read_maps(reader, "of", true, [](MapReader item) {
-      Alternative alternative;
+    reader.each("of", 1, kMostItems, [&](MapReader item) {
+      Alternative& alternative = out.emplace_back();
       alternative.name = item.text("name");
       alternative.set = read_set(item, "set");
       item.finish();
-      return alternative;
     });
   } else {
     const std::string key = reader.text("key");
     const std::string label = reader.text("label", key.substr(key.rfind('.') + 1));
-    read_items(reader, "values", true, [&](const YamlNode& node, const std::string&) {
+    read_items(reader, "values", [&](const YamlNode& node, const std::string&) {
       const std::string value = flow_text(node);
       const std::string shown = node.quoted ? node.text : value;
       out.push_back({label + " " + shown, {key + "=" + value}});
@@ -120,7 +109,7 @@ KnownShort read_known(MapReader reader, const StabilityCase& of) {
   out.way = reader.text("way");
   if (reader.sound() && std::ranges::find(ways, out.way) == ways.end())
     reader.problem("way", out.way, fmt::format("one of {}", fmt::join(ways, ", ")));
-  read_items(reader, "measures", true, [&](const YamlNode& node, const std::string& at) {
+  read_items(reader, "measures", [&](const YamlNode& node, const std::string& at) {
     if (std::ranges::find(of.measures, node.text, &MeasureSpec::name) == of.measures.end())
       reader.diagnostics().problems.push_back(
           {node.place(), at, node.described(), "one of the case's measures: " + measures});
@@ -218,17 +207,20 @@ StabilityCase read_case(MapReader reader) {
   out.title = reader.text("title");
   out.oracle = reader.text("oracle");
   if (reader.has("scenes"))
-    read_items(reader, "scenes", true, [&](const YamlNode& node, const std::string& path) {
+    read_items(reader, "scenes", [&](const YamlNode& node, const std::string& path) {
       if (auto scene = scene_path(node, path, reader.diagnostics())) out.scenes.push_back(*scene);
     });
   else if (auto scene = read_scene_path(reader, true))
     out.scenes.push_back(*scene);
   out.set = read_set(reader, "set");
-  out.varied = read_maps(reader, "vary", false, read_dimension);
-  out.measures = read_maps(reader, "measures", false, read_measure);
+  const auto each = [&](const char* key, std::size_t least, const auto& read) {
+    reader.each(key, least, kMostItems, read);
+  };
+  each("vary", 0, [&](const MapReader& item) { out.varied.push_back(read_dimension(item)); });
+  each("measures", 0, [&](const MapReader& item) { out.measures.push_back(read_measure(item)); });
   const std::vector<double> steps = read_steps(reader, "steps", false);
-  out.ways = read_maps(reader, "ways", true, [&](MapReader item) { return read_way(item, steps); });
-  out.known = read_maps(reader, "known_short", false, [&](MapReader item) { return read_known(item, out); });
+  each("ways", 1, [&](const MapReader& item) { out.ways.push_back(read_way(item, steps)); });
+  each("known_short", 0, [&](const MapReader& item) { out.known.push_back(read_known(item, out)); });
   if (reader.has("draws")) out.draws = read_draws(reader.map("draws"));
   out.picture = reader.maybe_number("picture", kMoment);
   out.alone = reader.flag("alone", false);
@@ -275,12 +267,10 @@ StabilitySpec load_stability(const std::filesystem::path& path) {
   // The place of YAML anchors that several cases use.
   reader.child("shared");
   std::set<std::string> names;
-  read_items(reader, "cases", true, [&](YamlNode& node, const std::string& item) {
-    spec.cases.push_back(read_case(MapReader(node, item, diagnostics)));
-    const std::string& name = spec.cases.back().name;
+  reader.each("cases", 1, kMostItems, [&](MapReader item) {
+    const std::string& name = spec.cases.emplace_back(read_case(item)).name;
     if (!name.empty() && !names.insert(name).second)
-      diagnostics.problems.push_back(
-          {node.place(), item + ".name", name + " a second time", "a unique name for each case"});
+      item.problem("name", name + " a second time", "a unique name for each case");
   });
   reader.finish();
   diagnostics.throw_if_any();

@@ -109,23 +109,5 @@ TEST(EngineChoice, IsOnlyMadeOnRequest) {
   EXPECT_TRUE(scene.spec.engine_choice.empty());
 }
 
-// Oracle: writing and reading are each other's inverse.
-TEST(EngineChoice, TableSurvivesBeingWritten) {
-  const std::vector<CostTable> costs = shipped_costs();
-  YamlNode root = parse_yaml(emit_yaml(write_costs(costs)), "costs");
-  Diagnostics diagnostics;
-  const std::vector<CostTable> again = read_costs(root, "", diagnostics);
-  EXPECT_TRUE(diagnostics.problems.empty());
-  ASSERT_EQ(again.size(), costs.size());
-  for (std::size_t i = 0; i < costs.size(); ++i) {
-    ASSERT_EQ(again[i].rows.size(), costs[i].rows.size());
-    for (std::size_t k = 0; k < costs[i].rows.size(); ++k) {
-      EXPECT_EQ(again[i].rows[k].error, costs[i].rows[k].error);
-      EXPECT_EQ(again[i].rows[k].solver.method(), costs[i].rows[k].solver.method());
-      EXPECT_EQ(again[i].rows[k].solver.step, costs[i].rows[k].solver.step);
-    }
-  }
-}
-
 }  // namespace
 }  // namespace handsim::scene
