@@ -44,9 +44,6 @@ if(NOT TARGET Qhull::qhull_r)
   add_library(Qhull::qhull_r ALIAS Qhull::qhullstatic_r)
 endif()
 
-find_package(Ceres QUIET)
-handsim_need(Ceres_FOUND "Ceres (least squares of handsim track)" libceres-dev)
-
 find_package(TBB QUIET)
 handsim_need(TBB_FOUND "oneTBB (batches of environments on all cores)" libtbb-dev)
 find_path(HANDSIM_RANDOM123 Random123/philox.h)

@@ -118,10 +118,6 @@ part=src build cairo by_configure --disable-xlib --disable-xcb --disable-fc --en
   FREETYPE_CFLAGS="-I$prefix/include/freetype2" FREETYPE_LIBS="-lfreetype" CPPFLAGS="-I$prefix/include"
 pc cairo 1.16.0 "-lcairo -lpixman-1 -lfreetype -lpng16 -lz -lm"
 sed -i "s|^Cflags:.*|Cflags: -I$prefix/include/cairo -I$prefix/include|" "$prefix/lib/pkgconfig/cairo.pc"
-# Least squares with Eigen alone. Several files are compiled together, in a third of the time; a header has no guard.
-by_cmake_of_ceres() { sed -i '1s/^/#pragma once\n/' internal/ceres/manifold_adapter.h && by_cmake "$@"; }
-build ceres-solver by_cmake_of_ceres -DMINIGLOG=ON -DGFLAGS=OFF -DSUITESPARSE=OFF -DCXSPARSE=OFF -DLAPACK=OFF -DBUILD_EXAMPLES=OFF \
-  -DSCHUR_SPECIALIZATIONS=OFF -DBUILD_BENCHMARKS=OFF -DCMAKE_UNITY_BUILD=ON
 
 if [[ $here/system_libraries.c -nt $prefix/lib/libhandsim_system.a ]]; then
   gcc $CFLAGS -I"$prefix/include/cairo" -I"$prefix/include/freetype2" -c "$here/system_libraries.c" -o "$top/system_libraries.o"

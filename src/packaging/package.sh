@@ -18,7 +18,7 @@ src/packaging/libraries.sh "$wheels"
   if [[ ! -f $wheels/tree/build.ninja ]]; then
     cmake --preset program -B "$wheels/tree" -DHANDSIM_BUNDLE="$wheels/bundle" >"$top/configure.log"
   fi
-  cmake --build "$wheels/tree" --target handsim_program handsim_ceres
+  cmake --build "$wheels/tree" --target handsim_program
 )
 name=handsim-$(sed -n 's/^project(handsim VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)-linux-x86_64
 rm -rf "${top:?}/$name"

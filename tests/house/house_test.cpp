@@ -97,7 +97,6 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"nlohmann/", "(simulation|study|app)/|core/schema"},
       {"hdf5.h", "study/rollouts/table_file"},
       {"Random123/", "environment/draws"},
-      {"ceres/", "study/track/ceres_module"},
       {"mujoco/", "none"},
   };
   std::map<std::string, int> met;

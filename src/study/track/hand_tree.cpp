@@ -1,6 +1,5 @@
 #include "handsim/study/track/hand_tree.h"
 
-#include <algorithm>
 #include <array>
 
 #include <fmt/format.h>
@@ -32,6 +31,16 @@ HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, mode
       axes_.push_back({row.joint.name + "." + axis.name, axis.stop ? axis.stop->low : -M_PI,
                        axis.stop ? axis.stop->high : M_PI, axis.name == "flexion"});
   state_ = model::state_at(model_, std::vector<double>(axes_.size()));
+}
+
+HandPose HandTree::moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const {
+  HandPose out = from;
+  out.wrist.p += step.head<3>();
+  out.wrist.q = (rotation_quaternion(step.segment<3>(3)) * from.wrist.q).normalized();
+  for (std::size_t i = 0; i < out.angles.size(); ++i)
+    out.angles[i] =
+        std::clamp(from.angles[i] + step[static_cast<Eigen::Index>(6 + i)], axes_[i].low, axes_[i].high);
+  return out;
 }
 
 void HandTree::place(std::span<const double> angles) { model::place_children(model_, angles, state_); }

@@ -1,6 +1,7 @@
 // Points and directions on the segments of a hand, with their derivatives, as functions of the joint angles.
 #pragma once
 
+#include <algorithm>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@
 
 namespace handsim::study {
 
-/// Wrist pose and angles. The rotation is exp(turn) * reference, so that its three parameters stay small.
+/// Wrist pose and angles.
 struct HandPose {
   Pose wrist;                  ///< X_WH
   std::vector<double> angles;  ///< [rad], at the indices of HandTree::axes()
@@ -44,7 +45,9 @@ class HandTree {
   /// Number of parameters: position [m], turn [rad], angles [rad].
   std::size_t size() const { return 6 + axes_.size(); }
 
-  /// Places the segments. Call before measure().
+  /// A pose after a step of its parameters, the turn in world axes; angles stay within their stops.
+  HandPose moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const;
+  /// Places the segments: what follows is at these angles.
   void place(std::span<const double> angles);
   /// Position of a feature's point in the hand frame [m], at the last placed angles.
   Vec3 point(const Feature& feature) const { return pose(feature).p; }

@@ -58,7 +58,7 @@ struct Sizes {
 
 /// A frame that takes part, and its pose so far.
 struct Used {
-  std::vector<MeasuredPoint> frame;
+  MeasuredFrame frame;
   FitResult fit;
 };
 
@@ -66,10 +66,8 @@ struct Used {
 std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
   std::vector<std::size_t> good;
   for (std::size_t k = 0; k < hand.size(); ++k) {
-    const std::vector<MeasuredPoint> frame = hand.at(k);
-    const auto seen = std::ranges::count_if(frame, [](const MeasuredPoint& each) {
-      return each.point.has_value() || each.orientation.has_value();
-    });
+    const MeasuredFrame frame = hand.at(k);
+    const auto seen = std::ranges::count_if(frame, &MeasuredPoint::seen);
     if (seen >= 3 && 3 * seen >= 2 * static_cast<std::ptrdiff_t>(frame.size())) good.push_back(k);
   }
   std::vector<Used> out;
@@ -214,7 +212,7 @@ void check_marker_unit(const std::vector<HandFrames>& hands, const std::string& 
   double longest = 0;
   for (const HandFrames& hand : hands)
     for (std::size_t k = 0; k < hand.size(); ++k) {
-      const std::vector<MeasuredPoint> frame = hand.at(k);
+      const MeasuredFrame frame = hand.at(k);
       for (const MeasuredPoint& a : frame)
         if (a.point && frame.front().point)
           longest = std::max(longest, (*a.point - *frame.front().point).norm());
@@ -235,8 +233,8 @@ HandFrames::HandFrames(const Recording& recording, std::vector<Feature> of, mode
   }
 }
 
-std::vector<MeasuredPoint> HandFrames::at(std::size_t frame) const {
-  std::vector<MeasuredPoint> out(features.size());
+MeasuredFrame HandFrames::at(std::size_t frame) const {
+  MeasuredFrame out(features.size());
   for (std::size_t i = 0; i < out.size(); ++i) {
     if (!channels_[i]) continue;
     if (features[i].kind == Feature::Kind::point) {

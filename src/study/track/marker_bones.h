@@ -11,7 +11,7 @@ class HandFrames {
  public:
   HandFrames(const Recording& recording, std::vector<Feature> of, model::Side side);
   /// Of one frame, by feature.
-  std::vector<MeasuredPoint> at(std::size_t frame) const;
+  MeasuredFrame at(std::size_t frame) const;
   std::size_t size() const { return size_; }
   /// True where some frame has a point, or an orientation.
   bool any(Feature::Kind kind) const;

@@ -1,7 +1,6 @@
 // Fits the pose of a hand to features of one frame: least squares (Levenberg-Marquardt), the stops as bounds.
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -13,58 +12,52 @@ namespace handsim::study {
 struct MeasuredPoint {
   std::optional<Vec3> point;        ///< world [m]
   std::optional<Quat> orientation;  ///< q_WorldSensor
+
+  bool seen() const { return point || orientation; }
 };
+using MeasuredFrame = std::vector<MeasuredPoint>;  ///< by feature
 
 /// A turn of a sensor by 1 rad counts as much as a point that is this far off [m].
 inline constexpr double kSensorArm = 0.05;
 
 struct FitResult {
   HandPose pose;
-  double rms = 0;             ///< of the distances of all points used, sensors by kSensorArm [m]
-  double squares = 0;         ///< sum of the squared residuals [m^2]
-  std::size_t residuals = 0;  ///< number of their components
+  double rms = 0;  ///< of the distances of all points used, sensors by kSensorArm [m]
   std::vector<std::optional<double>> distances;  ///< by feature [m]; absent: not measured or rejected
   std::vector<bool> rejected;                    ///< by feature: far from the rest, not used
+
+  bool rejects() const { return std::ranges::find(rejected, true) != rejected.end(); }
 };
 
-/// Residuals [m] at a pose and their derivatives by its parameters; those of unused features are 0.
+/// Residuals [m] at a pose, and their derivatives by position, turn in world axes, angles; those of unused
+/// features are 0.
 struct Rows {
   Eigen::VectorXd residuals;
   Eigen::MatrixXd jacobian;
 };
 
-/// Gradient and Gauss-Newton matrix of the squared residuals [m^2] by position, turn in world axes, angles.
-struct Linearised {
-  Eigen::VectorXd gradient;
-  Eigen::MatrixXd matrix;
-  double squares = 0;
-  std::size_t residuals = 0;
-};
-
 class PoseFit {
  public:
-  PoseFit(HandTree tree, std::vector<Feature> features);
-  ~PoseFit();
-  PoseFit(PoseFit&&) noexcept;
+  PoseFit(HandTree tree, std::vector<Feature> features)
+      : tree_(std::move(tree)), features_(std::move(features)) {}
 
-  const HandTree& tree() const;
-  const std::vector<Feature>& features() const;
+  const HandTree& tree() const { return tree_; }
+  const std::vector<Feature>& features() const { return features_; }
 
   /// From a start pose. @param outlier points farther than this from the fit are left out, worst first [m].
-  FitResult fit(const std::vector<MeasuredPoint>& frame, const HandPose& start, double outlier);
+  FitResult fit(const MeasuredFrame& frame, const HandPose& start, double outlier);
   /// Without a start pose: the wrist from the points of the palm, fingers from several postures.
-  FitResult find(const std::vector<MeasuredPoint>& frame, double outlier);
-  /// Distances at a pose [m]; absent: not measured or rejected.
-  std::vector<std::optional<double>> distances(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
-                                               const std::vector<bool>& rejected);
+  FitResult find(const MeasuredFrame& frame, double outlier);
+  /// Distances at a pose.
+  FitResult measure(const MeasuredFrame& frame, HandPose pose, std::vector<bool> rejected);
   /// At a pose, without the rejected features.
-  Rows rows(const std::vector<MeasuredPoint>& frame, const HandPose& pose, const std::vector<bool>& rejected);
-  Linearised linearise(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
-                       const std::vector<bool>& rejected);
+  Rows rows(const MeasuredFrame& frame, const HandPose& pose, const std::vector<bool>& rejected);
 
  private:
-  struct Parts;
-  std::unique_ptr<Parts> parts_;
+  HandPose solve(const MeasuredFrame& frame, HandPose pose, const std::vector<bool>& rejected);
+
+  HandTree tree_;
+  std::vector<Feature> features_;
 };
 
 }  // namespace handsim::study

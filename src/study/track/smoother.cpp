@@ -104,18 +104,20 @@ Eigen::VectorXd difference(const HandPose& from, const HandPose& to) {
 
 }  // namespace
 
-void smooth(const std::vector<double>& times, const Linearise& linearise, double noise,
-            const MotionPrior& prior, const HandTree& tree, std::vector<HandPose>& poses) {
+void smooth(const std::vector<double>& times, const RowsAt& rows_at, double noise, const MotionPrior& prior,
+            const HandTree& tree, std::vector<HandPose>& poses) {
   const std::size_t count = poses.size(), size = tree.size();
   if (count < 3) return;
   const double weight = 1 / (noise * noise);
   const auto add_points = [&](std::size_t k, BandSystem& system) {
-    const Linearised at = linearise(k, poses[k]);
+    const Rows at = rows_at(k, poses[k]);
+    const Eigen::VectorXd gradient = at.jacobian.transpose() * at.residuals;
+    const Eigen::MatrixXd matrix = at.jacobian.transpose() * at.jacobian;
     for (std::size_t i = 0; i < size; ++i) {
       const auto row = static_cast<Eigen::Index>(i);
-      system.right(k * size + i) -= weight * at.gradient[row];
+      system.right(k * size + i) -= weight * gradient[row];
       for (std::size_t j = 0; j <= i; ++j)
-        system.at(k * size + i, k * size + j) += weight * at.matrix(row, static_cast<Eigen::Index>(j));
+        system.at(k * size + i, k * size + j) += weight * matrix(row, static_cast<Eigen::Index>(j));
     }
   };
   // The change of rate at a frame, in the rows of itself and its neighbours.
@@ -141,13 +143,9 @@ void smooth(const std::vector<double>& times, const Linearise& linearise, double
       add_change(middle, k, to);
   });
   const std::vector<double> step = system.solve();
-  for (std::size_t k = 0; k < count; ++k) {
-    const double* x = step.data() + k * size;
-    poses[k].wrist.p += Vec3(x[0], x[1], x[2]);
-    poses[k].wrist.q = (rotation_quaternion({x[3], x[4], x[5]}) * poses[k].wrist.q).normalized();
-    for (std::size_t i = 0; i < poses[k].angles.size(); ++i)
-      poses[k].angles[i] = std::clamp(poses[k].angles[i] + x[6 + i], tree.axes()[i].low, tree.axes()[i].high);
-  }
+  for (std::size_t k = 0; k < count; ++k)
+    poses[k] = tree.moved(
+        poses[k], Eigen::Map<const Eigen::VectorXd>(step.data() + k * size, static_cast<Eigen::Index>(size)));
 }
 
 }  // namespace handsim::study

@@ -15,15 +15,15 @@ struct MotionPrior {
   double turn = 40;       ///< of the wrist [rad^2/s^3]
 };
 
-using Linearise = std::function<Linearised(std::size_t frame, const HandPose& at)>;
+using RowsAt = std::function<Rows(std::size_t frame, const HandPose& at)>;
 
 /// Minimises, over a correction of each frame's parameters, the sum of
 ///   the squared residuals of the features / noise^2  and
 ///   the squared changes of rate between frames / (density * time between them),
 /// with one Gauss-Newton step from the given poses: a banded linear system. Angles stay within their stops.
-/// @param times of the frames, increasing [s]. @param linearise is asked once or twice for each frame.
+/// @param times of the frames, increasing [s]. @param rows_at is asked once or twice for each frame.
 /// @param noise standard deviation of a coordinate [m].
-void smooth(const std::vector<double>& times, const Linearise& linearise, double noise,
-            const MotionPrior& prior, const HandTree& tree, std::vector<HandPose>& poses);
+void smooth(const std::vector<double>& times, const RowsAt& rows_at, double noise, const MotionPrior& prior,
+            const HandTree& tree, std::vector<HandPose>& poses);
 
 }  // namespace handsim::study

@@ -35,8 +35,6 @@ std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand
   return out;
 }
 
-bool seen(const MeasuredPoint& measured) { return measured.point || measured.orientation; }
-
 /// The person with the size of the hand that the points show.
 hand::Person measured_person(const TrackInput& input, const Recording& recording,
                              std::vector<std::string>& warnings) {
@@ -109,15 +107,12 @@ class HandTracker {
 
   void track(std::size_t k) {
     TrackedFrame& frame = out_.frames[k];
-    const std::vector<MeasuredPoint> measured = frames_.at(k);
-    const auto count = static_cast<std::size_t>(std::ranges::count_if(measured, seen));
+    const MeasuredFrame measured = frames_.at(k);
+    const auto count = static_cast<std::size_t>(std::ranges::count_if(measured, &MeasuredPoint::seen));
     // A third of the points does not determine a hand.
     if (count < 3 || 3 * count < own_.features().size()) return;
-    FitResult fit = follow(k, measured);
-    frame.status = status_of(measured, fit);
-    frame.rms = fit.rms;
-    frame.distances = std::move(fit.distances);
-    frame.pose = std::move(fit.pose);
+    static_cast<FitResult&>(frame) = follow(k, measured);
+    frame.status = status_of(measured, frame);
     if (frame.status == FrameStatus::tracked) last_ = k;
   }
 
@@ -136,7 +131,7 @@ class HandTracker {
 
  private:
   /// From the last two poses, or searched.
-  FitResult follow(std::size_t k, const std::vector<MeasuredPoint>& measured) {
+  FitResult follow(std::size_t k, const MeasuredFrame& measured) {
     if (!last_wrist(k)) return own_.find(measured, input_.outlier);
     HandPose start = out_.frames[*last_].pose;
     if (*last_ == k - 1 && k >= 2 && out_.frames[k - 2].status == FrameStatus::tracked) {
@@ -148,22 +143,18 @@ class HandTracker {
         start.angles[i] += share * (start.angles[i] - before.angles[i]);
     }
     FitResult out = own_.fit(measured, start, input_.outlier);
-    if (out.rms <= input_.limit && !rejects(out)) return out;
+    if (out.rms <= input_.limit && !out.rejects()) return out;
     FitResult searched = own_.find(measured, input_.outlier);
     return searched.rms < out.rms ? searched : out;
   }
 
-  static bool rejects(const FitResult& fit) {
-    return std::ranges::find(fit.rejected, true) != fit.rejected.end();
-  }
-
   /// A hand whose mirror image fits much better has the points of the other hand.
-  FrameStatus status_of(const std::vector<MeasuredPoint>& measured, const FitResult& fit) {
+  FrameStatus status_of(const MeasuredFrame& measured, const FitResult& fit) {
     constexpr double kSuspicious = 0.004, kMuchBetter = 0.6;
-    if (fit.rms > kSuspicious || rejects(fit)) {
+    if (fit.rms > kSuspicious || fit.rejects()) {
       const FitResult mirrored = other_.find(measured, input_.outlier);
-      if (!rejects(mirrored) && mirrored.rms < kMuchBetter * fit.rms) return FrameStatus::swapped;
-      if (rejects(fit) && !rejects(mirrored)) return FrameStatus::swapped;
+      if (!mirrored.rejects() && mirrored.rms < kMuchBetter * fit.rms) return FrameStatus::swapped;
+      if (fit.rejects() && !mirrored.rejects()) return FrameStatus::swapped;
     }
     const auto left_out = std::ranges::count(fit.rejected, true);
     return fit.rms <= input_.limit && left_out < 5 ? FrameStatus::tracked : FrameStatus::poor;
@@ -178,11 +169,10 @@ class HandTracker {
     for (std::size_t k = 0; k < out_.frames.size() && looked < kFrames; ++k) {
       const TrackedFrame& frame = out_.frames[k];
       if (frame.status != FrameStatus::tracked) continue;
-      const Linearised linear = linearise(k, frame.pose);
-      for (std::size_t i = 0; i < out_.axes.size(); ++i) {
-        const auto at = static_cast<Eigen::Index>(6 + i);
-        if (linear.matrix(at, at) > kLeast) out_.determined[i] = true;
-      }
+      const Rows rows = rows_at(k, frame.pose);
+      for (std::size_t i = 0; i < out_.axes.size(); ++i)
+        if (rows.jacobian.col(static_cast<Eigen::Index>(6 + i)).squaredNorm() > kLeast)
+          out_.determined[i] = true;
       ++looked;
     }
   }
@@ -212,36 +202,16 @@ class HandTracker {
     for (std::size_t k = first; k < end; ++k) poses.push_back(out_.frames[k].pose);
     for (int step = 0; step < kSteps; ++step)
       smooth(
-          times, [&](std::size_t k, const HandPose& pose) { return linearise(first + k, pose); }, out_.noise,
+          times, [&](std::size_t k, const HandPose& pose) { return rows_at(first + k, pose); }, out_.noise,
           input_.prior, own_.tree(), poses);
     for (std::size_t k = first; k < end; ++k) {
-      out_.frames[k].pose = poses[k - first];
-      measure_again(k);
+      FitResult& fit = out_.frames[k];
+      fit = own_.measure(frames_.at(k), std::move(poses[k - first]), std::move(fit.rejected));
     }
   }
 
-  Linearised linearise(std::size_t k, const HandPose& pose) {
-    const std::vector<MeasuredPoint> measured = frames_.at(k);
-    return own_.linearise(measured, pose, rejected(measured, out_.frames[k]));
-  }
-
-  /// By feature: seen, and left out.
-  static std::vector<bool> rejected(const std::vector<MeasuredPoint>& measured, const TrackedFrame& frame) {
-    std::vector<bool> out;
-    for (std::size_t i = 0; i < measured.size(); ++i) out.push_back(seen(measured[i]) && !frame.distances[i]);
-    return out;
-  }
-
-  void measure_again(std::size_t k) {
-    TrackedFrame& frame = out_.frames[k];
-    const std::vector<MeasuredPoint> measured = frames_.at(k);
-    const std::vector<std::optional<double>> now =
-        own_.distances(measured, frame.pose, rejected(measured, frame));
-    double squares = 0, count = 0;
-    for (const auto& distance : now)
-      if (distance) squares += *distance * *distance, count += 1;
-    frame.distances = now;
-    frame.rms = count > 0 ? std::sqrt(squares / count) : 0;
+  Rows rows_at(std::size_t k, const HandPose& pose) {
+    return own_.rows(frames_.at(k), pose, out_.frames[k].rejected);
   }
 
   const TrackInput& input_;

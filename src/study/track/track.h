@@ -40,11 +40,8 @@ struct TrackInput {
 };
 
 /// One hand in one frame.
-struct TrackedFrame {
+struct TrackedFrame : FitResult {
   FrameStatus status = FrameStatus::missing;
-  HandPose pose;
-  double rms = 0;                                ///< [m]
-  std::vector<std::optional<double>> distances;  ///< by feature [m]; absent: not seen, or left out
 };
 
 /// Shapes of a hand that penetrate each other in its tracked poses.

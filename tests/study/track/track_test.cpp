@@ -210,7 +210,7 @@ TEST(Track, SmoothingInBlocksIsThatOfOneBlock) {
                                 noisy.begin() + static_cast<std::ptrdiff_t>(end));
     const auto size = static_cast<Eigen::Index>(tree.size());
     const auto known = [&](std::size_t, const HandPose&) {
-      return Linearised{Eigen::VectorXd::Zero(size), Eigen::MatrixXd::Identity(size, size), 0, 0};
+      return Rows{Eigen::VectorXd::Zero(size), Eigen::MatrixXd::Identity(size, size)};
     };
     smooth({times.begin() + static_cast<std::ptrdiff_t>(begin),
             times.begin() + static_cast<std::ptrdiff_t>(end)},
