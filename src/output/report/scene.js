@@ -499,7 +499,7 @@ const Scene = (() => {
     function paintSkins() {
       const parts = {};
       for (const shape of main.scene.shapes) parts[shape.body] = shape.part;
-      skins.forEach((list, r) => { for (const skin of list) skin.paint(shown.colours, r ? null : picked, body => hiddenParts.has(parts[body])); });
+      skins.forEach((list, r) => { for (const skin of list) skin.paint(shown.colours && look === 'skin', r ? null : picked, body => hiddenParts.has(parts[body])); });
     }
 
     function select(body) {

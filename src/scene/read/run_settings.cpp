@@ -203,6 +203,8 @@ PictureSpec read_pictures(MapReader reader) {
     if (out.hands == HandLook::shapes && reader.has(key))
       reader.problem(key, "colors of skin beside hands: shapes", "hands: skin, or both");
   out.finger_colours = reader.flag("finger_colors", false);
+  if (out.hands == HandLook::both && out.finger_colours)
+    reader.problem("finger_colors", "true beside hands: both, whose shapes have these colors", "hands: skin");
   out.skin_colour = read_colour(reader, "skin_color").value_or(out.skin_colour);
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);
