@@ -54,6 +54,14 @@ py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> mom
 /// A tuple of each, as handsim.Verdict.
 py::list verdict_list(const std::vector<simulation::Verdict>& verdicts);
 
+/// Of things that have a name.
+template <class List>
+std::vector<std::string> names(const List& list) {
+  std::vector<std::string> out;
+  for (const auto& each : list) out.push_back(each.name);
+  return out;
+}
+
 void bind_description(py::module_& module);
 void bind_errors(py::module_& module);
 void bind_scene(py::module_& module);

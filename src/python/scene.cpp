@@ -38,13 +38,6 @@ std::vector<std::string> effects(const SceneHandle& of) {
   return out;
 }
 
-template <class List>
-std::vector<std::string> names(const List& list) {
-  std::vector<std::string> out;
-  for (const auto& each : list) out.push_back(each.name);
-  return out;
-}
-
 std::vector<std::string> driven_axes(const SceneHandle& of) {
   return of.scene->control ? names(of.scene->control->axes) : std::vector<std::string>();
 }

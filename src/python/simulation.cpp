@@ -78,9 +78,9 @@ class SimulationHandle {
     });
   }
 
-  /// The same step by step: targets and wrists go evenly from their first to their second rows within
-  /// `length` steps, of which `done` are done; springs pull; each step waits for its time, unless `wake` ends
-  /// the call.
+  /// The same step by step: targets and wrists go evenly from their first to their second rows within so many
+  /// steps each (`length`), of which `done` are done; springs pull; each step waits for its time, unless
+  /// `wake` ends the call.
   /// @param springs body, its point [m], its goal in the world [m], stiffness, damping, largest force
   /// @param start of the first step, by the monotonic clock [s]. @param period between steps [s]; 0: no
   /// waiting
@@ -88,21 +88,20 @@ class SimulationHandle {
   /// [N]
   py::tuple advance(const py::object& torques, const py::object& excitations, const py::object& forces,
                     const py::object& targets, const py::object& wrists, const py::array_t<double>& springs,
-                    const std::array<double, 2>& done, const std::array<double, 2>& length, int substeps,
-                    double start, double period) {
+                    std::array<double, 2> done, std::array<double, 2> length, int substeps, double start,
+                    double period) {
     const scene::Scene& scene = environment_.scene();
-    const auto count = [](std::size_t size) { return static_cast<py::ssize_t>(size); };
-    const std::size_t axes = scene.control ? scene.control->axes.size() : 0;
-    const Numbers torque = Numbers::optional(torques, {count(q.size())}, "torques");
-    const Numbers excitation =
-        Numbers::optional(excitations, {count(scene.model.muscles.size())}, "excitations");
-    const Numbers target = Numbers::optional(targets, {2, count(axes)}, "targets");
-    const std::size_t drives = scene.model.drives.size();
-    const std::vector<Pose> ends =
-        poses_of(Numbers::optional(wrists, {2, count(drives), 7}, "wrists"), "wrists");
+    const std::size_t axes = scene.control ? scene.control->axes.size() : 0,
+                      drives = scene.model.drives.size();
+    const auto size = [](std::size_t of) { return static_cast<py::ssize_t>(of); };
+    const Numbers torque = Numbers::optional(torques, {size(q.size())}, "torques");
+    const Numbers excited = Numbers::optional(excitations, {size(scene.model.muscles.size())}, "excitations");
+    const Numbers target = Numbers::optional(targets, {2, size(axes)}, "targets");
+    const auto ends = poses_of(Numbers::optional(wrists, {2, size(drives), 7}, "wrists"), "wrists");
     const Numbers spring(springs, {springs.ndim() > 0 ? springs.shape(0) : 0, 10}, "springs");
     std::vector<std::vector<engine::BodyForce>> given;
     read_forces(forces, scene.model, 0, given);
+    given.resize(1);
     std::vector<engine::BodyForce> force;
     std::vector<double> angles(target.empty() ? 0 : axes), late, pulled;
     std::vector<Pose> places(ends.size() / 2);
@@ -113,19 +112,13 @@ class SimulationHandle {
         };
         for (std::size_t k = 0; k < angles.size(); ++k)
           angles[k] = std::lerp(target.span()[k], target.span()[axes + k], share(0));
-        for (std::size_t k = 0; k < places.size(); ++k) {
-          const Pose &a = ends[k], &b = ends[drives + k];
-          places[k] = {a.p + share(1) * (b.p - a.p), a.q.slerp(share(1), b.q)};
-        }
-        force = given.empty() ? std::vector<engine::BodyForce>() : given[0];
+        for (std::size_t k = 0; k < places.size(); ++k)
+          places[k] = {ends[k].p + share(1) * (ends[drives + k].p - ends[k].p),
+                       ends[k].q.slerp(share(1), ends[drives + k].q)};
+        force = given[0];
         pulled.clear();
         for (std::size_t k = 0; k < spring.span().size(); k += 10) pull(&spring.span()[k], force, pulled);
-        environment_.step({.torques = torque.span(),
-                           .angles = angles,
-                           .wrists = places,
-                           .wrist_rates = {},
-                           .excitations = excitation.span(),
-                           .forces = force});
+        environment_.step({torque.span(), angles, places, {}, excited.span(), force});
         late.push_back(seconds() - start - i * period);
       }
     });
@@ -148,21 +141,19 @@ class SimulationHandle {
         old.activation.size() != state.activation.size())
       throw input_error("scene", "one with other bodies, joints or muscles", "the same ones");
     std::vector<bool> hangs(state.bodies.size());
-    for (const model::Joint& joint : model.joints) hangs[at(joint.child)] = true;
+    std::vector<double> angles = old.q;
+    for (const model::Joint& joint : model.joints) {
+      hangs[at(joint.child)] = true;
+      for (std::size_t a = 0; a < joint.axes.size(); ++a)
+        if (const auto& stop = joint.axes[a].stop; stop)
+          angles[at(joint.first_dof) + a] =
+              std::clamp(angles[at(joint.first_dof) + a], stop->low, stop->high);
+    }
     for (std::size_t i = 1; i < hangs.size(); ++i)
       if (!hangs[i]) state.bodies[i] = old.bodies[i];
-    for (std::size_t i = 0; i < model.hands.size(); ++i) {
-      model::BodyState& palm = state.bodies[at(model.hands[i].palm)];
-      if (hangs[at(model.hands[i].palm)]) continue;
-      const Pose x = palm.pose() * before.hands[i].wrist_frame * model.hands[i].wrist_frame.inverse();
-      palm.p = x.p;
-      palm.q = x.q;
-    }
-    std::vector<double> angles = old.q;
-    for (const model::Joint& joint : model.joints)
-      for (std::size_t a = 0; a < joint.axes.size(); ++a)
-        if (double& q_a = angles[at(joint.first_dof) + a]; joint.axes[a].stop)
-          q_a = std::clamp(q_a, joint.axes[a].stop->low, joint.axes[a].stop->high);
+    for (std::size_t i = 0; i < model.hands.size(); ++i)
+      if (model::BodyState& palm = state.bodies[at(model.hands[i].palm)]; !hangs[at(model.hands[i].palm)])
+        palm.p = palm.pose() * (before.hands[i].wrist_frame * model.hands[i].wrist_frame.inverse()).p;
     state.time = old.time;
     state.activation = old.activation;
     simulation::place_start(environment_.scene(), angles, old.u, state);
@@ -347,8 +338,8 @@ void bind_simulation(py::module_& module) {
       .def("targets",
            [](Self& self) {
              std::vector<double> out;
-             if (const auto* controller = self.simulation().controller())
-               for (const control::AxisState& axis : controller->axes()) out.push_back(axis.target);
+             if (const auto* of = self.simulation().controller())
+               for (const control::AxisState& axis : of->axes()) out.push_back(axis.target);
              return array_of(out);
            })
       .def("muscles", &Self::muscles)

@@ -42,7 +42,7 @@ class Live:
         """What the page tells: speed, factor, verdicts, values that were changed."""
         return self.session.state
 
-    def do(self, name: str, **values: Any) -> None:
+    def do(self, name: str, /, **values: Any) -> None:
         """A command as the page gives it, e.g. ``live.do("pose", name="fist")`` (docs/live.md).
 
         :raises Error: of kind input for a command that does not fit

@@ -150,7 +150,7 @@ class Replay:
                 continue
             try:
                 self.course.apply(event)
-            except (KeyError, TypeError, ValueError) as error:
+            except (KeyError, TypeError, ValueError, AttributeError) as error:
                 raise Error(f"{self.name}:{number}:1: got an input that does not fit ({error}), need one of this scene",
                             "input") from None
 

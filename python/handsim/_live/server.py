@@ -67,7 +67,7 @@ class Server:
         self.refused = 0
         """Requests and connections that were turned away."""
         self._on_frame = on_frame
-        self._built = 0
+        self._built, self._coming = 0, 0
         self._loop = asyncio.new_event_loop()
         self._ready: "threading.Event" = threading.Event()
         self._failure: Optional[OSError] = None
@@ -136,12 +136,17 @@ class Server:
 
     def _connection(self) -> asyncio.Protocol:
         """A connection; one too many is closed, and one that does not become a page's is, too."""
-        if len(self._handlers.connections) >= SOCKETS:
+        if len(self._handlers.connections) + self._coming >= SOCKETS:
             self.refused += 1
             return _Closed()
+        self._coming += 1
+        self._loop.call_soon(self._came)
         handler: Any = self._handlers()
         self._loop.call_later(PATIENCE, self._forget, handler)
         return handler  # type: ignore[no-any-return]
+
+    def _came(self) -> None:
+        self._coming -= 1
 
     def _forget(self, handler: Any) -> None:
         transport = getattr(handler, "transport", None)

@@ -60,8 +60,8 @@ WEBXR = ["wrist", "thumb-metacarpal", "thumb-phalanx-proximal", "thumb-phalanx-d
 def points_of(joints: Any) -> Array:
     """The 21 points of a list or of a mapping by name [m]. :raises Error: of kind input"""
     if isinstance(joints, Mapping):
-        names = next((names for names in (KEYPOINTS, OPENXR, WEBXR) if any(name in joints for name in names[1:])), None)
-        if names is None:
+        names = max((KEYPOINTS, OPENXR, WEBXR), key=lambda names: sum(name in joints for name in names))
+        if not any(name in joints for name in names):
             raise input_error("joints", ", ".join(map(str, list(joints)[:3])) or "no name", "names of cameras, OpenXR or WebXR")
         joints = [joints.get(name) for name in names]
     if not isinstance(joints, list) or len(joints) not in (21, 25, 26):

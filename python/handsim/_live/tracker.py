@@ -15,15 +15,15 @@ from .. import _core
 from .._scene import Scene
 
 Array = NDArray[np.float64]
-ANGLE, POSITION, TURN = 20.0, 2.5, 40.0
-"""Densities of accelerations [rad^2/s^3], [m^2/s^3], [rad^2/s^3]; those of MotionPrior of study/track, with half of its 40 for
+ANGLE, POSITION, TURN = 14.0, 2.5, 40.0
+"""Densities of accelerations [rad^2/s^3], [m^2/s^3], [rad^2/s^3]; those of MotionPrior of study/track, with a third of its 40 for
 angles, which a filter without the future has its least error with."""
 OUTLIER = 0.025
 """A point farther than this from its prediction, and from the noise, is left out [m]."""
 LONGEST_GAP = 0.25
 """Without frames for so long [s], a hand is lost and found anew."""
-DECAY = 0.1
-"""A rate that no frame confirms decays with this time [s]."""
+STEADY, DECAY = 0.04, 0.1
+"""A rate that no frame confirms for the first time [s] decays with the second one [s]."""
 PALM = [5, 9, 13, 17]
 """Points of the bases of the fingers."""
 
@@ -35,6 +35,15 @@ def turned(by: Array, q: Array) -> Array:
     w, v = np.cos(angle / 2), half * by
     out = np.array([w * q[0] - v @ q[1:], *(w * q[1:] + q[0] * v + np.cross(v, q[1:]))])
     return out / np.linalg.norm(out)
+
+
+def _quaternion(turn: Array) -> Array:
+    """w x y z of a rotation matrix: the eigenvector of its largest eigenvalue (Bar-Itzhack 2000)."""
+    (a, b, c), (d, e, f), (g, h, i) = turn
+    K = np.array([[a + e + i, h - f, c - g, d - b], [h - f, a - e - i, b + d, c + g], [c - g, b + d, e - a - i, f + h],
+                  [d - b, c + g, f + h, i - a - e]]) / 3
+    out: Array = np.linalg.eigh(K)[1][:, -1]
+    return out
 
 
 class HandFilter:
@@ -59,7 +68,9 @@ class HandFilter:
         """Standard deviation of a coordinate, as estimated [m]."""
         self.scale = 1.0
         """Size of the tracked hand by that of the scene's."""
-        self._spread: Array = np.zeros((2 * size, 2 * size))
+        # Covariance of pose, rates, and the angles of the frame before.
+        self._spread: Array = np.zeros((3 * size - 6, 3 * size - 6))
+        self._last: Array = np.zeros(size - 6)
         model = self._points(np.zeros(len(self.axes)))
         self._palm = np.linalg.norm(model[PALM] - model[0], axis=1)
 
@@ -99,31 +110,68 @@ class HandFilter:
         return out
 
     def _find(self, points: Array, time: float) -> None:
-        self._before = None
-        self.pose, self.rates, self.time = self._fit.find(points).copy(), np.zeros(self._size), time
-        size = self._size
-        self._spread = np.diag(np.concatenate(([1e-5] * 3, [0.01] * (size - 3), [0.1] * 3, [9.0] * (size - 3))))
+        points = points.copy()
+        for _ in range(5):
+            self.pose = self._start(points)
+            distance = np.linalg.norm(self._fit.rows(points, self.pose)[0].reshape(21, 3), axis=1)
+            if distance.max() <= OUTLIER or np.isfinite(points).all(axis=1).sum() < 8:
+                break
+            points[np.argmax(distance)] = np.nan
+        self.rates, self.time = np.zeros(self._size), time
+        n = self._size
+        self._last = self.pose[7:].copy()
+        self._spread[:] = np.diag(np.concatenate(([1e-5] * 3, [0.01] * (n - 3), [0.1] * 3, [9.0] * (n - 3), [0.01] * (n - 6))))
+
+    def _start(self, points: Array) -> Array:
+        """The pose of a frame without a past: the palm's points place the hand (Kabsch 1976), Levenberg-Marquardt steps bend it."""
+        seen = np.isfinite(points).all(axis=1)
+        best, least = np.zeros(0), np.inf
+        for flexion in (0.35, 0.9):
+            angles = np.clip([flexion if axis.endswith("flexion") else 0.0 for axis in self.axes], self._low, self._high)
+            model = self._points(angles)
+            rows = [i for i in (0, *PALM) if seen[i]]
+            rows = rows if len(rows) > 2 else list(np.flatnonzero(seen))
+            a, b = model[rows] - model[rows].mean(axis=0), points[rows] - points[rows].mean(axis=0)
+            u, _, v = np.linalg.svd(a.T @ b)
+            turn = v.T @ np.diag([1, 1, np.sign(np.linalg.det(v.T @ u.T))]) @ u.T
+            place = points[rows].mean(axis=0) - turn @ model[rows].mean(axis=0)
+            pose = np.concatenate((place, _quaternion(turn), angles))
+            damping = 1e-4
+            r, J = self._fit.rows(points, pose)
+            for _ in range(25):
+                step = np.linalg.solve(J.T @ J + damping * np.eye(self._size), -J.T @ r)
+                trial = pose.copy()
+                trial[:3] += step[:3]
+                trial[3:7] = turned(step[3:6], pose[3:7])
+                trial[7:] = np.clip(pose[7:] + step[6:], self._low, self._high)
+                r_trial, J_trial = self._fit.rows(points, trial)
+                better = r_trial @ r_trial < r @ r
+                damping = max(1e-9, damping * (0.3 if better else 5))
+                if better:
+                    pose, r, J = trial, r_trial, J_trial
+            if r @ r < least:
+                best, least = pose, float(r @ r)
+        return best
 
     def _predict(self, dt: float) -> None:
-        n = self._size
-        self._before = (self.pose, np.concatenate((np.zeros(n), self.rates)), self._spread.copy(), dt)
-        self.pose = self.predicted(dt)
         n, P = self._size, self._spread
-        keep = float(np.exp(-dt / DECAY)) if dt > 0.04 else 1.0  # of the rates over a gap
-        P[:n, :n] += dt * (P[:n, n:] + P[n:, :n]) + dt**2 * P[n:, n:]
-        P[:n, n:] += dt * P[n:, n:]
-        P[n:, :n] = P[:n, n:].T
-        i = np.arange(n)
-        P[i, i] += self._density * dt**3 / 3
-        P[i, n + i] += self._density * dt**2 / 2
-        P[n + i, i] += self._density * dt**2 / 2
-        P[n + i, n + i] += self._density * dt
-        self.rates = keep * self.rates
-        self._ahead, self._predicted_spread = (self.pose, self.rates), P.copy()
+        self._last = self.pose[7:].copy()
+        P[2 * n:] = P[6:n]
+        P[:, 2 * n:] = P[:, 6:n]
+        self.pose = self.predicted(dt)
+        P[:n] += dt * P[n:2 * n]
+        P[:, :n] += dt * P[:, n:2 * n]
+        i, density = np.arange(n), self._density
+        P[i, i] += density * dt**3 / 3
+        P[i, n + i] += density * dt**2 / 2
+        P[n + i, i] += density * dt**2 / 2
+        P[n + i, n + i] += density * dt
+        if dt > STEADY:
+            self.rates = self.rates * np.exp(-(dt - STEADY) / DECAY)
 
     def predicted(self, dt: float) -> Array:
         """The pose that much after the last frame [s]; rates decay, so that a gap ends at rest."""
-        ahead = dt if dt <= 0.04 else 0.04 + DECAY * (1 - float(np.exp(-(dt - 0.04) / DECAY)))
+        ahead = dt if dt <= STEADY else STEADY + DECAY * (1 - float(np.exp(-(dt - STEADY) / DECAY)))
         pose = self.pose.copy()
         pose[:3] += ahead * self.rates[:3]
         pose[3:7] = turned(ahead * self.rates[3:6], pose[3:7])
@@ -140,40 +188,35 @@ class HandFilter:
             return False
         use = np.repeat(near, 3)
         r, J = r[use], J[use]
+        # One number after the other: their noises are independent, and small arrays do not wake the threads of BLAS.
+        P, change, variance, informed = self._spread, np.zeros(len(self._spread)), self.noise**2, 0.0
+        for value, row in zip(r, J):
+            column = P[:, :n] @ row
+            total = variance + float(row @ column[:n])
+            informed += float(row @ column[:n]) / total
+            gain = column / total
+            change -= gain * (value + float(row @ change[:n]))
+            P -= gain[:, None] * column
+        P += P.T
+        P *= 0.5
         self.pose = self.pose.copy()
-        P = self._spread
-        W = J.T @ J / self.noise**2
-        gain = np.linalg.solve(np.eye(n) + P[:n, :n] @ W, P[:n]).T  # P[:, :n] (1 + W P_nn)^-1
-        change = -gain @ (J.T @ r) / self.noise**2
-        P -= gain @ W @ P[:n]
-        self._spread = 0.5 * (P + P.T)
         self.pose[:3] += change[:3]
         self.pose[3:7] = turned(change[3:6], self.pose[3:7])
         angles = self.pose[7:] + change[6:n]
         self.pose[7:] = np.clip(angles, self._low, self._high)
-        self.rates = self.rates + change[n:]
+        self._last = np.clip(self._last + change[2 * n:], self._low, self._high)
+        self.rates = self.rates + change[n:2 * n]
         at_stop = (angles < self._low) & (self.rates[6:] < 0) | (angles > self._high) & (self.rates[6:] > 0)
         self.rates[6:][at_stop] = 0
         # What is left of the residuals tells the noise: the filter has used part of them.
         left = r + J @ change[:n]
-        share = 1 - float(np.trace(W @ self._spread[:n, :n])) / len(r)
-        found = float(left @ left) / len(r) / max(0.2, share)
+        found = float(left @ left) / max(len(r) - informed, 0.2 * len(r))
         self.noise = float(np.clip(np.sqrt(self.noise**2 + 0.02 * (found - self.noise**2)), 2e-4, 0.02))
         return True
 
     def late_angles(self) -> Array:
-        """Angles at the frame before the last one, as both frames tell them (Rauch, Tung and Striebel 1965) [rad]."""
-        if self._before is None:
-            return self.pose[7:].copy()
-        pose, _, spread, dt = self._before
-        n = self._size
-        ahead = np.concatenate((spread[:, :n] + dt * spread[:, n:], spread[:, n:]), axis=1)
-        predicted, rates = self._ahead
-        change = np.concatenate((self.pose[7:] - predicted[7:], self.rates[6:] - rates[6:]))
-        rows = np.concatenate((np.arange(6, n), np.arange(n + 6, 2 * n)))
-        gain = np.linalg.solve(self._predicted_spread[np.ix_(rows, rows)], change)
-        out: Array = np.clip(pose[7:] + ahead[6:n][:, rows] @ gain, self._low, self._high)
-        return out
+        """Angles at the frame before the last one, as the last one tells them, too [rad]: with less error, a frame later."""
+        return self._last
 
     def lose(self) -> None:
         self.time = None
