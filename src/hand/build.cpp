@@ -417,10 +417,11 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
 
 }  // namespace
 
-BuiltHand build_hand(const HandSpec& given, const Person& person) {
-  const std::optional<HandSpec> own =
-      person.deviations.empty() ? std::nullopt : std::optional(deviated(given, person));
+BuiltHand build_hand(const HandSpec& given, const Person& stated) {
+  const bool deviates = !stated.deviations.empty();
+  const std::optional<HandSpec> own = deviates ? std::optional(deviated(given, stated)) : std::nullopt;
   const HandSpec& spec = own ? *own : given;
+  const Person person = deviates ? measured_again(given, stated) : stated;
   BuiltHand hand;
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;

@@ -57,9 +57,24 @@ void deviate(MuscleFile& file, const std::vector<HandAxis>& axes, const Person& 
 
 }  // namespace
 
+Person measured_again(const HandSpec& spec, const Person& person) {
+  Person out = person;
+  const auto found = spec.spread.find("measured");
+  const auto again = [&](double& value, const char* name) {
+    if (found != spec.spread.end()) value *= std::exp(found->second * person.deviation(name));
+  };
+  if (out.hand_length) again(*out.hand_length, "hand_length");
+  if (out.hand_breadth) again(*out.hand_breadth, "hand_breadth");
+  if (out.hand_circumference) again(*out.hand_circumference, "hand_circumference");
+  for (auto* lengths : {&out.bones, &out.radii, &out.fingers})
+    for (auto& [name, length] : *lengths) again(length, "segments");
+  return out;
+}
+
 std::vector<std::string> uncertain_of(const HandSpec& spec, const Person& person, bool muscles) {
-  const bool measured[] = {person.hand_length || person.hand_length_percentile,
-                           person.hand_breadth.has_value(), false, person.hand_circumference.has_value()};
+  const bool known = !spec.spread.contains("measured");
+  const bool measured[] = {person.hand_length_percentile || (known && person.hand_length),
+                           known && person.hand_breadth, false, known && person.hand_circumference};
   std::vector<std::string> out;
   for (std::size_t i = 0; i < kDeviations.size(); ++i) {
     const std::string name(kDeviations[i]);
@@ -81,7 +96,9 @@ HandSpec deviated(const HandSpec& spec, const Person& person) {
     *share *= mass;
   deviate(out.wrist, wider, tissue);
   for (SegmentSpec& segment : out.segments) {
-    scale(segment.length, by.factor("segments"));
+    // A measured finger's length is its own.
+    const bool metacarpal = segment.finger == "thumb" && segment.parent == kPalm;
+    if (metacarpal || !person.fingers.contains(segment.finger)) scale(segment.length, by.factor("segments"));
     deviate(segment.joint, wider, tissue);
   }
   if (out.muscles) deviate(*out.muscles, hand_axes(spec), person);

@@ -10,7 +10,11 @@ namespace handsim::hand {
 /// own matter.
 HandSpec deviated(const HandSpec& spec, const Person& person);
 
-/// The names of kDeviations that change this person's hand: without what is measured or has no spread.
+/// The person with measured values that deviate, too, by the spread of measuring: dimensions by their own
+/// names, lengths and radii of fingers and bones by `segments`.
+Person measured_again(const HandSpec& spec, const Person& person);
+
+/// The names of kDeviations that change this person's hand: without what has no spread.
 /// @param muscles whether they act, too
 std::vector<std::string> uncertain_of(const HandSpec& spec, const Person& person, bool muscles);
 

@@ -343,7 +343,8 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   skin.finish();
   read_segments(reader, spec, mass);
   if (reader.has("spread"))
-    spec.spread = read_spread(reader.map("spread"), {"segments", "hand_mass", "passive_tissue", "ranges"});
+    spec.spread =
+        read_spread(reader.map("spread"), {"segments", "hand_mass", "passive_tissue", "ranges", "measured"});
   if (YamlNode* file = reader.file_or_block("muscles", "muscles of a hand", false))
     spec.muscles = read_muscle_file(*file, reader.path_of("muscles"), hand_axes(spec), diagnostics);
   if (auto changed = read_what_if(reader, spec)) spec = std::move(*changed);

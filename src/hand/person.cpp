@@ -87,9 +87,7 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
         reader.problem("deviations", fmt::format("a deviation of {} beside the person's own", name),
                        "one of the two");
     };
-    refuse("hand_length", person.hand_length || person.hand_length_percentile);
-    refuse("hand_breadth", person.hand_breadth.has_value());
-    refuse("hand_circumference", person.hand_circumference.has_value());
+    refuse("hand_length", person.hand_length_percentile.has_value());
     refuse("hand_mass", person.hand_mass.has_value());
     refuse("grip_strength", person.grip_strength.has_value());
   }

@@ -46,8 +46,38 @@ TEST(Deviations, MoveWhatIsNotMeasuredByItsSpread) {
     EXPECT_NEAR(after.path.arms[0].c[0], before.path.arms[0].c[0] * (before.extrinsic ? 1 : arms), 1e-12);
   }
   EXPECT_EQ(uncertain_of(spec, one, false),
-            (std::vector<std::string>{"hand_breadth", "palm_length", "hand_circumference", "segments",
-                                      "hand_mass", "ranges", "passive_tissue", "grip_strength"}));
+            (std::vector<std::string>{"hand_length", "hand_breadth", "palm_length", "hand_circumference",
+                                      "segments", "hand_mass", "ranges", "passive_tissue", "grip_strength"}));
+}
+
+// Oracle: the values of the person file, times what one standard deviation of measuring is: 1 %.
+TEST(Deviations, MeasuredValuesReplacePredictionsAndHaveASmallSpreadOfTheirOwn) {
+  const HandSpec spec = shipped("anatomical");
+  Person one = person(1.75, 72, Sex::male);
+  one.hand_length = 0.185;
+  one.fingers = {{"thumb", 0.058}, {"middle", 0.08}};
+  one.bones = {{"ring_proximal", 0.04}};
+  one.radii = {{"ring_proximal", 0.008}};
+  const BuiltHand stated = build_hand(spec, one);
+  for (const double z : {0.0, 1.0, -2.0}) {
+    one.deviations = {{"segments", z}, {"hand_breadth", 1.0}};
+    const BuiltHand hand = build_hand(spec, one);
+    const double factor = std::exp(0.01 * z);
+    EXPECT_EQ(hand.size.length, 0.185);
+    EXPECT_NEAR(hand.size.fingers.at("thumb").length, 0.058 * factor, 1e-12);
+    EXPECT_NEAR(hand.size.fingers.at("middle").length, 0.08 * factor, 1e-12);
+    for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+      const double ratio = hand.segments[i].length / stated.segments[i].length;
+      const std::string& name = spec.segments[i].name;
+      if (name == "thumb_distal" || name == "middle_proximal" || name == "ring_proximal")
+        EXPECT_NEAR(ratio, factor, 1e-12) << name;
+      if (name == "ring_distal" || name == "thumb_metacarpal")
+        EXPECT_NEAR(ratio, std::exp(spec.spread.at("segments") * z), 1e-12) << name << ": is not measured";
+      if (name == "ring_proximal") EXPECT_NEAR(hand.segments[i].radius, 0.008 * factor, 1e-12);
+    }
+  }
+  one.deviations = {{"hand_length", 1.0}};
+  EXPECT_NEAR(build_hand(spec, one).size.length, 0.185 * std::exp(0.01), 1e-12);
 }
 
 TEST(Deviations, AreRefusedByName) {

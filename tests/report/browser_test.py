@@ -50,6 +50,7 @@ def write_pages():
     run('report', folder / 'a', folder / 'b', '--out', folder / 'both.html')
     run('run', 'config/muscle_poses.yaml', '--out', folder / 'muscles', '--report', '--quiet', '--set', 'duration=0.3 s', status=(0, 1))
     run('run', scene, '--out', folder / 'hostile', '--report', *short, '--set', 'title=' + HOSTILE)
+    run('inverse', 'config/every_pose.yaml', '--out', folder / 'bands', '--report', '--uncertain', 4, '--set', 'duration=0.5 s')
     run('effects', scene, '--out', folder / 'effects', '--report', '--repeats', 1, '--set', 'duration=0.02 s', '--set', 'title=' + HOSTILE)
 
 
@@ -297,10 +298,31 @@ class Pages(unittest.TestCase):
         self.assertTrue(command.startswith('handsim run config/two_hands.yaml'), command)
         self.assertIn('effects=[joint_stops, passive_tissue]', command)
 
+    def test_drawn_hands_have_bands_around_their_curves(self):
+        """Oracle: the first row of bands.csv; pixels of a band are lighter than its curve and not white."""
+        self.open('bands/report.html')
+        titles = self.script("return [...document.querySelectorAll('#bands h3')].map(e => e.textContent)")
+        self.assertIn('right index (N m)', titles)
+        with open(folder / 'bands/bands.csv') as file:
+            row = dict(zip(file.readline().strip().split(','), map(float, file.readline().split(','))))
+        low, middle, high = (row[f'right.index_pip.flexion.torque.p{p}[N_m]'] for p in (5, 50, 95))
+        key = next(text for text in self.script("return [...document.querySelectorAll('#bands .plot')].find(p => "
+                   "p.querySelector('h3').textContent.startsWith('right index')).innerText.split('\\n')") if text.startswith('index_pip'))
+        shown = [float(word.strip('()')) for word in key.replace('index_pip.flexion', '').replace(' to ', ' ').split()]
+        for found, value in zip(shown, (middle, low, high), strict=True):
+            self.assertAlmostEqual(found, value, delta=5e-3 * abs(value))
+        grey = self.script("""
+            const plot = [...document.querySelectorAll('#bands .plot')].find(p => p.querySelector('h3').textContent.startsWith('right index'));
+            const canvas = plot.querySelector('canvas'), draw = canvas.getContext('2d'), data = draw.getImageData(0, 0, canvas.width, canvas.height).data;
+            let count = 0;
+            for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 20 && data[i + 3] < 100) ++count;
+            return count / (canvas.width * canvas.height);""")
+        self.assertGreater(grey, 0.02)
+
     def test_no_page_is_wider_than_the_window(self):
         for width in (1280, 390):
             resize(self.driver, width, 844)
-            for name in ('a/report.html', 'both.html', 'dropped/report.html', 'effects/report.html'):
+            for name in ('a/report.html', 'both.html', 'dropped/report.html', 'effects/report.html', 'bands/report.html'):
                 self.open(name)
                 self.script("document.querySelectorAll('details').forEach(d => d.open = true)")
                 self.assertLessEqual(self.script('return document.documentElement.scrollWidth'), width, name)

@@ -93,18 +93,21 @@
       const [, full, , unit] = /^(.*)\.p5(\[(.*)\])?$/.exec(columns[c]), [low, values, high] = [0, 1, 2].map(i => rows.map(row => (unit === 'rad' ? 180 / Math.PI : 1) * row[c + i]));
       if (low.every(v => v === 0) && high.every(v => v === 0)) continue;
       const kind = full.endsWith('.torque') ? 'torques' : full.startsWith('activation.') ? 'activations' : full.startsWith('force.') ? 'contact forces' : 'angles';
-      const words = full.replace(/^(activation|force)\.|\.torque$/g, ''), part = parts.find(p => words.includes(p)) || '', place = kind === 'contact forces' ? '' : part;
+      let words = full.replace(/^(activation|force)\.|\.torque$/g, '');
+      const part = parts.find(p => words.includes(p)) || '';
+      if (kind === 'activations') words = words.replace(`${part}.`, '');
+      // A plot for each part of each hand.
+      const place = `${words.split('.')[0]} ${kind === 'contact forces' ? 'hand' : part}`;
       if (!kinds.has(kind)) kinds.set(kind, new Map());
       const groups = kinds.get(kind);
       if (!groups.has(place)) groups.set(place, {unit: (unit || '').replace('rad', 'deg').replace('_', ' '), list: []});
       const list = groups.get(place).list;
-      list.push({name: kind === 'activations' ? words.replace(`${part}.`, '') : words, times, values, low, high, colour: Curves.palette[list.length % Curves.palette.length]});
+      list.push({name: words.replace(/^[^.]*\./, ''), times, values, low, high, colour: Curves.palette[list.length % Curves.palette.length]});
     }
     let plots = [];
     const kind = choice('curves', [...kinds.keys()], kinds.has('torques') ? 'torques' : undefined, show), box = element('div', {class: 'bands'});
     function show() {
-      const order = [...kinds.get(valueOf(kind))].sort(([a], [b]) => parts.indexOf(a) - parts.indexOf(b));
-      plots = order.map(([part, of]) => Curves.plot(part || valueOf(kind), of.unit, of.list, span, t => plots.forEach(plot => plot.cursor(t))));
+      plots = [...kinds.get(valueOf(kind))].map(([place, of]) => Curves.plot(place, of.unit, of.list, span, t => plots.forEach(plot => plot.cursor(t))));
       box.replaceChildren(...plots.map(plot => plot.element));
       for (const plot of plots) plot.update();
     }

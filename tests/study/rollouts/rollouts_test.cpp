@@ -338,7 +338,7 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
   const auto hands = drawn(
       RolloutStudy(write("config/two_hands.yaml", "duration: 0.02, hands.0.person.hand_length: 190 mm")));
   EXPECT_TRUE(hands.contains("hands.1.person.deviations.hand_length"));
-  EXPECT_FALSE(hands.contains("hands.0.person.deviations.hand_length"));
+  EXPECT_TRUE(hands.contains("hands.0.person.deviations.hand_length")) << "by the spread of measuring";
   EXPECT_TRUE(hands.contains("hands.0.person.deviations.ranges"));
   EXPECT_FALSE(hands.contains("hands.0.person.deviations.extrinsic_arms"));
   EXPECT_TRUE(
