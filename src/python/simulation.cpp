@@ -4,6 +4,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
+#include "handsim/python/derivatives.h"
 #include "handsim/python/forces.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
@@ -69,6 +70,17 @@ class SimulationHandle {
         if (++steps % kPolledEvery == 0) signals.poll(0);
       });
     });
+  }
+
+  /// One step, with its derivatives.
+  py::dict step_with_derivatives(const py::object& torques, const py::object& targets,
+                                 const py::object& excitations, const py::object& wrists,
+                                 const py::object& forces, const std::vector<std::string>& bodies,
+                                 bool step_only) {
+    const environment::Derivatives found = environment::step_with_derivatives(
+        simulation(), [&] { step(torques, targets, excitations, wrists, forces, 1); },
+        {bodies, !excitations.is_none(), step_only});
+    return step_only ? py::dict() : arrays_of(found, simulation().model());
   }
 
   /// The buffers have the state afterwards, whatever happens.
@@ -204,6 +216,9 @@ void bind_simulation(py::module_& module) {
   bound
       .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("excitations"),
            py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
+      .def("step_with_derivatives", &Self::step_with_derivatives, py::arg("torques"), py::arg("targets"),
+           py::arg("excitations"), py::arg("wrists"), py::arg("forces"), py::arg("bodies"),
+           py::arg("step_only"))
       .def("muscles", &Self::muscles)
       .def(
           "set",

@@ -9,7 +9,9 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-constexpr double kAngle = 2e-4, kRate = 1e-2, kActivation = 1e-4;  ///< Steps of the differences.
+constexpr double kAngle = 1e-5, kRate = 1e-4, kActivation = 1e-5;  ///< Steps of the differences.
+/// Slopes to both sides that differ by this share say that a curve has a kink here.
+constexpr double kKink = 1e-2;
 
 /// Calls f(offset, weight) for a derivative of fourth order.
 template <class F>
@@ -40,16 +42,26 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
     u_[each.coordinate] = *each.u;
   }
   const double h = settings_.step;
+  const auto torques = [&] {
+    muscles_->go_back();
+    return tendon_torques(input);
+  };
+  const Eigen::VectorXd here = torques();
   for (const Single& each : singles_) {
     if (!muscles_->pulls(each.coordinate)) continue;
     const auto by = [&](double& value, double size, Eigen::MatrixXd& to) {
       const double kept = value;
+      Eigen::VectorXd bend = -2 * here, slope = Eigen::VectorXd::Zero(here.size());
       difference(size, [&](double offset, double weight) {
         value = kept + offset;
-        muscles_->go_back();
-        to.col(each.dof) -= h * weight * tendon_torques(input);
+        const Eigen::VectorXd found = torques();
+        if (std::abs(offset) == size) bend += found;
+        slope += weight * found;
       });
       value = kept;
+      to.col(each.dof) -= h * slope;
+      if (bend.norm() > kKink * size * slope.norm())
+        out.notes.push_back(name_of(each) + ": a kink of its tendons' curves: mean of both sides");
     };
     by(q_[each.coordinate], kAngle, by_q_);
     by(u_[each.coordinate], kRate, by_u_);
