@@ -1,5 +1,6 @@
 // Tendons in the derivatives of a step: their torques start - B x at its solution, by differences of fourth
 // order of the tendons' own kernel.
+#include <algorithm>
 #include <cmath>
 
 #include "handsim/core/index.h"
@@ -9,8 +10,8 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-constexpr double kAngle = 1e-5, kRate = 1e-4, kActivation = 1e-5;  ///< Steps of the differences.
-/// Slopes to both sides that differ by this share say that a curve has a kink here.
+constexpr double kAngle = 1e-6, kRate = 1e-5, kActivation = 1e-6;  ///< Steps of the differences.
+/// Slopes to both sides, or at two steps, that differ by this share tell of a kink of a curve here.
 constexpr double kKink = 1e-2;
 
 /// Calls f(offset, weight) for a derivative of fourth order.
@@ -51,16 +52,19 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
     if (!muscles_->pulls(each.coordinate)) continue;
     const auto by = [&](double& value, double size, Eigen::MatrixXd& to) {
       const double kept = value;
-      Eigen::VectorXd bend = -2 * here, slope = Eigen::VectorXd::Zero(here.size());
+      Eigen::VectorXd bend = -2 * here, slope = Eigen::VectorXd::Zero(here.size()), narrow = slope;
       difference(size, [&](double offset, double weight) {
         value = kept + offset;
         const Eigen::VectorXd found = torques();
-        if (std::abs(offset) == size) bend += found;
+        if (std::abs(offset) == size) {
+          bend += found;
+          narrow += found / (2 * offset);
+        }
         slope += weight * found;
       });
       value = kept;
       to.col(each.dof) -= h * slope;
-      if (bend.norm() > kKink * size * slope.norm())
+      if (std::max(bend.norm(), size * (narrow - slope).norm()) > kKink * size * slope.norm())
         out.notes.push_back(name_of(each) + ": a kink of its tendons' curves: mean of both sides");
     };
     by(q_[each.coordinate], kAngle, by_q_);
