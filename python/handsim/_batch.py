@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._core import Frame, Motion
 from ._errors import Error, flag, input_error, real, seed_of, whole
+from ._gradients import Product, Rollout, each
 from ._pictures import Picture
 from ._scene import Camera, Scene, Source, load
-from ._simulation import Array, Forces
+from ._simulation import Array, Forces, Simulation
 
 MOST = 1_000_000
 Mask = Optional[NDArray[np.bool_]]
@@ -64,6 +65,7 @@ class Batch:
         names = [*observe, *(name for name in ("q", "u") if name not in observe)]
         self._core = _core.batch(self.scene._core, whole("n", n, 1, MOST), names, _drawn(randomise), seed_of(seed),
                                  whole("threads", threads, 0), flag("watch", watch))
+        self._threads = threads
         self._all: Array = self._core.observations()
         self._parts = {name: (first, columns) for name, first, columns in self._core.parts()}
         width = sum(len(self._parts[name][1]) for name in observe)
@@ -164,6 +166,38 @@ class Batch:
     def motion(self, environment: int) -> Motion:
         """The motion of one environment now, for `reset`."""
         return self._core.motion(self._index(environment))
+
+    def _rollouts(self, actions: ArrayLike, kind: str, every: Optional[int], work: Any) -> list[Any]:
+        actions = np.asarray(actions, dtype=float)
+        if actions.ndim != 3 or len(actions) != len(self):
+            raise input_error("actions", f"shape {actions.shape}", f"shape ({len(self)}, steps, numbers)")
+
+        def one(i: int) -> Any:
+            simulation = Simulation(self.scene_of(i))
+            simulation.reset(self.motion(i))
+            return work(i, Rollout(simulation, actions[i], kind, every=every))
+        return each(one, len(self), self._threads)
+
+    def vjp(self, actions: ArrayLike, end: ArrayLike, kind: str = "torques", *,
+            every: Optional[int] = None) -> list[Product]:
+        """Gradients of a scalar function of each environment's run of many steps, on all cores; the batch stays where it
+        is. Each environment keeps what its `Rollout` says.
+
+        :param actions: shape (n, steps, numbers)
+        :param end: gradient of the function by the state at the end (`Derivatives.names`), shape (n, s)
+        :param kind: torques, targets or excitations
+        :param every: steps from one kept motion to the next; None: the root of their number
+        """
+        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(np.asarray(end)[i]))
+
+    def jvp(self, actions: ArrayLike, start: Optional[ArrayLike] = None, changes: Optional[ArrayLike] = None,
+            kind: str = "torques") -> Array:
+        """Changes of the states after each step, shape (n, steps, s), with changes of the starts, shape (n, s), and of the
+        actions, as these."""
+        def change(of: Optional[ArrayLike], i: int) -> Any:
+            return None if of is None else np.asarray(of)[i]
+        return np.array(self._rollouts(actions, kind, None,
+                                       lambda i, run: run.jvp(change(start, i), change(changes, i))))
 
     def frame(self, environment: int) -> Frame:
         """The state of one environment for `Scene.draw_frames`."""

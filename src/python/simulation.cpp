@@ -11,6 +11,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
+#include "handsim/python/derivatives.h"
 #include "handsim/python/forces.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
@@ -158,6 +159,17 @@ class SimulationHandle {
     state.activation = old.activation;
     simulation::place_start(environment_.scene(), angles, old.u, state);
     guarded([&] { environment_.resume(state); });
+  }
+
+  /// One step, with its derivatives.
+  py::dict step_with_derivatives(const py::object& torques, const py::object& targets,
+                                 const py::object& excitations, const py::object& wrists,
+                                 const py::object& forces, const std::vector<std::string>& bodies,
+                                 bool step_only) {
+    const environment::Derivatives found = environment::step_with_derivatives(
+        simulation(), [&] { step(torques, targets, excitations, wrists, forces, 1); },
+        {bodies, !excitations.is_none(), step_only});
+    return step_only ? py::dict() : arrays_of(found, simulation().model());
   }
 
   /// The buffers have the state afterwards, whatever happens.
@@ -342,6 +354,9 @@ void bind_simulation(py::module_& module) {
                for (const control::AxisState& axis : of->axes()) out.push_back(axis.target);
              return array_of(out);
            })
+      .def("step_with_derivatives", &Self::step_with_derivatives, py::arg("torques"), py::arg("targets"),
+           py::arg("excitations"), py::arg("wrists"), py::arg("forces"), py::arg("bodies"),
+           py::arg("step_only"))
       .def("muscles", &Self::muscles)
       .def(
           "set",

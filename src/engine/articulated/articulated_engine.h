@@ -43,9 +43,7 @@ class ArticulatedEngine final : public Engine {
   std::string version() const override;
   std::vector<std::string> notes() const override { return notes_; }
 
-  /// Steps fill these in until null is given, with contacts solved to rounding; the caller keeps them.
-  /// Such a step throws Error (input), and is made by half, where there are no derivatives: a method for
-  /// smooth motion, loops, free hands, elastic tendons, contacts that Newton's method does not solve.
+  /// As step_derivatives.h has it.
   void derive(StepDerivatives* out) const { derive_ = out; }
 
   /// For tests and measurements.

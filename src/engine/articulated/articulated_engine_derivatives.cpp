@@ -5,6 +5,12 @@
 
 namespace handsim::engine::articulated {
 
+bool derive(const Engine& engine, StepDerivatives* out) {
+  const auto* own = dynamic_cast<const ArticulatedEngine*>(&engine);
+  if (own) own->derive(out);
+  return own != nullptr;
+}
+
 /// Refuses what has no derivatives, and makes the state at the start of the step.
 void ArticulatedEngine::begin_derivatives() {
   const auto refuse = [](const char* got, const char* need) { throw input_error("derivatives", got, need); };

@@ -13,8 +13,9 @@ namespace handsim::engine::articulated {
 namespace {
 
 constexpr int kRefinements = 12;
-/// Step of Newton's method, as a share of the largest change of a rate, that only rounding leaves.
-constexpr double kRefined = 1e-14, kAccepted = 1e-9;
+/// Newton steps that only rounding leaves: where they are below the first, or do not shrink below the second
+/// [rad/s or m/s].
+constexpr double kRefined = 1e-16, kAccepted = 1e-10;
 /// A contact that carries less of the largest impulse is about to open; one that gives way slower [m/s] and
 /// carries none is about to close; friction this near to its limit is about to stick or slide.
 constexpr double kLeastImpulse = 1e-6, kLeastSpeed = 1e-8, kLimitMargin = 1e-6;
@@ -77,12 +78,10 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
     add_stiffness(all);
     Eigen::MatrixXd K = all(dofs, dofs);
     Eigen::VectorXd d(n);
-    double largest = 0;
     for (Eigen::Index k = 0; k < n; ++k) {
       const Servo& servo = p.servos[at(k)];
       if (servo.limit > 0 && servo.saturated == Side::within) K(k, k) += servo.slope;
       d[k] = -w.F[at(k)];
-      largest = std::max(largest, std::abs(p.x[at(k)]));
       if (p.bounds[at(k)].side == Side::within) continue;
       K.row(k).setZero();
       K.col(k).setZero();
@@ -93,7 +92,7 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
     const double change = d.lpNorm<Eigen::Infinity>();
     if (!std::isfinite(change)) return false;
     // Rounding does not get smaller from step to step.
-    done = change <= kRefined * largest || (change <= kAccepted * largest && change >= 0.5 * last);
+    done = change <= kRefined || (change <= kAccepted && change >= 0.5 * last);
     last = change;
     for (Eigen::Index k = 0; k < n; ++k) p.x[at(k)] += d[k];
   }
@@ -282,9 +281,9 @@ void ContactSlopes::add_contact(Point& point, const ContactResponse& response) {
   total_ += at_origin(own);
   for (Column& column : columns_) {
     column.by_q += at_origin(wrench(point, moved(point, column, response)));
-    if (column.of_a == column.of_b) continue;
+    if (point.by_approach == 0 || column.of_a == column.of_b) continue;
     Change rate;
-    rate.end = rate.start = column.of_a ? twist(a_, column.dof, c) : Spatial(-twist(b_, column.dof, c));
+    rate.start = column.of_a ? twist(a_, column.dof, c) : Spatial(-twist(b_, column.dof, c));
     column.by_u += at_origin(wrench(point, rate));
   }
 }

@@ -32,7 +32,8 @@ class ContactSlopes {
   bool refine(const Eigen::MatrixXd& inertia, double step);
   /// Adds J^T (dp/dr) J of the solution.
   void add_stiffness(Eigen::MatrixXd& K);
-  /// Adds the derivatives of F by positions and rates. @param start the state that the step starts from
+  /// Adds the derivatives of F by positions, and those by rates without the stiffness. @param start the state
+  /// that the step starts from
   void add_slopes(const model::State& start, double step, Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u);
   /// Contacts whose derivatives hold to one side, or without a part, one sentence each.
   const std::vector<std::string>& notes() const { return notes_; }

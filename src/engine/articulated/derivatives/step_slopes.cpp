@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <fmt/format.h>
-
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
 
@@ -12,8 +10,9 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// A stop whose reaction, or a servo whose distance to its limit, is this small a share, is at its edge.
+/// A servo whose distance to its limit is this small a share of it is at its edge.
 constexpr double kEdge = 1e-6;
+constexpr double kOnStop = 1e-9;  ///< Nearer to its stop, a coordinate is on it [rad], [m].
 
 }  // namespace
 
@@ -54,6 +53,15 @@ void StepSlopes::order() {
     free_bodies_.push_back(body);
     for (int k = 0; k < 6; ++k) dof_of_.push_back(tree_.first_dof(node) + k);
   }
+}
+
+/// As `Scene.coordinates` of the package has it.
+std::string StepSlopes::name_of(const Single& each) const {
+  for (const model::Joint& joint : model_.joints)
+    if (const std::size_t first = at(joint.first_dof);
+        each.coordinate >= first && each.coordinate < first + joint.axes.size())
+      return joint.name + "." + joint.axes[each.coordinate - first].name;
+  return {};
 }
 
 /// K without servos and contacts.
@@ -97,9 +105,13 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
       by_q_.row(each.dof) -= h * load.row(each.dof);
   if (!input.forces.empty()) add_forces(input);
   if (muscles_) add_muscles(input, start, out);
+  // Rates change F as x does but for this: large stiffness cancels out.
+  by_u_ = K_ - by_u_;
   if (contacts) {
+    Eigen::MatrixXd bounces = Eigen::MatrixXd::Zero(by_u_.rows(), by_u_.cols());
     contacts_->add_stiffness(K_);
-    contacts_->add_slopes(start, h, by_q_, by_u_);
+    contacts_->add_slopes(start, h, by_q_, bounces);
+    by_u_ -= bounces;
     out.notes = contacts_->notes();
   }
   solve(out);
@@ -121,7 +133,7 @@ void StepSlopes::add_singles(StepDerivatives& out) {
       const ServoLaw<double> law = each.axis.servo();
       const double rate = *each.u + h * du_[at(i)], pull = law.pull(h * rate, rate);
       if (std::abs(std::abs(pull) - *each.axis.servo_limit) <= kEdge * *each.axis.servo_limit)
-        out.notes.push_back(fmt::format("servo of coordinate {}: at its limit: one-sided", each.coordinate));
+        out.notes.push_back(name_of(each) + ": its servo is at its limit: one-sided");
       if (!each.in_range()) continue;
       K_(i, i) += h * law.slope(h);
       by_u_(i, i) += h * law.slope(h);
@@ -178,18 +190,21 @@ void StepSlopes::add_forces(const StepInput& input) {
 }
 
 /// The row of a coordinate on its stop: x = bound(q, u).
-void StepSlopes::hold(const Single& each) {
+void StepSlopes::hold(const Single& each, StepDerivatives& out) {
   const AxisView& a = each.axis;
   const double h = settings_.step, side = *a.side, room = side < 0 ? *each.q - *a.low : *a.high - *each.q;
-  const double share = room < 0 ? settings_.erp() : 1, target = share * room / h, speed = side * *each.u;
+  const double share = room < -kOnStop ? settings_.erp() : 1, target = share * room / h,
+               speed = side * *each.u;
   const bool bounced = speed > 0 && *a.bounce > 0 && -*a.bounce * speed < target;
+  if (std::abs(room) <= kOnStop)
+    out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
   const int i = each.dof;
   K_.row(i).setZero();
   by_q_.row(i).setZero();
   by_u_.row(i).setZero();
   K_(i, i) = 1;
   by_q_(i, i) = bounced ? 0 : share / h;
-  by_u_(i, i) = bounced ? 1 + *a.bounce : 1;
+  by_u_(i, i) = bounced ? -*a.bounce : 0;
 }
 
 /// How positions turn with the step: dq' = exp(h w') dq + h J(h w') du'.
@@ -214,7 +229,6 @@ Eigen::MatrixXd StepSlopes::stepped(const Eigen::MatrixXd& x, bool of_state) con
   const auto n = static_cast<Eigen::Index>(dof_of_.size());
   Eigen::MatrixXd out(2 * n, x.cols());
   for (Eigen::Index c = 0; c < n; ++c) out.row(n + c) = x.row(dof_of_[at(c)]);
-  if (of_state) out.bottomRightCorner(n, n).diagonal().array() += 1;
   out.topRows(n) = settings_.step * out.bottomRows(n);
   if (of_state) out.topLeftCorner(n, n).diagonal().array() += 1;
   for (const auto& [first, turn] : turns_) {
@@ -236,13 +250,13 @@ Eigen::MatrixXd StepSlopes::response(const Eigen::MatrixXd& by) const {
 void StepSlopes::solve(StepDerivatives& out) {
   const double h = settings_.step;
   for (const Single& each : singles_)
-    if (each.held()) hold(each);
+    if (each.held()) hold(each, out);
   inverse_ = K_.partialPivLu().inverse();
   find_turns();
   const Eigen::Index n = out.coordinates;
   Eigen::MatrixXd x(n, 2 * n);
   x.leftCols(n) = -(inverse_ * by_q_);
-  x.rightCols(n) = -(inverse_ * by_u_);
+  x.rightCols(n) = inverse_ * by_u_;
   std::vector<int> columns = dof_of_;
   for (const int dof : dof_of_) columns.push_back(dof + out.coordinates);
   out.by_state = stepped(x(Eigen::all, columns), true);

@@ -1,5 +1,6 @@
 // Tendons in the derivatives of a step: their torques start - B x at its solution, by differences of fourth
 // order of the tendons' own kernel.
+#include <algorithm>
 #include <cmath>
 
 #include "handsim/core/index.h"
@@ -9,7 +10,9 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-constexpr double kAngle = 2e-4, kRate = 1e-2, kActivation = 1e-4;  ///< Steps of the differences.
+constexpr double kAngle = 1e-6, kRate = 1e-5, kActivation = 1e-6;  ///< Steps of the differences.
+/// Slopes to both sides, or at two steps, that differ by this share tell of a kink of a curve here.
+constexpr double kKink = 1e-2;
 
 /// Calls f(offset, weight) for a derivative of fourth order.
 template <class F>
@@ -40,16 +43,29 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
     u_[each.coordinate] = *each.u;
   }
   const double h = settings_.step;
+  const auto torques = [&] {
+    muscles_->go_back();
+    return tendon_torques(input);
+  };
+  const Eigen::VectorXd here = torques();
   for (const Single& each : singles_) {
     if (!muscles_->pulls(each.coordinate)) continue;
     const auto by = [&](double& value, double size, Eigen::MatrixXd& to) {
       const double kept = value;
+      Eigen::VectorXd bend = -2 * here, slope = Eigen::VectorXd::Zero(here.size()), narrow = slope;
       difference(size, [&](double offset, double weight) {
         value = kept + offset;
-        muscles_->go_back();
-        to.col(each.dof) -= h * weight * tendon_torques(input);
+        const Eigen::VectorXd found = torques();
+        if (std::abs(offset) == size) {
+          bend += found;
+          narrow += found / (2 * offset);
+        }
+        slope += weight * found;
       });
       value = kept;
+      to.col(each.dof) -= h * slope;
+      if (std::max(bend.norm(), size * (narrow - slope).norm()) > kKink * size * slope.norm())
+        out.notes.push_back(name_of(each) + ": a kink of its tendons' curves: mean of both sides");
     };
     by(q_[each.coordinate], kAngle, by_q_);
     by(u_[each.coordinate], kRate, by_u_);

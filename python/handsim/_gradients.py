@@ -1,0 +1,188 @@
+"""Derivatives of steps of the articulated engine, and their products over many steps."""
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ._errors import input_error, whole
+
+if TYPE_CHECKING:
+    from ._core import Motion
+    from ._simulation import Simulation
+
+Array = NDArray[np.float64]
+ACTIONS = ("torques", "targets", "excitations")
+
+
+class Derivatives(NamedTuple):
+    """The Jacobians of one step. A state has s numbers, named by `names`: positions of all coordinates, their rates,
+    activations of the muscles. Coordinates are those of the scene [rad] or [m]; then each free body's turn [rad], a
+    rotation vector added before, ``exp(turn) R``, and shift of its mass centre [m], in world axes. Rates of free
+    bodies are angular and linear velocities in world axes."""
+
+    names: list[str]
+    """Of the state's numbers, shape (s,)."""
+    state: Array
+    """Next state by state, shape (s, s)."""
+    torques: Array
+    """By torques of the scene's coordinates [1/(N m)] or [1/N], shape (s, coordinates)."""
+    targets: Array
+    """By targets of the controller [1/rad], shape (s, axes)."""
+    excitations: Array
+    """Shape (s, muscles)."""
+    forces: dict[str, Array]
+    """Of each body asked for: by force at its mass centre [1/N], then by moment [1/(N m)], world axes, shape (s, 6)."""
+    gravity: Array
+    """By gravity [s^2/m], world axes, shape (s, 3); a weight that the controller carries does not change."""
+    notes: list[str]
+    """Derivatives that hold to one side only, or without a part: what, and where. Empty: all are two-sided."""
+
+
+def state_names(simulation: "Simulation", free_bodies: Sequence[str]) -> list[str]:
+    positions = list(simulation.scene.coordinates)
+    positions += [f"{body}.{kind}.{axis}" for body in free_bodies for kind in ("turn", "shift") for axis in "xyz"]
+    return positions + [f"d({name})/dt" for name in positions] + [m.name for m in simulation.scene.muscles]
+
+
+def stacked(moving: Array, activation: Array) -> Array:
+    """Rows of positions and rates above those of activations."""
+    return np.vstack([moving, activation])
+
+
+def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], bodies: Sequence[str]) -> Derivatives:
+    """Makes the step."""
+    found = simulation._core.step_with_derivatives(
+        *[action.get(name) for name in (*ACTIONS, "wrists", "forces")], list(bodies), False)
+    muscles = len(found["activation_by_activation"])
+    own = np.diag(found["activation_by_activation"])
+    moving = found["state"]
+    if muscles == 0:
+        def whole_rows(of: Array) -> Array:
+            return of
+        state = moving
+    else:
+        def whole_rows(of: Array) -> Array:
+            return stacked(of, np.zeros((muscles, of.shape[1])))
+        state = np.block([[moving, found["activations"]], [np.zeros((muscles, moving.shape[1])), own]])
+    excitations = found["excitations"]
+    excitations = (stacked(excitations, np.diag(found["activation_by_excitation"])) if muscles
+                   else np.zeros((len(state), 0)))
+    forces = {body: whole_rows(found["forces"][:, 6 * i:6 * i + 6]) for i, body in enumerate(bodies)}
+    return Derivatives(state_names(simulation, found["free_bodies"]), state, whole_rows(found["torques"]),
+                       whole_rows(found["targets"]), excitations, forces, whole_rows(found["gravity"]), found["notes"])
+
+
+def exact_step(simulation: "Simulation", action: Mapping[str, Any]) -> None:
+    """A step with contacts solved to rounding, which the derivatives are of."""
+    simulation._core.step_with_derivatives(*[action.get(name) for name in (*ACTIONS, "wrists", "forces")], [], True)
+
+
+class Product(NamedTuple):
+    """Of `Rollout.vjp`."""
+
+    start: Array
+    """Gradient by the state at the start, shape (s,)."""
+    action: Array
+    """By the action of each step, shape (steps, numbers)."""
+    notes: list[str]
+    """As in Derivatives, each once."""
+
+
+class Rollout:
+    """A run of many steps, from where a simulation is, and products with its derivatives.
+
+    The run is kept at some of its steps only. A product backwards makes the steps between two of them again, with
+    their Jacobians: for K steps the memory is K / c motions and c pairs of Jacobians, and two steps' time is spent
+    for each one (`memory`). The Jacobians of the whole run are never formed.
+    """
+
+    def __init__(self, simulation: "Simulation", actions: ArrayLike, kind: str = "torques", *,
+                 every: Optional[int] = None) -> None:
+        """
+        :param simulation: where it is now is the start; it is left at the end
+        :param actions: of each step, shape (steps, numbers)
+        :param kind: torques, targets or excitations, as in `Simulation.step`
+        :param every: steps from one kept motion to the next; None: the root of their number
+        """
+        if kind not in ACTIONS:
+            raise input_error("kind", repr(kind), ", ".join(ACTIONS))
+        self.simulation, self.kind = simulation, kind
+        self.actions: Array = np.array(actions, dtype=float)
+        if self.actions.ndim != 2 or len(self.actions) == 0:
+            raise input_error("actions", f"shape {self.actions.shape}", "shape (steps, numbers), one step or more")
+        self.every = math.isqrt(len(self.actions) - 1) + 1 if every is None else whole("every", every, 1)
+        self.motions: list[Motion] = []
+        self.size = 0
+        for i, action in enumerate(self.actions):
+            if i % self.every == 0:
+                self.motions.append(simulation.motion())
+            exact_step(simulation, {kind: action})
+        self.end: Motion = simulation.motion()
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    @property
+    def memory(self) -> str:
+        """What a product backwards keeps, in words."""
+        size = self.size or 2 * len(self.simulation.q)
+        numbers = min(self.every, len(self)) * size * (size + self.actions.shape[1])
+        return (f"{len(self.motions)} motions and {min(self.every, len(self))} pairs of Jacobians "
+                f"({8e-6 * numbers:.3g} MB)")
+
+    def _pairs(self, first: int, last: int, notes: list[str]) -> list[tuple[Array, Array]]:
+        out = []
+        for action in self.actions[first:last]:
+            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+            notes += [note for note in found.notes if note not in notes]
+            out.append((found.state, getattr(found, self.kind)))
+        self.size = len(out[0][0])
+        return out
+
+    def vjp(self, end: ArrayLike, along: Optional[ArrayLike] = None) -> Product:
+        """Gradient of a scalar function of the run.
+
+        :param end: its gradient by the state at the end, shape (s,)
+        :param along: by the state after each step, shape (steps, s); the last is added to `end`
+        """
+        gradient, notes = np.array(end, dtype=float), list[str]()
+        out = np.zeros(self.actions.shape)
+        extra = None if along is None else np.asarray(along, dtype=float)
+        for i in reversed(range(len(self.motions))):
+            first, last = i * self.every, min(len(self), (i + 1) * self.every)
+            self.simulation.reset(self.motions[i])
+            for step, (by_state, by_action) in reversed(list(enumerate(self._pairs(first, last, notes), first))):
+                if extra is not None:
+                    gradient = gradient + extra[step]
+                if gradient.shape != (len(by_state),):
+                    raise input_error("end", f"shape {gradient.shape}", f"shape ({len(by_state)},)")
+                out[step] = gradient @ by_action
+                gradient = gradient @ by_state
+        self.simulation.reset(self.end)
+        return Product(gradient, out, notes)
+
+    def jvp(self, start: Optional[ArrayLike] = None, actions: Optional[ArrayLike] = None) -> Array:
+        """Changes of the state after each step, shape (steps, s), with changes of the start's state, shape (s,), and of
+        the actions, shape (steps, numbers); None: no change."""
+        changed = None if start is None else np.array(start, dtype=float)
+        given = np.zeros(self.actions.shape) if actions is None else np.asarray(actions, dtype=float)
+        self.simulation.reset(self.motions[0])
+        out = []
+        for i, action in enumerate(self.actions):
+            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+            changed = np.zeros(len(found.state)) if changed is None else changed
+            changed = found.state @ changed + getattr(found, self.kind) @ given[i]
+            out.append(changed)
+        self.size = len(out[0])
+        self.simulation.reset(self.end)
+        return np.array(out)
+
+
+def each(work: Callable[[int], Any], count: int, threads: int) -> list[Any]:
+    """Of each environment, in threads: steps release the GIL."""
+    with ThreadPoolExecutor(threads or None) as pool:
+        return list(pool.map(work, range(count)))

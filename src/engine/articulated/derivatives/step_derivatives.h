@@ -1,0 +1,47 @@
+// The derivatives of a step of the articulated engine, as a caller asks for them and gets them.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "handsim/engine/engine.h"
+
+namespace handsim::engine::articulated {
+
+/// How a controller's drive of each coordinate, torque or servo, changes with the state; by
+/// Model::dof_count() or empty. Derivatives of a servo's stiffness x error + feed.
+struct Feedback {
+  std::vector<double> by_q, by_u;
+  std::vector<char> compensated;  ///< coordinates whose drive carries the weight
+  Vec3 gravity = Vec3::Zero();    ///< that it carries
+};
+
+/// What is asked for, and the answer. Rows and columns are coordinates: those of joints, as
+/// Model::dof_count(), then of each free body the turn (3) and the shift (3) in world axes. Turns of balls
+/// and free bodies are rotation vectors added before: q' = exp(turn) q, for balls in the parent's axes.
+struct StepDerivatives {
+  Feedback feedback;
+  std::vector<int> forced;  ///< bodies of Model, for `by_force`
+  bool step_only = false;   ///< no derivatives: only the step, with contacts solved to rounding
+
+  int coordinates = 0;
+  std::vector<int> free_bodies;  ///< of Model
+  /// Of (q', u'), 2 n rows. By (q, u); by generalised forces on coordinates [N m] or [N]; by force, then
+  /// moment, on each forced body at its mass centre, world axes; by gravity [m/s^2]; by excitations, and by
+  /// activations at the start.
+  Eigen::MatrixXd by_state, by_torque, by_force, by_gravity, by_excitation, by_activation;
+  /// Of activations at the end, by excitations and by activations at the start: each by its own.
+  Eigen::VectorXd activation_by_excitation, activation_by_activation;
+  std::vector<char> driven;        ///< of each coordinate: no servo of its is at its limit
+  std::vector<std::string> notes;  ///< derivatives that hold to one side, or without a part
+};
+
+/// Steps of an engine fill these in until null is given, with contacts solved to rounding; the caller keeps
+/// them. Such a step throws Error (input), and is made by half, where there are no derivatives: a method for
+/// smooth motion, loops, free hands, elastic tendons, contacts that Newton's method does not solve.
+/// @returns false for another engine than the articulated one
+bool derive(const Engine& engine, StepDerivatives* out);
+
+}  // namespace handsim::engine::articulated

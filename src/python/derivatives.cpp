@@ -1,0 +1,38 @@
+#include "handsim/python/derivatives.h"
+
+#include "handsim/core/index.h"
+
+namespace handsim::python {
+
+namespace {
+
+py::array_t<double> array(const Eigen::MatrixXd& of) {
+  py::array_t<double> out({of.rows(), of.cols()});
+  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+      out.mutable_data(), of.rows(), of.cols()) = of;
+  return out;
+}
+
+py::array_t<double> numbers(const Eigen::VectorXd& of) { return py::array_t<double>(of.size(), of.data()); }
+
+}  // namespace
+
+py::dict arrays_of(const environment::Derivatives& found, const model::Model& model) {
+  std::vector<std::string> free;
+  for (const int body : found.free_bodies) free.push_back(model.bodies[at(body)].name);
+  py::dict out;
+  out["state"] = array(found.by_state);
+  out["torques"] = array(found.by_torque.leftCols(model.dof_count()));
+  out["targets"] = array(found.by_target);
+  out["forces"] = array(found.by_force);
+  out["gravity"] = array(found.by_gravity);
+  out["excitations"] = array(found.by_excitation);
+  out["activations"] = array(found.by_activation);
+  out["activation_by_excitation"] = numbers(found.activation_by_excitation);
+  out["activation_by_activation"] = numbers(found.activation_by_activation);
+  out["free_bodies"] = free;
+  out["notes"] = found.notes;
+  return out;
+}
+
+}  // namespace handsim::python
