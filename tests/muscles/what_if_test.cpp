@@ -135,9 +135,10 @@ TEST(WhatIf, AFusedJointStays) {
     const scene::Scene scene = scene::compile_scene(std::move(node));
     simulation::Simulation run(scene);
     while (run.state().time < 0.1 - 1e-9) run.step();
-    for (const model::Joint& joint : scene.model.joints)
-      if (joint.name == "right.index_pip")
-        EXPECT_NEAR(run.state().q[static_cast<std::size_t>(joint.first_dof)] * 180 / M_PI, 30, 1) << engine;
+    for (const model::Joint& joint : scene.model.joints) {
+      if (joint.name != "right.index_pip") continue;
+      EXPECT_NEAR(run.state().q[static_cast<std::size_t>(joint.first_dof)] * 180 / M_PI, 30, 1) << engine;
+    }
   }
 }
 
@@ -236,7 +237,7 @@ TEST(WhatIf, UlnarBlockWeakensTheKeyPinch) {
       "spread: 1, source: s";
   std::ofstream(file)
       << "title: t\nhand: " << test::source("handmodels/anatomical.yaml").string()
-      << "\nhands:\n  block: {without: [ulnar_nerve_at_wrist]}\n  weak: {strength: 0.5}\npeople: {man: "
+      << "\nvariants:\n  block: {without: [ulnar_nerve_at_wrist]}\n  weak: {strength: 0.5}\npeople: {man: "
       << test::source("config/persons/median_man.yaml").string() << "}\nmeasurements:\n  - {name: whole, "
       << row << "}\n  - {name: blocked, hand: block, " << row
       << "}\n  - {name: share, hand: block, relative_to: whole, " << row
