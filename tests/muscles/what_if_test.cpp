@@ -122,10 +122,10 @@ TEST(WhatIf, MusclesOfAFusedWristAreThoseOfItsAngle) {
   }
 }
 
-// Oracle: the angle: a joint that is fused stays there within the range that holds it, in every engine, under
-// the flexor at full force; static optimisation asks no muscle for its moment.
+// Oracle: the angle: a joint that is fused stays there within the range that holds it, in both engines that
+// have stops, under the flexor at full force; static optimisation asks no muscle for its moment.
 TEST(WhatIf, AFusedJointStays) {
-  for (const char* engine : {"articulated", "ode", "dae"}) {
+  for (const char* engine : {"articulated", "ode"}) {
     YamlNode node =
         parse_yaml("title: t\nhands:\n  - " + hand_entry("fused: {index_pip: 30 deg}", "fixed") +
                        "\neffects: [joint_stops, passive_tissue, muscles]\nexcitations: {times: [0], "
@@ -151,7 +151,7 @@ TEST(WhatIf, UlnarBlockClawsTheRingFinger) {
         subject(blocked ? changed("without: [ulnar_nerve_at_wrist]") : changed("strength: 1"));
     std::map<const model::Muscle*, double> pull;
     for (const auto& [name, share] : std::map<std::string, double>{
-             {"EDC4", 0.2}, {"FDP4", 0.02}, {"FDS4", 0.02}, {"LU4", 0.4}, {"DI4", 0.2}, {"PI2", 0.2}}) {
+             {"EDC4", 0.05}, {"FDP4", 0.02}, {"FDS4", 0.02}, {"LU4", 0.1}, {"DI4", 0.1}, {"PI2", 0.1}}) {
       const model::Muscle& muscle = *hand.muscle(name);
       // A muscle whose nerve is blocked still pulls at rest.
       const bool rests = muscle.excitable == 0;
