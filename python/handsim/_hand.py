@@ -18,6 +18,7 @@ from ._scene import Camera, Scene, data_path, load
 from ._table import Quantities, Table, rows_table
 
 PERSON = "hands.0.person."
+WHAT_IF = ("without", "transfers", "pulleys", "strength", "fused", "range_limits")
 
 Point = Union[str, tuple[str, ArrayLike]]
 """A point of a hand: a fingertip, a body (its centre of mass), or a body and an offset [m] in its frame."""
@@ -62,7 +63,7 @@ class Hand:
     def __init__(self, stature: Optional[float] = None, mass: Optional[float] = None, sex: str = "unknown",
                  side: str = "right", *, model: Union[str, "PathLike[str]"] = "anatomical",
                  person: Union[str, "PathLike[str]", Mapping[str, Any], None] = None, muscles: bool = False,
-                 **measures: float) -> None:
+                 what_if: Optional[Mapping[str, Any]] = None, **measures: float) -> None:
         """
         :param stature: [m], 0.5 to 2.5
         :param mass: of the body [kg], 2 to 400
@@ -72,6 +73,8 @@ class Hand:
         :param person: name of a shipped person (``median_man``), path of a person file, or a mapping with the keys of one,
             in place of all measures
         :param muscles: with the hand model's muscles and tendons, which exports then have, too
+        :param what_if: what is changed of the hand, as the keys of a scene's hand: ``without`` (with muscles), ``transfers``,
+            ``pulleys``, ``strength``, ``fused``, ``range_limits``
         :param measures: measured values in place of predicted ones: ``hand_length``, ``hand_breadth``,
             ``hand_circumference`` [m], ``hand_mass`` [kg], ``grip_strength`` [N], ``age`` [years],
             ``hand_length_percentile`` (0 to 100); a person file may also have bones, radii and fingers
@@ -89,13 +92,18 @@ class Hand:
         self.side = side
         hand = {"model": _shipped(model, "handmodels"), "person": who, "side": side,
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
+        changes = dict(what_if or {})
+        if others := [key for key in changes if key not in WHAT_IF]:
+            raise Error(f"what_if: got {others[0]}, need one of {', '.join(WHAT_IF)}", "input",
+                        [Problem(None, None, None, "what_if", str(others[0]), f"one of {', '.join(WHAT_IF)}")])
         scene: dict[str, Any] = {"title": f"{side} hand", "hands": [hand], "duration": "1 s",
                                  "pictures": {"view": "dorsal"}}
         try:
             # A hand model may have no tissue, as the prototype: auto has the effects that the model has data for.
             self.scene: Scene = load({**scene, "effects": "auto"})
-            if muscles:
-                self.scene = load({**scene, "effects": [*self.scene.effects, "muscles", "tendon_coupling"]})
+            if muscles or changes:
+                more = ["muscles", "tendon_coupling"] if muscles else []
+                self.scene = load({**scene, "hands": [{**hand, **changes}], "effects": [*self.scene.effects, *more]})
         except Error as error:
             raise _of_arguments(error) from None
 

@@ -12,6 +12,8 @@ from ._hand import Hand
 Array = NDArray[np.float64]
 FUSED = 2.1e-3
 """A joint of a smaller range is fused [rad]: bone holds its moment."""
+GIVES = np.radians(20)
+"""A posture is one within this angle of each joint [rad]: passive tissue holds moments of up to this times its stiffness."""
 
 
 def largest(gain: Array, equal: Array, to: Array, most: Array) -> tuple[float, Array]:
@@ -45,7 +47,7 @@ def largest(gain: Array, equal: Array, to: Array, most: Array) -> tuple[float, A
             return (target - x * ds) / s, dy, ds
 
         def room(of: Array, by: Array) -> float:
-            return min(1.0, float(np.min(np.where(by < 0, -of / np.minimum(by, -1e-300), np.inf))))
+            return min(1.0, float(np.min(np.divide(-of, by, out=np.full(len(of), np.inf), where=by < 0))))
 
         dx, dy, ds = step(-x * s)
         ahead = float((x + room(x, dx) * dx) @ (s + room(s, ds) * ds)) / len(x)
@@ -66,6 +68,7 @@ class Statics:
         self.names = hand.coordinates
         self.low, self.high = hand.joints["low[rad]"], hand.joints["high[rad]"]
         self.moves = [high - low > FUSED for low, high in zip(self.low, self.high)]
+        self.gives = GIVES * np.asarray(hand.joints["stiffness[N m/rad]"])
         self.rest = np.clip(hand.joints["rest[rad]"], self.low, self.high)
 
     def at(self, pose: Mapping[str, float], rest: bool = False) -> Array:
@@ -78,7 +81,7 @@ class Statics:
 
     def rows(self, *starts: str) -> list[int]:
         """Coordinates of joints that move and whose names start so."""
-        return [i for i, name in enumerate(self.names) if self.moves[i] and name.startswith(starts)]
+        return [i for i, name in enumerate(self.names) if self.moves[i] and name.startswith(tuple(starts))]
 
     def torques(self, q: Array) -> tuple[Array, Array]:
         """Torque of each muscle at full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
@@ -87,19 +90,21 @@ class Statics:
         return np.asarray(arms.T * active), np.asarray(arms.T @ passive + others)
 
     def press(self, q: Array, fingers: Sequence[str], forces: Array, gain: ArrayLike) -> tuple[float, Array]:
-        """The largest sum of forces that a hand exerts while nothing moves, wrist and fingers.
+        """The largest sum of forces that a hand exerts while nothing moves.
 
-        :param fingers: their joints have to balance
+        :param fingers: their joints have to balance; ``wrist``: the wrist, too, else it is held
         :param forces: torques [N m] of a newton of each force on the outside, shape (coordinates, forces)
         :param gain: of each force
         :return: the sum, and the forces [N]
         """
         muscles, rest = self.torques(q)
-        rows = self.rows("wrist", *(finger + "_" for finger in fingers))
-        equal = np.hstack([forces, -muscles])[rows]
+        rows = self.rows(*fingers)
         count = forces.shape[1]
-        most = np.concatenate([np.full(count, np.inf), np.ones(muscles.shape[1])])
-        value, x = largest(np.concatenate([np.asarray(gain, dtype=float), np.zeros(muscles.shape[1])]), equal, rest[rows], most)
+        # What tissue holds: from -gives to gives.
+        equal = np.hstack([np.hstack([forces, -muscles])[rows], -np.eye(len(rows))])
+        most = np.concatenate([np.full(count, np.inf), np.ones(muscles.shape[1]), 2 * self.gives[rows]])
+        gains = np.concatenate([np.asarray(gain, dtype=float), np.zeros(len(most) - count)])
+        value, x = largest(gains, equal, rest[rows] - self.gives[rows], most)
         return value, x[:count]
 
     def torque_of(self, q: Array, point: Any, direction: ArrayLike) -> Array:
@@ -116,13 +121,15 @@ class Statics:
                          [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
                          [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
 
-    def cone(self, q: Array, point: Any, normal: Array, friction: float = 0.8, sides: int = 8) -> list[Array]:
-        """Torques of the edges of a cone of friction, each of a newton along the normal."""
+    def cone(self, q: Array, point: Any, normal: Array, friction: float = 0.8,
+             sides: int = 8) -> list[tuple[Array, Array]]:
+        """Torques of the edges of a cone of friction, each of a newton along the normal, and their forces."""
         first = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.7 else [0, 1.0, 0])
         first /= np.linalg.norm(first)
         second = np.cross(normal, first)
         turns = 2 * np.pi * np.arange(sides) / sides
-        return [self.torque_of(q, point, normal + friction * (np.cos(t) * first + np.sin(t) * second)) for t in turns]
+        edges = [normal + friction * (np.cos(t) * first + np.sin(t) * second) for t in turns]
+        return [(self.torque_of(q, point, edge), edge) for edge in edges]
 
     def slack_pose(self, pose: Mapping[str, float]) -> Array:
         """Where fingers rest with all muscles at rest, their pose's coordinates held. Joints creep along their moments."""
@@ -161,49 +168,56 @@ def polytope(of: Statics, finger: str, point: str, body: str, pose: Mapping[str,
 
 GRIP = {"mcp.flexion": 45.0, "pip.flexion": 60.0, "dip.flexion": 30.0}
 """Of all fingers on the bar of a dynamometer [deg]: chosen."""
-KEY = {"thumb_cmc.flexion": 0.0, "thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 20.0, "index_mcp.flexion": 45.0, "index_pip.flexion": 60.0,
-       "index_dip.flexion": 30.0}
+KEY = {"thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 20.0}
 TIP = {"thumb_cmc.flexion": 11.0, "thumb_cmc.abduction": -1.0, "thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 25.0, "index_mcp.flexion": 54.0,
        "index_pip.flexion": 47.0, "index_dip.flexion": 27.0}
 """As rows of config/validate.yaml [deg]."""
 
 
-def grip(of: Statics, wrist: float = 0.0) -> tuple[float, dict[str, float]]:
+def grip(of: Statics, wrist: Optional[float] = None) -> tuple[float, dict[str, float]]:
     """Largest sum of forces on a bar towards the palm by the pads of middle and distal phalanges, and each finger's [N].
 
-    :param wrist: flexion [deg]
+    :param wrist: flexion at which muscles balance the wrist, too [deg]; None: it is held at 0
     """
     fingers = ["index", "middle", "ring", "little"]
-    q = of.at({"wrist.flexion": wrist, **{f"{f}_{joint}": angle for f in fingers for joint, angle in GRIP.items()}})
+    q = of.at({"wrist.flexion": wrist or 0.0, **{f"{f}_{joint}": angle for f in fingers for joint, angle in GRIP.items()}})
     columns, gain, owner = [], [], []
     for finger in fingers:
         for segment in ("middle", "distal"):
             body = f"{finger}_{segment}"
             palmar = -of.axes(q, body)[:, 2]
-            columns.append(of.torque_of(q, body, palmar))
-            # Of what presses the bar to the palm: it is dorsal of the bar.
-            gain.append(max(0.0, float(palmar @ np.array([0, -0.35, 0.94]))))
-            owner.append(finger)
-    value, forces = of.press(q, fingers, np.array(columns).T, gain)
+            for torque, force in of.cone(q, body, palmar):
+                columns.append(torque)
+                # Of what presses the bar to the palm: it is dorsal of the bar.
+                gain.append(float(force @ np.array([0, -0.35, 0.94])))
+                owner.append(finger)
+    value, forces = of.press(q, fingers if wrist is None else [*fingers, "wrist"], np.array(columns).T, gain)
     return value, {f: float(sum(g * n for g, n, o in zip(gain, forces, owner) if o == f)) for f in fingers}
 
 
 def key_pinch(of: Statics) -> float:
-    """Of the thumb's pad against the side of the index's middle segment [N]."""
+    """Of the thumb's pad against what does not move [N]."""
     q = of.at(KEY)
-    palmar = -of.axes(q, "thumb_distal")[:, 2]
-    thumb, index = (np.array(of.cone(q, body, palmar)).T for body in ("thumb_distal", "index_middle"))
-    # The index presses back with the same force.
-    return of.press(q, ["thumb", "index"], thumb - index, np.ones(thumb.shape[1]))[0]
+    thumb = np.array([torque for torque, _ in of.cone(q, "thumb_distal", -of.axes(q, "thumb_distal")[:, 2])]).T
+    return of.press(q, ["thumb"], thumb, np.ones(thumb.shape[1]))[0]
 
 
 def tip_pinch(of: Statics) -> float:
     """Of the round ends of thumb and index against each other [N]."""
     q = of.at(TIP)
-    normal = of.hand.position(q, "index_tip") - of.hand.position(q, "thumb_tip")
+    ends = [_round_end(of, finger) for finger in ("thumb", "index")]
+    normal = of.hand.position(q, ends[1]) - of.hand.position(q, ends[0])
     normal = normal / np.linalg.norm(normal)
-    thumb, index = (np.array(of.cone(q, tip, normal)).T for tip in ("thumb_tip", "index_tip"))
+    thumb, index = (np.array([torque for torque, _ in of.cone(q, end, normal)]).T for end in ends)
+    # The index presses back with the same force.
     return of.press(q, ["thumb", "index"], thumb - index, np.ones(thumb.shape[1]))[0]
+
+
+def _round_end(of: Statics, finger: str) -> tuple[str, Array]:
+    """The centre of a fingertip's round end."""
+    tip = of.hand.tips.row(of.hand.tips["name"].index(finger + "_tip"))
+    radius = of.hand.segments["radius[m]"][of.hand.bodies.index(tip["body"])]
+    return tip["body"], np.asarray(tip["position"]) - [0, radius, 0]
 
 
 def thumb_workspace(of: Statics, voxel: float = 4e-3, steps: Optional[Sequence[int]] = None) -> tuple[float, Array]:

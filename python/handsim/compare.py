@@ -11,6 +11,7 @@ from typing import Any, Optional, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from . import _core
 from ._errors import Error, input_error
 from ._hand import Hand
 from ._scene import Scene, load
@@ -22,7 +23,7 @@ Two hands side by side: strength of grip and pinches, largest forces of index an
 thumb, and where fingers rest at each angle of the wrist (tenodesis). A and B are scenes, by file or shipped name, or folders of runs;
 the first hand of each counts, at rest and as it is built, with its wrist.
 
-  --out DIR   also writes compare.html, a page with pictures, and compare.json
+  --out DIR   also writes compare.html, a page with pictures, compare.svg, the pictures alone, and compare.json
 
 Example: handsim compare muscle_grip clinic_ulnar.yaml --out out/compare
 """
@@ -64,7 +65,6 @@ def _alone(scene: Scene, source: str) -> Hand:
     end = next((i for i in range(first + 1, len(lines)) if not lines[i].startswith("   ")), len(lines))
     text = "\n".join(["title: a hand", "hands:", *lines[first:end],
                       "effects: [joint_stops, passive_tissue, muscles, tendon_coupling]", "duration: 1"])
-    from . import _core
     hand = Hand.__new__(Hand)
     hand.scene = Scene(_core.Scene.parse(text, source, ["hands.0.wrist={mount: universal}", "hands.0.pose={}"]))
     hand.side = "left" if hand.scene.hands[0].startswith("left") else "right"
@@ -77,8 +77,8 @@ def measure(hand: Hand) -> dict[str, Any]:
     mirror = -1 if hand.side == "left" else 1
     bar, fingers = grip(of)
     volume, points = thumb_workspace(of)
-    out: dict[str, Any] = {"strength": {"grip": bar, "grip, wrist extended 30 deg": grip(of, -30)[0],
-                                        "grip, wrist flexed 30 deg": grip(of, 30)[0], **{f"grip, {f}": n for f, n in fingers.items()},
+    out: dict[str, Any] = {"strength": {"grip": bar, **{f"grip, {f}": n for f, n in fingers.items()},
+                                        **{f"grip, wrist balanced at {angle} deg": grip(of, angle)[0] for angle in (-30, 0, 30)},
                                         "key pinch": key_pinch(of), "tip pinch": tip_pinch(of)},
                            "planes": [polytope(of, mirror=mirror, **_place(each)).tolist() for each in PLANES],
                            "workspace_cm3": 1e6 * volume, "workspace": _outline(points, mirror),
@@ -95,10 +95,10 @@ def _place(plane: dict[str, Any]) -> dict[str, Any]:
 
 
 def _outline(points: NDArray[np.float64], mirror: int) -> list[list[list[float]]]:
-    """Cells of 3 mm that the points cover, from the palm (radial, distal) and from the end (radial, palmar) [mm]."""
+    """Cells of 3 mm that the points cover, from the palm (ulnar, distal) and from the end (ulnar, dorsal) [mm]."""
     cells = []
     for axes in ((0, 1), (0, 2)):
-        flat = 1e3 * points[:, axes] * ([mirror, 1] if axes[1] == 1 else [mirror, 1])
+        flat = 1e3 * points[:, axes] * [mirror, 1]
         cells.append((3 * np.unique(np.round(flat / 3).astype(int), axis=0)).tolist())
     return cells
 
@@ -145,7 +145,7 @@ def _axes(title: str, labels: tuple[str, str], limits: tuple[float, float, float
                 lines.append(f'<line x1="{box[0]:.1f}" y1="{y:.1f}" x2="{box[0] + box[2]:.1f}" y2="{y:.1f}" stroke="{style}"/>'
                              f'<text x="{box[0] - 5:.1f}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
     bottom = box[1] + box[3] + 30
-    return (f'<svg viewBox="0 0 {width:g} {bottom + 12:g}" width="{width:g}"><text x="{width / 2:g}" y="18" text-anchor="middle" '
+    return (f'<svg viewBox="0 0 {width:g} {bottom + 12:g}" width="{width:g}" height="{bottom + 12:g}"><text x="{width / 2:g}" y="18" text-anchor="middle" '
             f'font-weight="bold">{html.escape(title)}</text>{"".join(lines)}'
             f'<g transform="translate({x0:.2f} {y0:.2f}) scale({per[0]:.4f} {-per[1]:.4f})">{drawn}</g>'
             f'<text x="{box[0] + box[2] / 2:.1f}" y="{bottom:.1f}" text-anchor="middle">{labels[0]}, {unit}</text>'
@@ -202,8 +202,21 @@ def page(names: Sequence[str], both: Sequence[dict[str, Any]]) -> str:
             "max-width:1320px}svg{font:11px sans-serif;margin:6px}td,th{padding:2px 10px;text-align:right}td:first-child{text-align:left}"
             f"</style><h1>Two hands</h1><p>{legend}. Black: people, with one standard deviation.</p>{''.join(pictures(both))}"
             f"<table><tr><th></th><th>A</th><th>B</th><th>B over A</th><th></th></tr>{cells}</table>"
-            "<p>Largest forces: the hand and what it holds are at rest, each muscle gives 0 to all of its isometric force, moments of the wrist and of "
-            "the fingers that press balance. handsim is a research tool and gives no medical advice.</p></html>")
+            "<p>Largest forces: nothing moves, each muscle gives 0 to all of its isometric force, moments of the fingers that press balance; "
+            "the wrist is held, or balances, too. handsim is a research tool and gives no medical advice.</p></html>")
+
+
+def sheet(names: Sequence[str], both: Sequence[dict[str, Any]], columns: int = 3) -> str:
+    """All pictures in one SVG."""
+    drawn = pictures(both)
+    parts = []
+    for i, each in enumerate(drawn):
+        parts.append(f'<g transform="translate({430 * (i % columns)} {30 + 400 * (i // columns)})">{each}</g>')
+    legend = "".join(f'<text x="{20 + 430 * k}" y="20" fill="{color}" font-weight="bold" font-size="14">{letter}: {html.escape(name)}</text>'
+                     for k, (letter, name, color) in enumerate(zip("AB", names, COLORS)))
+    width, height = 430 * columns, 40 + 400 * (-(-len(drawn) // columns))
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" font-family="sans-serif" '
+            f'font-size="11"><rect width="100%" height="100%" fill="white"/>{legend}{"".join(parts)}</svg>')
 
 
 def _share(a: float, b: float) -> str:
@@ -239,9 +252,10 @@ def main(arguments: Sequence[str]) -> int:
         print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit}")
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        for name, text in (("compare.html", page(given, both)), ("compare.json", json.dumps(dict(zip("AB", both)), indent=1))):
+        files = {"compare.html": page(given, both), "compare.svg": sheet(given, both), "compare.json": json.dumps(dict(zip("AB", both)))}
+        for name, text in files.items():
             part = out / f".{name}.part"
             part.write_text(text)
             os.replace(part, out / name)
-        print(f"\nwrote {out / 'compare.html'} and {out / 'compare.json'}")
+        print(f"\nwrote {', '.join(str(out / name) for name in files)}")
     return 0

@@ -14,8 +14,8 @@ namespace handsim::hand {
 namespace {
 
 constexpr double kLeastForce = 1e-6;  ///< of a muscle that is gone [N]
-const Quantity kPart = {Dimension::none, 0, 1};
-const Quantity kFixedAt = {Dimension::angle, -M_PI, M_PI};
+const Quantity kLost = {Dimension::none, 0, 1};
+const Quantity kHeldAngle = {Dimension::angle, -M_PI, M_PI};
 using Names = std::vector<std::string>;
 
 /// True, or a problem.
@@ -39,7 +39,7 @@ class Muscles {
     const bool shares = reader.child("without") && reader.child("without")->kind == YamlNode::Kind::map;
     if (shares || reader.diagnostics().recorder) {
       MapReader map = reader.map("without");
-      for (const std::string& name : map.keys()) lose(map, name, name, map.number(name, kPart));
+      for (const std::string& name : map.keys()) lose(map, name, name, map.number(name, kLost));
     }
     if (shares) return;
     for (const std::string& name : reader.texts("without", 1, 200, "nerves and muscles, or shares of them"))
@@ -158,8 +158,8 @@ void read_ranges(MapReader& reader, const char* key, bool fuses, HandSpec& spec)
   for (const std::string& name : map.keys()) {
     std::optional<std::pair<double, double>> range;
     if (!fuses)
-      range = map.maybe_range(name, kFixedAt);
-    else if (const auto angle = map.maybe_number(name, kFixedAt))
+      range = map.maybe_range(name, kHeldAngle);
+    else if (const auto angle = map.maybe_number(name, kHeldAngle))
       range = {*angle, *angle};
     if (!known(map, name, name, names, fuses ? "a joint of the hand" : "an axis of the hand") || !range)
       continue;

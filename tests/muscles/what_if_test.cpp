@@ -122,10 +122,10 @@ TEST(WhatIf, MusclesOfAFusedWristAreThoseOfItsAngle) {
   }
 }
 
-// Oracle: the angle: a joint that is fused stays there within the range that holds it, in every engine, under
-// the flexor at full force; static optimisation asks no muscle for its moment.
+// Oracle: the angle: a joint that is fused stays there within the range that holds it, in both engines that
+// have stops, under the flexor at full force; static optimisation asks no muscle for its moment.
 TEST(WhatIf, AFusedJointStays) {
-  for (const char* engine : {"articulated", "ode", "dae"}) {
+  for (const char* engine : {"articulated", "ode"}) {
     YamlNode node =
         parse_yaml("title: t\nhands:\n  - " + hand_entry("fused: {index_pip: 30 deg}", "fixed") +
                        "\neffects: [joint_stops, passive_tissue, muscles]\nexcitations: {times: [0], "
@@ -135,9 +135,10 @@ TEST(WhatIf, AFusedJointStays) {
     const scene::Scene scene = scene::compile_scene(std::move(node));
     simulation::Simulation run(scene);
     while (run.state().time < 0.1 - 1e-9) run.step();
-    for (const model::Joint& joint : scene.model.joints)
-      if (joint.name == "right.index_pip")
-        EXPECT_NEAR(run.state().q[static_cast<std::size_t>(joint.first_dof)] * 180 / M_PI, 30, 1) << engine;
+    for (const model::Joint& joint : scene.model.joints) {
+      if (joint.name != "right.index_pip") continue;
+      EXPECT_NEAR(run.state().q[static_cast<std::size_t>(joint.first_dof)] * 180 / M_PI, 30, 1) << engine;
+    }
   }
 }
 
@@ -150,7 +151,7 @@ TEST(WhatIf, UlnarBlockClawsTheRingFinger) {
         subject(blocked ? changed("without: [ulnar_nerve_at_wrist]") : changed("strength: 1"));
     std::map<const model::Muscle*, double> pull;
     for (const auto& [name, share] : std::map<std::string, double>{
-             {"EDC4", 0.2}, {"FDP4", 0.02}, {"FDS4", 0.02}, {"LU4", 0.4}, {"DI4", 0.2}, {"PI2", 0.2}}) {
+             {"EDC4", 0.05}, {"FDP4", 0.02}, {"FDS4", 0.02}, {"LU4", 0.1}, {"DI4", 0.1}, {"PI2", 0.1}}) {
       const model::Muscle& muscle = *hand.muscle(name);
       // A muscle whose nerve is blocked still pulls at rest.
       const bool rests = muscle.excitable == 0;
@@ -236,7 +237,7 @@ TEST(WhatIf, UlnarBlockWeakensTheKeyPinch) {
       "spread: 1, source: s";
   std::ofstream(file)
       << "title: t\nhand: " << test::source("handmodels/anatomical.yaml").string()
-      << "\nhands:\n  block: {without: [ulnar_nerve_at_wrist]}\n  weak: {strength: 0.5}\npeople: {man: "
+      << "\nvariants:\n  block: {without: [ulnar_nerve_at_wrist]}\n  weak: {strength: 0.5}\npeople: {man: "
       << test::source("config/persons/median_man.yaml").string() << "}\nmeasurements:\n  - {name: whole, "
       << row << "}\n  - {name: blocked, hand: block, " << row
       << "}\n  - {name: share, hand: block, relative_to: whole, " << row

@@ -102,7 +102,7 @@ class RowReader {
     if (row.kind != Measured::simulation) {
       row.person = known_name(reader, "person", people_, "a person of this file");
       if (reader.has("hand"))
-        row.hand = known_name(reader, "hand", hands_, "a hand among the hands of this file");
+        row.hand = known_name(reader, "hand", hands_, "one of the variants of this file");
     }
     if (kind_known) read_kind(reader, row);
     row.source = reader.text("source");
@@ -243,7 +243,7 @@ ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
     spec.hand = hand::read_hand_spec(*node, reader.path_of("hand"), diagnostics);
   if (reader.sound() && !spec.hand.muscles)
     reader.problem("hand", "a hand model without muscles", "one with a muscles block");
-  MapReader hands = reader.map("hands");
+  MapReader hands = reader.map("variants");
   for (const std::string& name : hands.keys()) {
     MapReader keys = hands.map(name);
     spec.hands[name] = hand::read_what_if(keys, spec.hand).value_or(spec.hand);
