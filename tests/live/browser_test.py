@@ -6,6 +6,7 @@ what the browser reports (console, requests, pixels).
 import json
 import pathlib
 import sys
+import threading
 import time
 import unittest
 
@@ -80,17 +81,24 @@ class Page(unittest.TestCase):
     def click(self, identifier):
         self.driver.find_element(By.ID, identifier).click()
 
-    def place(self, name):
-        """Pixels of a body from the middle of the canvas."""
-        body = self.session.facts.bodies.index(name)
-        x, y = self.script('handsimLive.view.render(); return handsimLive.view.onScreen(arguments[0])', body)
-        size = self.canvas().size
-        return round(x * size['width'] / 2), round(-y * size['height'] / 2)
-
-    def hold(self, name):
-        """Presses the mouse on a body; names the body that is held."""
-        x, y = self.place(name)
-        ActionChains(self.driver).move_to_element_with_offset(self.canvas(), x, y).click_and_hold().perform()
+    def drag(self, word, *ways):
+        """Drags a body whose name has a word along ways of pixels, a second each, in a thread; returns body and thread."""
+        found = self.script("""
+            handsimLive.view.render();
+            const box = document.querySelector('.screen canvas').getBoundingClientRect(), names = arguments[0], word = arguments[1];
+            const at = (x, y) => handsimLive.bodyAt(box.left + x, box.top + y);
+            for (let y = 20; y < box.height; y += 5) for (let x = 20; x < box.width; x += 5) {
+              const body = at(x, y);
+              if (body && names[body].includes(word) && [[5, 0], [-5, 0], [0, 5], [0, -5]].every(([dx, dy]) => at(x + dx, y + dy) === body)) return [body, x - box.width / 2, y - box.height / 2];
+            }
+            return null;""", self.session.facts.bodies, word)
+        self.assertTrue(found, f'no {word} in the picture')
+        chain = ActionChains(self.driver).move_to_element_with_offset(self.canvas(), round(found[1]), round(found[2])).click_and_hold().pause(1)
+        for way in ways:
+            chain = chain.move_by_offset(*way).pause(1)
+        out = threading.Thread(target=chain.release().perform)
+        out.start()
+        return found[0], out
 
     def state(self):
         return self.session.call(lambda session: (session.course.tick, session.course.state_hash())).result(PATIENCE)
@@ -122,20 +130,16 @@ class Page(unittest.TestCase):
         self.until(lambda: self.script('return handsimLive.time') > 0.3)
         self.click('play')
         self.until(lambda: not self.session.playing)
-        index = self.session.facts.bodies.index('right.index_distal')
-        self.hold('right.index_distal')
-        self.until(lambda: self.session.course.controls['springs'])
-        row = next(iter(self.session.course.controls['springs'].values()))
-        held = int(row[0])
-        self.assertIn('index', self.session.facts.bodies[held])
+        held, moving = self.drag('_distal', (-20, -20), (-20, -20), (-10, -20))
         before = self.session.view.poses[held, :3].copy()
-        self.script("handsimLive.send('play', {on: true})")
-        ActionChains(self.driver).move_by_offset(-40, -60).move_by_offset(-20, -30).perform()
+        self.until(lambda: self.session.course.controls['springs'])
+        self.live.do('play', on=True)
+        self.assertEqual(next(iter(self.session.course.controls['springs'].values()))[0], held)
+        self.until(lambda: abs(self.session.course.spring_forces).max() > 0.05)
         self.until(lambda: abs(self.session.view.poses[held, :3] - before).max() > 0.003)
-        self.until(lambda: 'pulled with' in self.driver.find_element(By.CLASS_NAME, 'label').text)
-        self.until(lambda: len(self.script('return handsimLive.latency')) > 0)
-        ActionChains(self.driver).release().perform()
+        moving.join()
         self.until(lambda: not self.session.course.controls['springs'])
+        self.assertGreater(len(self.script('return handsimLive.latency')), 0)
         self.click('play')
         self.until(lambda: not self.session.playing)
         present = self.state()
@@ -163,7 +167,6 @@ class Page(unittest.TestCase):
         found.run()
         self.assertEqual((found.course.tick, found.course.state_hash()), (tick, end))
         self.assertEqual(self.problems(), [])
-        self.assertGreater(index, 0)
 
     def test_a_drag_beside_bodies_turns_the_camera(self):
         first = self.pixels()
@@ -173,10 +176,9 @@ class Page(unittest.TestCase):
         self.assertEqual(self.session.course.controls['springs'], {})
 
     def test_a_driven_wrist_is_moved(self):
-        self.hold('right.palm')
-        ActionChains(self.driver).move_by_offset(60, 0).perform()
+        _, moving = self.drag('.palm', (60, 0))
         self.until(lambda: self.session.course.controls['wrists'] is not None)
-        ActionChains(self.driver).release().perform()
+        moving.join()
 
     def test_poses_gravity_and_speed(self):
         self.driver.find_element(By.CSS_SELECTOR, '[data-pose=claw]').click()

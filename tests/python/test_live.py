@@ -78,13 +78,13 @@ def test_without_inputs_it_has_the_bits_of_the_simulation(two_hands):
 
 
 def test_a_spring_stretches_by_weight_over_stiffness():
-    # A ball of 0.2 kg hangs on a spring of 150 N/m: 0.2 * 9.81 / 150 = 13.08 mm.
+    # A ball of 0.2 kg hangs on a spring of 150 N/m: 0.2 * 9.80665 / 150 = 13.08 mm.
     scene = hs.load({**BALLS, "objects": [BALLS["objects"][1]]})
     hand = Hand(scene)
     hand.do("spring", id=0, body=1, point=[0, 0, 0], goal=[0.2, 0, 9], stiffness=150)
     hand.run(9000)
-    assert hand.session.course.core.bodies()[0][1, 2] == pytest.approx(9 - 0.2 * 9.81 / 150, abs=1e-6)
-    assert hand.session.course.spring_forces[0, 2] == pytest.approx(0.2 * 9.81, abs=1e-4)
+    assert hand.session.course.core.bodies()[0][1, 2] == pytest.approx(9 - 0.2 * 9.80665 / 150, abs=1e-6)
+    assert hand.session.course.spring_forces[0, 2] == pytest.approx(0.2 * 9.80665, abs=1e-4)
 
 
 def test_a_spring_beside_the_centre_turns_a_body_with_its_moment():
@@ -119,7 +119,7 @@ def test_gravity_changes_while_it_falls(balls_hand):
     balls_hand.run(100)
     balls_hand.do("number", name="gravity", value=[0, 0, 0])
     balls_hand.run(100)
-    assert balls_hand.session.course.core.bodies()[2][high, 2] == pytest.approx(-9.81 * 0.1, rel=1e-9)
+    assert balls_hand.session.course.core.bodies()[2][high, 2] == pytest.approx(-9.80665 * 0.1, rel=1e-9)
 
 
 def test_the_mass_of_an_object_changes_what_a_push_does(balls_hand):
@@ -281,7 +281,7 @@ def test_reset_is_the_start(hands):
     busy(hands)
     session = hands.session
     session.input({"scene": {"hands.0.person.stature": 1.755}})
-    hands.do("number", name="gravity", value=[0, 0, -9.81])
+    hands.do("number", name="gravity", value=[0, 0, -9.80665])
     hands.do("reset")
     hands.run(10)
     assert hands.replay().end == session.course.state_hash()
@@ -561,24 +561,29 @@ class InStep:
         self.session._publish(time.monotonic())
 
 
-def test_no_joint_is_faster_than_20_rad_per_s_when_200_ms_of_frames_are_missing(can):
-    still = hs.load("grasp_power_can", {"objects.0.position": [2, 0, 0.5]} if False else None, engine="articulated")
-    drive = InStep(still)
-    draw = np.random.default_rng(7)
-    steps, frames = frames_of(can)
-    for k, (t, points) in enumerate(frames[:130]):
-        if 60 <= k < 78:  # 200 ms, in which the hand closes
-            gap = t - frames[59][0]
-            tracked = drive.follower._hands["right"]
-            pose = tracked.filter.predicted(gap)
-            with drive.follower._lock:
-                drive.follower._use(tracked, pose)
-                drive.follower._send(time.monotonic(), 0.01)
-            drive.session._take()
-        else:
-            drive.frame(t, points + draw.normal(0, 2e-3, points.shape))
-        drive.run(steps)
-    assert max(drive.rates[200:]) < 20
+def test_no_joint_is_faster_than_20_rad_per_s_when_200_ms_of_frames_are_missing():
+    # Hands that go through every pose without an object, whose contact could push joints; gaps at many times.
+    scene = hs.load("every_pose", engine="articulated")
+    simulation, filter_, frames = hs.Simulation(scene), HandFilter(scene, 0), []
+    index, steps = [scene.coordinates.index(axis) for axis in filter_.axes], round(1 / 90 / scene.step)
+    while simulation.time < 7:
+        frames.append((simulation.time, filter_.points(np.concatenate(([0, 0, 0.3, 1, 0, 0, 0], np.array(simulation.q)[index])))))
+        simulation.step(substeps=steps)
+    draw, fastest = np.random.default_rng(7), []
+    for first in range(60, len(frames) - 60, 74):
+        drive = InStep(scene)
+        for k in range(first - 40, first + 60):
+            t, points = frames[k]
+            if first <= k < first + 18:  # 200 ms
+                follower = drive.follower
+                follower._use(follower._hands["right"], follower._hands["right"].filter.predicted(t - frames[first - 1][0]))
+                follower._send(time.monotonic(), 0.01)
+                drive.session._take()
+            else:
+                drive.frame(t, points + draw.normal(0, 2e-3, points.shape))
+            drive.run(steps)
+        fastest.append(max(drive.rates[40 * steps:]))
+    assert len(fastest) >= 6 and max(fastest) < 20
 
 
 def test_a_lost_hand_relaxes_slowly(can):

@@ -450,7 +450,7 @@
           element('p', {class: 'dim'}, 'A drag on a body pulls it, or moves a driven wrist; beside bodies it turns the camera. Shift-drag, right button or two fingers: pan. Wheel: zoom.')),
         curves),
       panel));
-  const listeners = {pointerdown: 'begin', pointermove: 'move', pointerup: 'end', pointercancel: 'end'};
+  const listeners = {pointerdown: 'begin', pointermove: 'move', pointerup: 'end', pointercancel: 'end', lostpointercapture: 'end'};
   for (const [name, what] of Object.entries(listeners)) screen.addEventListener(name, event => pull[what](event), true);
   document.addEventListener('keydown', event => {
     const of = event.target, typing = /^(SELECT|TEXTAREA)$/.test(of.tagName) || of.tagName === 'INPUT' && of.type !== 'checkbox';
@@ -466,5 +466,5 @@
   connect();
   requestAnimationFrame(tick);
   /** For tests and scripts in the browser's console. */
-  window.handsimLive = {state, send, latency, get view() { return view; }, get time() { return time; }, get springs() { return springs; }, get views() { return [views, shownViews]; }, get angles() { return angles; }};
+  window.handsimLive = {state, send, latency, bodyAt(clientX, clientY) { const found = pull.hit({clientX, clientY}); return found ? found.object.userData.shape.body : 0; }, get view() { return view; }, get time() { return time; }, get springs() { return springs; }, get views() { return [views, shownViews]; }, get angles() { return angles; }};
 })();

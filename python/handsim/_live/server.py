@@ -133,6 +133,10 @@ class Server:
         for page in list(self.pages):
             await page.socket.close(code=1001)
         await runner.cleanup()
+        rest = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in rest:
+            task.cancel()
+        await asyncio.gather(*rest, return_exceptions=True)
 
     def _connection(self) -> asyncio.Protocol:
         """A connection; one too many is closed, and one that does not become a page's is, too."""

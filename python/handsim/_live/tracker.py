@@ -101,7 +101,7 @@ class HandFilter:
     def _sized(self, points: Array) -> Array:
         """The points of a hand of the scene's size: scaled about the fingers' bases by the lengths of the palm."""
         if np.isfinite(points[[0, *PALM]]).all():
-            ratio = float(np.mean(np.linalg.norm(points[PALM] - points[0], axis=1) / self._palm))
+            ratio = float(np.median(np.linalg.norm(points[PALM] - points[0], axis=1) / self._palm))
             ratio = min(2.0, max(0.5, ratio))
             self.scale += (1.0 if self.time is None else 0.02) * (ratio - self.scale)
         palm = points[PALM]
