@@ -6,11 +6,9 @@ namespace handsim::python {
 
 namespace {
 
+/// In the order of columns, as they are.
 py::array_t<double> array(const Eigen::MatrixXd& of) {
-  py::array_t<double> out({of.rows(), of.cols()});
-  Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-      out.mutable_data(), of.rows(), of.cols()) = of;
-  return out;
+  return py::array_t<double, py::array::f_style>({of.rows(), of.cols()}, of.data());
 }
 
 py::array_t<double> numbers(const Eigen::VectorXd& of) { return py::array_t<double>(of.size(), of.data()); }

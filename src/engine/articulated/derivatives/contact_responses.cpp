@@ -8,8 +8,8 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// Steps of the differences: an error of (step / radius)^4 beside rounding [rad], [m].
-constexpr double kTurn = 2e-4, kShift = 2e-6;
+/// Steps of the differences: an error of (step / radius)^2 beside rounding [rad], [m].
+constexpr double kTurn = 2e-5, kShift = 2e-7;
 
 /// A pose after a twist about a point.
 Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
@@ -65,8 +65,7 @@ void ContactSlopes::difference(const Touch& touch, const Pose& x_WA, const Pose&
     return true;
   };
   const std::vector<ContactResponse> before = responses_;
-  const bool above = add(1, 8, 12) && add(2, -1, 12);
-  const bool below = add(-1, -8, 12) && add(-2, 1, 12);
+  const bool above = add(1, 1, 2), below = add(-1, -1, 2);
   if (above && below) return;
   // Points come or go: the side on which they stay.
   responses_ = before;

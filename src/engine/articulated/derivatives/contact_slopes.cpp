@@ -16,6 +16,7 @@ constexpr int kRefinements = 12;
 /// Newton steps that only rounding leaves: where they are below the first, or do not shrink below the second
 /// [rad/s or m/s].
 constexpr double kRefined = 1e-16, kAccepted = 1e-10;
+constexpr double kNear = 1e-8;  ///< After larger steps the next has a factor of its own.
 /// A contact that carries less of the largest impulse is about to open; one that gives way slower [m/s] and
 /// carries none is about to close; friction this near to its limit is about to stick or slide.
 constexpr double kLeastImpulse = 1e-6, kLeastSpeed = 1e-8, kLimitMargin = 1e-6;
@@ -54,47 +55,59 @@ void ContactSlopes::add_stiffness(Eigen::MatrixXd& K) {
   for (const ContactRows& rows : p.contacts) {
     if (rows.open) continue;
     const auto size = static_cast<Eigen::Index>(rows.rows), width = static_cast<Eigen::Index>(rows.dof_count);
-    const Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>> J(
-        p.entries_of(rows), size, width);
-    const Eigen::MatrixXd DJ = law_of(rows).topLeftCorner(size, size) * J, sum = J.transpose() * DJ;
+    const double* J = p.entries_of(rows);
+    const Law6 law = law_of(rows);
     const std::span<const int> dofs = p.dofs_of(rows);
-    for (Eigen::Index i = 0; i < width; ++i)
-      for (Eigen::Index j = 0; j < width; ++j)
-        K(contact_.dof_of_[at(dofs[at(i)])], contact_.dof_of_[at(dofs[at(j)])]) += sum(i, j);
+    for (Eigen::Index j = 0; j < width; ++j) {
+      std::array<double, kMostRows> DJ{};
+      for (Eigen::Index a = 0; a < size; ++a)
+        for (Eigen::Index b = 0; b < size; ++b) DJ[at(a)] += law(a, b) * J[b * width + j];
+      double* column = &K(0, contact_.dof_of_[at(dofs[at(j)])]);
+      for (Eigen::Index i = 0; i < width; ++i) {
+        double sum = 0;
+        for (Eigen::Index a = 0; a < size; ++a) sum += J[a * width + i] * DJ[at(a)];
+        column[contact_.dof_of_[at(dofs[at(i)])]] += sum;
+      }
+    }
   }
+}
+
+/// The factor of K at x, without what bounds hold.
+void ContactSlopes::factor(const Eigen::MatrixXd& inertia) {
+  const Problem& p = ContactDynamics::workspace().problem;
+  K_ = inertia;
+  add_stiffness(K_);
+  Eigen::MatrixXd K = K_(contact_.dof_of_, contact_.dof_of_);
+  for (Eigen::Index k = 0; k < K.rows(); ++k) {
+    const Servo& servo = p.servos[at(k)];
+    if (servo.limit > 0 && servo.saturated == Side::within) K(k, k) += servo.slope;
+    if (p.bounds[at(k)].side == Side::within) continue;
+    K.row(k).setZero();
+    K.col(k).setZero();
+    K(k, k) = 1;
+  }
+  factor_.compute(K);
 }
 
 bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
   Workspace& w = ContactDynamics::workspace();
   Problem& p = w.problem;
-  const std::vector<int>& dofs = contact_.dof_of_;
-  const Eigen::Index n = p.size();
   w.resize(p);
-  double last = HUGE_VAL;
+  Eigen::VectorXd d(p.size());
+  double last = 0;
   bool done = false;
   for (int i = 0; i < kRefinements && !done; ++i) {
     evaluate(p, w, Law::coulomb);
-    Eigen::MatrixXd all = inertia;
-    add_stiffness(all);
-    Eigen::MatrixXd K = all(dofs, dofs);
-    Eigen::VectorXd d(n);
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const Servo& servo = p.servos[at(k)];
-      if (servo.limit > 0 && servo.saturated == Side::within) K(k, k) += servo.slope;
-      d[k] = -w.F[at(k)];
-      if (p.bounds[at(k)].side == Side::within) continue;
-      K.row(k).setZero();
-      K.col(k).setZero();
-      K(k, k) = 1;
-      d[k] = 0;
-    }
-    d = K.partialPivLu().solve(d);
+    // Near the solution one factor serves for all steps.
+    for (Eigen::Index k = 0; k < d.size(); ++k) d[k] = p.bounds[at(k)].side == Side::within ? -w.F[at(k)] : 0;
+    if (i == 0 || last > kNear) factor(inertia);
+    d = factor_.solve(d);
     const double change = d.lpNorm<Eigen::Infinity>();
     if (!std::isfinite(change)) return false;
     // Rounding does not get smaller from step to step.
-    done = change <= kRefined || (change <= kAccepted && change >= 0.5 * last);
+    done = change <= kRefined || (i > 0 && change <= kAccepted && change >= 0.5 * last);
     last = change;
-    for (Eigen::Index k = 0; k < n; ++k) p.x[at(k)] += d[k];
+    for (Eigen::Index k = 0; k < d.size(); ++k) p.x[at(k)] += d[k];
   }
   evaluate(p, w, Law::coulomb);
   contact_.take_over(p, step);

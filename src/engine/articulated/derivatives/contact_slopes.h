@@ -72,6 +72,7 @@ class ContactSlopes {
     double by_depth = 0;  ///< derivatives of the target
     double by_approach = 0;
   };
+  void factor(const Eigen::MatrixXd& inertia);
   static Law6 law_of(const ContactRows& rows);
   void find_velocities();
   Partner partner_of(int shape) const;
@@ -92,6 +93,8 @@ class ContactSlopes {
   Mechanism& mechanism_;
   ContactDynamics& contact_;
   const DynamicsSlopes& tree_;
+  Eigen::MatrixXd K_;
+  Eigen::PartialPivLU<Eigen::MatrixXd> factor_;
   std::vector<Spatial> end_;  ///< velocity of each node at the rates of the step's end
   std::vector<Column> columns_;
   Partner a_, b_;

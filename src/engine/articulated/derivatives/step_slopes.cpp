@@ -224,65 +224,117 @@ void StepSlopes::find_turns() {
   }
 }
 
-/// Rows (q', u') from rows x in the tree's order; of_state: columns are (q, u) in the coordinates' order.
-Eigen::MatrixXd StepSlopes::stepped(const Eigen::MatrixXd& x, bool of_state) const {
+/// Coordinates that K or dF/dq join: each group is a system of its own.
+void StepSlopes::find_groups() {
+  const std::size_t n = dof_of_.size();
+  group_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) group_[i] = i;
+  const auto find = [&](std::size_t i) {
+    while (group_[i] != i) i = group_[i] = group_[group_[i]];
+    return i;
+  };
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t i = 0; i < n; ++i) {
+      const int a = dof_of_[i], b = dof_of_[j];
+      if (i != j && group_[i] != group_[j] && (K_(a, b) != 0 || by_q_(a, b) != 0)) group_[find(i)] = find(j);
+    }
+  groups_.assign(n, {});
+  for (std::size_t i = 0; i < n; ++i) groups_[find(i)].push_back(static_cast<int>(i));
+  std::erase_if(groups_, [](const std::vector<int>& each) { return each.empty(); });
+}
+
+/// dF by gravity, and by forces and moments on bodies: a row of each coordinate.
+void StepSlopes::find_loads(StepDerivatives& out) {
   const auto n = static_cast<Eigen::Index>(dof_of_.size());
-  Eigen::MatrixXd out(2 * n, x.cols());
-  for (Eigen::Index c = 0; c < n; ++c) out.row(n + c) = x.row(dof_of_[at(c)]);
-  out.topRows(n) = settings_.step * out.bottomRows(n);
-  if (of_state) out.topLeftCorner(n, n).diagonal().array() += 1;
-  for (const auto& [first, turn] : turns_) {
-    const auto c = static_cast<Eigen::Index>(first);
-    out.middleRows<3>(c) = turn[1] * out.middleRows<3>(n + c);
-    if (of_state) out.block<3, 3>(c, c) += turn[0];
-  }
-  return out;
-}
-
-/// -K^-1 dF, with nothing in the rows of stops.
-Eigen::MatrixXd StepSlopes::response(const Eigen::MatrixXd& by) const {
-  Eigen::MatrixXd rows = by;
-  for (const Single& each : singles_)
-    if (each.held()) rows.row(each.dof).setZero();
-  return -(inverse_ * rows);
-}
-
-void StepSlopes::solve(StepDerivatives& out) {
   const double h = settings_.step;
-  for (const Single& each : singles_)
-    if (each.held()) hold(each, out);
-  inverse_ = K_.partialPivLu().inverse();
-  find_turns();
-  const Eigen::Index n = out.coordinates;
-  Eigen::MatrixXd x(n, 2 * n);
-  x.leftCols(n) = -(inverse_ * by_q_);
-  x.rightCols(n) = inverse_ * by_u_;
-  std::vector<int> columns = dof_of_;
-  for (const int dof : dof_of_) columns.push_back(dof + out.coordinates);
-  out.by_state = stepped(x(Eigen::all, columns), true);
-  Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(n, n);
-  for (Eigen::Index c = 0; c < n; ++c) unit(dof_of_[at(c)], c) = -h;
-  out.by_torque = stepped(response(unit), false);
-  Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(n, 3);
-  if (settings_.effects.has(model::Effect::gravity))
-    for (int i = 0; i < out.coordinates; ++i) weights.row(i) = -h * tree_.carried(i);
-  out.by_gravity = stepped(response(weights), false);
-  Eigen::MatrixXd forces = Eigen::MatrixXd::Zero(n, 6 * static_cast<Eigen::Index>(out.forced.size()));
+  loads_.setZero(n, 3 + 6 * static_cast<Eigen::Index>(out.forced.size()));
+  for (Eigen::Index c = 0; c < n && settings_.effects.has(model::Effect::gravity); ++c)
+    loads_.block<1, 3>(c, 0) = h * tree_.carried(dof_of_[at(c)]);
   for (std::size_t k = 0; k < out.forced.size(); ++k) {
     const int node = mechanism_.topology().node_of_body[at(out.forced[k])];
     const Vec3 p = read3(mechanism_.view(at(node)).p, mechanism_.stride());
     for (int i = tree_.last_dof(node); i != kNoDof; i = tree_.parent_dof(i)) {
+      const Eigen::Index c = std::ranges::find(dof_of_, i) - dof_of_.begin();
       const Spatial v = at_point(tree_.axis(i), p);
-      forces.block<1, 3>(i, 6 * static_cast<Eigen::Index>(k)) = -h * v.tail<3>();
-      forces.block<1, 3>(i, 6 * static_cast<Eigen::Index>(k) + 3) = -h * v.head<3>();
+      loads_.block<1, 6>(c, 3 + 6 * static_cast<Eigen::Index>(k)) << h * v.tail<3>().transpose(),
+          h * v.head<3>().transpose();
     }
   }
-  out.by_force = stepped(response(forces), false);
-  if (by_activation_.size() == 0) return;
+}
+
+/// Changes of rates, u' in the lower half of the rows, of one group.
+void StepSlopes::solve_group(const std::vector<int>& group, StepDerivatives& out) {
+  const auto n = static_cast<Eigen::Index>(dof_of_.size()), m = static_cast<Eigen::Index>(group.size());
+  const auto coordinate = [&](Eigen::Index i) { return static_cast<Eigen::Index>(group[at(i)]); };
+  const auto dof = [&](Eigen::Index i) { return dof_of_[at(group[at(i)])]; };
+  Eigen::MatrixXd K(m, m), Q(m, m), U(m, m);
+  for (Eigen::Index j = 0; j < m; ++j)
+    for (Eigen::Index i = 0; i < m; ++i) {
+      K(i, j) = K_(dof(i), dof(j));
+      Q(i, j) = by_q_(dof(i), dof(j));
+      U(i, j) = by_u_(dof(i), dof(j));
+    }
+  const Eigen::MatrixXd inverse = K.partialPivLu().inverse();
+  // The library's large product has a start-up that small ones need not pay.
+  const auto put = [&](const Eigen::MatrixXd& by, Eigen::MatrixXd& to, double sign, auto column) {
+    const Eigen::MatrixXd found =
+        m < 12 ? Eigen::MatrixXd(inverse.lazyProduct(by)) : Eigen::MatrixXd(inverse * by);
+    for (Eigen::Index j = 0; j < by.cols(); ++j)
+      for (Eigen::Index i = 0; i < m; ++i) to(n + coordinate(i), column(j)) = sign * found(i, j);
+  };
+  put(Q, out.by_state, -1, coordinate);
+  put(U, out.by_state, 1, [&](Eigen::Index j) { return n + coordinate(j); });
+  const auto same = [](Eigen::Index j) { return j; };
+  Eigen::MatrixXd loads(m, loads_.cols()), pulls(m, by_activation_.cols());
+  for (Eigen::Index i = 0; i < m; ++i) {
+    // Nothing moves what a stop holds.
+    const double free = held_[at(group[at(i)])] ? 0 : 1;
+    loads.row(i) = free * loads_.row(coordinate(i));
+    if (pulls.cols() > 0) pulls.row(i) = free * by_activation_.row(dof(i));
+    for (Eigen::Index k = 0; k < m; ++k)
+      out.by_torque(n + coordinate(k), coordinate(i)) = free * settings_.step * inverse(k, i);
+  }
+  put(loads.leftCols(3), out.by_gravity, 1, same);
+  if (out.by_force.cols() > 0) put(loads.rightCols(loads.cols() - 3), out.by_force, 1, same);
   // Activations at the end pull.
-  const Eigen::MatrixXd pulled = stepped(response(by_activation_), false);
-  out.by_excitation = pulled * out.activation_by_excitation.asDiagonal();
-  out.by_activation = pulled * out.activation_by_activation.asDiagonal();
+  if (pulls.cols() > 0) put(pulls, out.by_activation, -1, same);
+}
+
+/// q' from u', in the upper half of the rows.
+void StepSlopes::move(Eigen::MatrixXd& of, bool of_state) const {
+  const auto n = static_cast<Eigen::Index>(dof_of_.size());
+  of.topRows(n) = settings_.step * of.bottomRows(n);
+  if (of_state) of.topLeftCorner(n, n).diagonal().array() += 1;
+  for (const auto& [first, turn] : turns_) {
+    const auto c = static_cast<Eigen::Index>(first);
+    of.middleRows<3>(c) = turn[1] * of.middleRows<3>(n + c);
+    if (of_state) of.block<3, 3>(c, c) += turn[0];
+  }
+}
+
+void StepSlopes::solve(StepDerivatives& out) {
+  held_.assign(dof_of_.size(), 0);
+  for (const Single& each : singles_)
+    if (each.held()) {
+      hold(each, out);
+      held_[each.coordinate] = 1;
+    }
+  find_turns();
+  find_groups();
+  find_loads(out);
+  const Eigen::Index rows = 2 * static_cast<Eigen::Index>(dof_of_.size());
+  out.by_state.setZero(rows, rows);
+  out.by_torque.setZero(rows, rows / 2);
+  out.by_gravity.setZero(rows, 3);
+  out.by_force.setZero(rows, loads_.cols() - 3);
+  out.by_activation.setZero(rows, by_activation_.cols());
+  for (const std::vector<int>& group : groups_) solve_group(group, out);
+  move(out.by_state, true);
+  for (Eigen::MatrixXd* each : {&out.by_torque, &out.by_gravity, &out.by_force, &out.by_activation})
+    move(*each, false);
+  if (by_activation_.cols() == 0) return;
+  out.by_excitation = out.by_activation * out.activation_by_excitation.asDiagonal();
+  out.by_activation *= out.activation_by_activation.asDiagonal();
 }
 
 }  // namespace handsim::engine::articulated

@@ -48,8 +48,10 @@ class StepSlopes {
   void hold(const Single& each, StepDerivatives& out);
   std::string name_of(const Single& each) const;
   void solve(StepDerivatives& out);
-  Eigen::MatrixXd response(const Eigen::MatrixXd& by) const;
-  Eigen::MatrixXd stepped(const Eigen::MatrixXd& x, bool of_state) const;
+  void find_groups();
+  void find_loads(StepDerivatives& out);
+  void solve_group(const std::vector<int>& group, StepDerivatives& out);
+  void move(Eigen::MatrixXd& of, bool of_state) const;
   void find_turns();
 
   const model::Model& model_;
@@ -59,11 +61,14 @@ class StepSlopes {
   DynamicsSlopes tree_;
   std::optional<ContactSlopes> contacts_;
   std::vector<Single> singles_;
-  std::vector<int> dof_of_;                                         ///< of the tree, of each coordinate
-  std::vector<int> free_bodies_;                                    ///< of Model
-  std::vector<std::size_t> rate_;                                   ///< of each dof, in Mechanism::u()
-  std::vector<double> du_, q_, u_;                                  ///< of each dof; by Model::dof_count()
-  Eigen::MatrixXd K_, by_q_, by_u_, inverse_, by_activation_;       ///< by_u_: later K - dF/du
+  std::vector<int> dof_of_;                                  ///< of the tree, of each coordinate
+  std::vector<int> free_bodies_;                             ///< of Model
+  std::vector<std::size_t> rate_;                            ///< of each dof, in Mechanism::u()
+  std::vector<double> du_, q_, u_;                           ///< of each dof; by Model::dof_count()
+  Eigen::MatrixXd K_, by_q_, by_u_, by_activation_, loads_;  ///< by_u_: later K - dF/du
+  std::vector<std::size_t> group_;  ///< of each coordinate: another of its group, or itself
+  std::vector<std::vector<int>> groups_;
+  std::vector<char> held_;                                          ///< coordinates on their stop
   std::vector<std::pair<std::size_t, std::array<Mat3, 2>>> turns_;  ///< exp(h w') and h times its Jacobian
 };
 
