@@ -13,8 +13,8 @@ import numpy as np
 # c, a, b, t, w, s, l: fitted to tip forces under EDC alone (Synek 2019); of the index also to its largest dorsal force and what EDC
 # turns.
 MIDDLE = (3.570, 1.761, 2.530, 2.784, 0.399, 1.591, 0.372)
-INDEX = (4.238, 2.704, 1.485, 2.873, 0.379, 1.495, 0.217)
-PRODUCTS = ((1, 2, 1, 1), (0, 1, 1, 1), (0, 1, 1, 2), (0, 2, 1, 1), (1, 2, 2, 1), (1, 2, 1, 2))  # axes, powers
+INDEX = (4.37, 2.79, 1.53, 2.96, 0.379, 1.54, 0.217)
+PRODUCTS = ((1, 2), (0, 2), (0, 1))  # axes
 JOINTS = ("mcp", "pip", "dip")
 ROWS = (("EDC2", "index", INDEX, 1), ("EDC3", "middle", MIDDLE, 1), ("EDC4", "ring", MIDDLE, 0.8557), ("EDC5", "little", MIDDLE, 0.7217))
 
@@ -33,11 +33,10 @@ def polynomials(p):
     rows, wanted = [], []
     for q in (np.array((x, y, z)) for x in np.linspace(-0.6, 1.57, 8) for y in np.linspace(0, 1.75, 10)
               for z in np.linspace(0, 1.4, 8) if abs(z - 0.67 * y) < 0.75):
-        row = np.zeros((3, 7 + len(PRODUCTS)))
-        row[1, :4], row[2, 4:7] = q[1] ** np.arange(4), q[2] ** np.arange(3)
-        for j, (a, b, m, n) in enumerate(PRODUCTS):
-            row[a, 7 + j] += m * q[a] ** (m - 1) * q[b] ** n
-            row[b, 7 + j] += n * q[a] ** m * q[b] ** (n - 1)
+        row = np.zeros((3, 5 + len(PRODUCTS)))
+        row[1, :3], row[2, 3:5] = q[1] ** np.arange(3), q[2] ** np.arange(2)
+        for j, (a, b) in enumerate(PRODUCTS):
+            row[a, 5 + j], row[b, 5 + j] = q[b], q[a]
         weight = np.array((0.3, 1, 1))
         rows += list(row * weight[:, None])
         wanted += list(np.array(arms(p, q)) * weight)
@@ -46,6 +45,6 @@ def polynomials(p):
 
 for name, finger, network, size in ROWS:
     c = size * polynomials(network)
-    print(f"{name}: {finger}_pip.flexion: {np.round(c[:4], 6).tolist()}, {finger}_dip.flexion: {np.round(c[4:7], 6).tolist()}")
-    for factor, (a, b, m, n) in zip(c[7:], PRODUCTS):
-        print(f"  {finger}_{JOINTS[a]}^{m} {finger}_{JOINTS[b]}^{n}: {factor:.6f}")
+    print(f"{name}: {finger}_pip.flexion: {np.round(c[:3], 6).tolist()}, {finger}_dip.flexion: {np.round(c[3:5], 6).tolist()}")
+    for factor, (a, b) in zip(c[5:], PRODUCTS):
+        print(f"  {finger}_{JOINTS[a]} {finger}_{JOINTS[b]}: {factor:.6f}")

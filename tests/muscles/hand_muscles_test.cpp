@@ -73,7 +73,7 @@ TEST(HandMuscles, SlipsOfTheLongExtensorShareByPosture) {
     EXPECT_LT(arm["index_pip.flexion"], 0);
     return arm["index_dip.flexion"] / arm["index_pip.flexion"];
   };
-  EXPECT_NEAR(ratio(45, 45, 10), 0.097 / (0.097 + 0.143 * std::cos(M_PI / 18)), 0.04);
+  EXPECT_NEAR(ratio(45, 45, 10), 0.097 / (0.097 + 0.143 * std::cos(M_PI / 18)), 0.05);
   EXPECT_GT(ratio(0, 0, 0), ratio(45, 45, 10) + 0.05);
   EXPECT_GT(ratio(45, 45, 45), ratio(45, 45, 10));
 }
