@@ -744,7 +744,10 @@ def validation():
     by_reason = {}
     for row in short:
         by_reason.setdefault(row["reason"] or "no reason known", []).append(row)
-    rows = [["within one spread", f"{len(found) - len(short)} of {len(found)}", ""]]
+    rows = []
+    for title, predicted in (("within one spread", "no"), ("predictions within one spread", "yes")):
+        of = [row for row in found if row["predicted"] == predicted]
+        rows.append([title, f"{sum(row['verdict'] == 'within' for row in of)} of {len(of)}", ""])
     for reason, those in sorted(by_reason.items(), key=lambda item: -len(item[1])):
         names = [re.split(r"[,:]", row["quantity"])[0] for row in those]
         rows.append([reason, str(len(those)), "; ".join(dict.fromkeys(names))])

@@ -10,6 +10,7 @@
 #include "handsim/core/units.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/pulleys.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/report/page.h"
@@ -84,8 +85,10 @@ void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
         grip.contacts);
   print_parts(grip.parts);
   for (const simulation::FingerLoad& load : grip.fingers)
-    print("      {:<7} tendons: deep {:.3g} N, superficial {:.3g} N; pulleys: A2 {:.3g} N, A4 {:.3g} N\n",
-          load.finger, load.deep, load.superficial, load.a2, load.a4);
+    print(
+        "      {:<7} tendons: deep {:.3g} N, superficial {:.3g} N; pulleys: A2 {:.3g} N ({:.0f} % of what "
+        "cadaver fingers bore), A4 {:.3g} N\n",
+        load.finger, load.deep, load.superficial, load.a2, 100 * load.a2 / model::kPulleyStrength, load.a4);
 }
 
 void print_climbs(const simulation::RunResult& result) {

@@ -12,6 +12,10 @@
 
 namespace handsim::model {
 
+/// Largest force on A2 [N]: of 12 cadaver fingers loaded in a crimp until something tore, 287 N (Schoeffl
+/// 2009).
+inline constexpr double kPulleyStrength = 287;
+
 /// Tensions of a finger's flexors [N].
 struct FlexorTensions {
   double deep = 0, superficial = 0;

@@ -57,6 +57,27 @@ TEST(HandMuscles, HaveTheArmsOfTheFileOnTheFilesHand) {
   EXPECT_NEAR(arm, 0.0097, 0.0006);
 }
 
+// A force across the last segment has moments of the DIP and the PIP in the ratio of their distances to its
+// line, L3 and L3 + L2 cos(DIP). Oracle: of a fingertip, 0.41; the slips give it where the PIP is flexed and
+// the DIP nearly straight, and more of the DIP's in a straight finger, in which the slips share evenly.
+TEST(HandMuscles, SlipsOfTheLongExtensorShareByPosture) {
+  const BuiltHand hand = build_hand(shipped(), person(1.75, 72, Sex::male));
+  const auto ratio = [&](double mcp, double pip, double dip) {
+    const model::TendonPath& path = muscle(hand, "EDC2").path;
+    const model::PathState at = path_state(
+        path,
+        pose(hand, {{"index_mcp.flexion", mcp}, {"index_pip.flexion", pip}, {"index_dip.flexion", dip}}));
+    std::map<std::string, double> arm;
+    for (std::size_t i = 0; i < path.arms.size(); ++i)
+      arm[hand.axes[static_cast<std::size_t>(path.arms[i].dof)].name] = at.arm[i];
+    EXPECT_LT(arm["index_pip.flexion"], 0);
+    return arm["index_dip.flexion"] / arm["index_pip.flexion"];
+  };
+  EXPECT_NEAR(ratio(45, 45, 10), 0.097 / (0.097 + 0.143 * std::cos(M_PI / 18)), 0.05);
+  EXPECT_GT(ratio(0, 0, 0), ratio(45, 45, 10) + 0.05);
+  EXPECT_GT(ratio(45, 45, 45), ratio(45, 45, 10));
+}
+
 // Oracle: lengths scale with hand length, torques with length times strength.
 TEST(HandMuscles, ScaleWithHandLengthAndGripStrength) {
   const HandSpec spec = shipped();

@@ -27,6 +27,7 @@ Json fingers_json(const std::vector<FingerLoad>& fingers) {
                    {"FDP_N", each.deep},
                    {"FDS_N", each.superficial},
                    {"A2_N", each.a2},
+                   {"A2_of_strength", each.a2 / model::kPulleyStrength},
                    {"A4_N", each.a4}});
   return out;
 }
