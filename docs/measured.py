@@ -754,6 +754,17 @@ def validation():
     return table(["verdict, or why rows fall short", "rows", "quantities"], rows)
 
 
+def clinic():
+    path = OUT / "clinic" / "run" / "validate.csv"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    with path.open() as file:
+        found = list(csv.DictReader(file))
+    return table(["quantity", "ours", "people", "spread", "unit", "within", "why it may differ"],
+                 [[row["quantity"], f"{float(row['ours']):.3g}", f"{float(row['measured']):.3g}", f"{float(row['spread']):.2g}",
+                   "" if row["unit"] == "1" else row["unit"], "yes" if row["verdict"] == "within" else "no", row["reason"]] for row in found])
+
+
 def printed(label):
     path = OUT / "export" / f"{label}.txt"
     if not path.exists():
@@ -837,7 +848,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"skin": ("skin", skin), "validate": ("validate", validation), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

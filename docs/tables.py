@@ -122,6 +122,7 @@ STUDIES = {
     "muscles": Study("10 s", {"bench": None}),
     "validate": Study("1 min", {"run": ["validate", "config/validate.yaml", "--runs", "--out", "{out}"]},
                       {"run/validate.png": "validate.png"}),
+    "clinic": Study("10 s", {"run": ["validate", "config/clinic.yaml", "--runs", "--out", "{out}"]}),
     "pinch": Study("2 min", {"test": None}),
     "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "learning": Study("10 min", {"run": None}),

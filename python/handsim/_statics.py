@@ -87,7 +87,7 @@ class Statics:
         """Torque of each muscle at full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
         arms = _core.hand_moment_arms(self.hand.scene._core, q)
         active, passive, others = _core.hand_muscle_forces(self.hand.scene._core, q)
-        return np.asarray(arms.T * active), np.asarray(arms.T @ passive + others)
+        return np.asarray(arms.T * active, dtype=np.float64), np.asarray(arms.T @ passive + others, dtype=np.float64)
 
     def press(self, q: Array, fingers: Sequence[str], forces: Array, gain: ArrayLike) -> tuple[float, Array]:
         """The largest sum of forces that a hand exerts while nothing moves.

@@ -14,18 +14,19 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Error, input_error
 from ._hand import Hand
-from ._scene import Scene, load
+from ._scene import Scene, find_file
 from ._statics import Statics, grip, key_pinch, polytope, thumb_workspace, tip_pinch
 
-USAGE = """handsim compare A B [--out DIR]
+USAGE = """handsim compare A [B] [--set KEY=VALUE] [--out DIR]
 
 Two hands side by side: strength of grip and pinches, largest forces of index and thumb in all directions beside people's, reach of the
 thumb, and where fingers rest at each angle of the wrist (tenodesis). A and B are scenes, by file or shipped name, or folders of runs;
-the first hand of each counts, at rest and as it is built, with its wrist.
+the first hand of each counts, at rest and as it is built, with its wrist. Without B, B is A with what is set.
 
+  --set KEY=VALUE   a change of B, such as hands.0.without=[ulnar_nerve_at_wrist]; may be repeated
   --out DIR   also writes compare.html, a page with pictures, compare.svg, the pictures alone, and compare.json
 
-Example: handsim compare muscle_grip clinic_ulnar.yaml --out out/compare
+Example: handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/compare
 """
 COLORS = ("#2b6cb0", "#dd6b20")
 PRESS = {"index_mcp.flexion": 45.0, "index_pip.flexion": 45.0, "index_dip.flexion": 10.0}
@@ -43,16 +44,18 @@ WRIST = (-60, -40, -20, 0, 20, 40, 60)
 JOINTS = ("index_mcp", "index_pip", "middle_mcp", "middle_pip", "thumb_mcp", "thumb_ip")
 
 
-def hand_of(source: str) -> Hand:
+def hand_of(source: str, changes: Sequence[str] = ()) -> Hand:
     """The first hand of a scene or of a run's folder, with muscles and a wrist that turns.
 
+    :param changes: as ``--set``
     :raises Error: of kind input for another source, and for a hand without muscles
     """
-    path = str(Path(source) / "resolved.yaml") if (Path(source) / "resolved.yaml").is_file() else source
-    scene = load(path)
+    run = Path(source) / "resolved.yaml"
+    path = run if run.is_file() else find_file(source)
+    scene = Scene(_core.Scene.load(path, [each for each in changes if not each.startswith("hands.0.")]))
     missing = [each for each in ("muscles", "tendon_coupling") if each not in scene.effects]
-    if missing:
-        scene = load(path, {"effects": [*scene.effects, *missing]})
+    effects = [f"effects=[{', '.join([*scene.effects, *missing])}]"] if missing else []
+    scene = Scene(_core.Scene.load(path, [*effects, *changes]))
     if not scene.hands:
         raise input_error(source, "a scene without hands", "one with a hand")
     return _alone(scene, source)
@@ -159,6 +162,17 @@ def _line(points: Sequence[Sequence[float]], color: str, closed: bool) -> str:
     return f'<{kind} points="{text}" {fill} stroke="{color}" stroke-width="2" vector-effect="non-scaling-stroke"/>'
 
 
+def _runs(cells: Sequence[Sequence[float]]) -> list[list[float]]:
+    """Neighbouring cells of 3 mm as one: x of the first, y, and width."""
+    out: list[list[float]] = []
+    for x, y in sorted(cells, key=lambda cell: (cell[1], cell[0])):
+        if out and out[-1][1] == y and out[-1][0] + out[-1][2] == x:
+            out[-1][2] += 3
+        else:
+            out.append([x, y, 3])
+    return out
+
+
 def _limits(points: NDArray[np.float64]) -> tuple[float, float, float, float]:
     low, high = points.min(axis=0), points.max(axis=0)
     room = 0.08 * max(high - low)
@@ -183,13 +197,13 @@ def pictures(both: Sequence[dict[str, Any]]) -> list[str]:
                                             ("reach of the thumb's tip, from the end", ("ulnar", "dorsal")))):
         drawn = ""
         for each, color in zip(both, COLORS):
-            cells = "".join(f'<rect x="{x - 1.5}" y="{y - 1.5}" width="3" height="3"/>' for x, y in each["workspace"][view])
+            cells = "".join(f'<rect x="{x - 1.5}" y="{y - 1.5}" width="{width}" height="3"/>' for x, y, width in _runs(each["workspace"][view]))
             drawn += f'<g fill="{color}" fill-opacity="0.35">{cells}</g>'
         limits = _limits(np.vstack([np.array(each["workspace"][view], dtype=float) for each in both]))
         out.append(_axes(title, labels, limits, drawn, 20, "mm"))
     for joint in JOINTS[:4]:
         drawn = "".join(_line(list(zip(WRIST, each["tenodesis"][joint])), color, False) for each, color in zip(both, COLORS))
-        out.append(_axes(f"rest of {joint}, muscles at rest", ("wrist flexion", joint + " flexion"), (-65, 65, -45, 105), drawn, 20, "deg", False))
+        out.append(_axes(f"rest of {joint}, muscles at rest", ("wrist flexion", joint + " flexion"), (-65, 65, -20, 105), drawn, 20, "deg", False))
     return out
 
 
@@ -225,28 +239,36 @@ def _share(a: float, b: float) -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    given = list(arguments)
-    if not given or given[0] in ("-h", "--help"):
+    if not arguments or arguments[0] in ("-h", "--help"):
         print(USAGE, end="")
-        return 0 if given else 2
+        return 0 if arguments else 2
+    given: list[str] = []
+    changes: list[str] = []
     out: Optional[Path] = None
-    if "--out" in given:
-        at = given.index("--out")
-        if at + 1 == len(given):
-            print("error: --out: got nothing, need a folder", file=sys.stderr)
-            return 2
-        out = Path(given[at + 1])
-        del given[at:at + 2]
-    if len(given) != 2 or any(each.startswith("-") for each in given):
-        print(f"error: compare: got {' '.join(given)}, need two scenes or folders of runs, and --out DIR", file=sys.stderr)
-        return 2
     try:
+        rest = iter(arguments)
+        for each in rest:
+            if each in ("--out", "--set"):
+                value = next(rest, None)
+                if value is None:
+                    raise input_error(each, "nothing", "a folder" if each == "--out" else "KEY=VALUE")
+                if each == "--out":
+                    out = Path(value)
+                else:
+                    changes.append(value)
+            elif each.startswith("-"):
+                raise input_error(each, "an unknown option", "--set KEY=VALUE or --out DIR")
+            else:
+                given.append(each)
+        if len(given) not in (1, 2) or len(given) == 1 and not changes:
+            raise input_error("compare", f"{len(given)} scenes and {len(changes)} changes", "two scenes, or one and --set KEY=VALUE")
         if out is not None and out.exists() and not out.is_dir():
             raise input_error("--out", f"{out}, which is a file", "a folder")
-        both = [measure(hand_of(each)) for each in given]
+        both = [measure(hand_of(given[0])), measure(hand_of(given[-1], changes))]
     except Error as error:
         print("\n".join(f"error: {line}" for line in str(error).splitlines()), file=sys.stderr)
         return 2
+    given = [given[0], " ".join([*given[1:], *changes])]
     print(f"A  {given[0]}\nB  {given[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
     for name, unit, a, b in table(given, both):
         print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit}")
