@@ -83,6 +83,8 @@ class Page(unittest.TestCase):
 
     def drag(self, word, *ways):
         """Drags a body whose name has a word along ways of pixels, a second each, in a thread; returns body and thread."""
+        shown = 'return handsimLive.views[0] === handsimLive.views[1] && Math.abs(handsimLive.time - arguments[0]) < 1e-9'
+        self.until(lambda: self.script(shown, self.session.course.time))
         found = self.script("""
             handsimLive.view.render();
             const box = document.querySelector('.screen canvas').getBoundingClientRect(), names = arguments[0], word = arguments[1];
@@ -135,7 +137,7 @@ class Page(unittest.TestCase):
         self.until(lambda: self.session.course.controls['springs'])
         self.live.do('play', on=True)
         self.assertEqual(next(iter(self.session.course.controls['springs'].values()))[0], held)
-        self.until(lambda: abs(self.session.course.spring_forces).max() > 0.05)
+        self.until(lambda: abs(self.session.course.spring_forces).max(initial=0) > 0.05)
         self.until(lambda: abs(self.session.view.poses[held, :3] - before).max() > 0.003)
         moving.join()
         self.until(lambda: not self.session.course.controls['springs'])

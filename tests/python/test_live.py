@@ -530,6 +530,31 @@ def test_forged_frames_are_counted_and_do_nothing(can):
     assert not session.course.failed and np.isfinite(session.course.core.q).all()
 
 
+@pytest.mark.parametrize("kind", ["packed", "json", "names"])
+def test_a_stream_over_udp_moves_the_hand(can, kind):
+    from handsim._live.measure import free_port
+    from handsim._live.streams import OPENXR
+
+    filter_, port = HandFilter(can, 0), free_port()
+    angles = np.clip([0.6 if axis.endswith("flexion") else 0.0 for axis in filter_.axes], filter_._low, filter_._high)
+    points = filter_.points(np.concatenate(([0, 0, 0.3, 1, 0, 0, 0], angles)))
+    with hs.live(can, page=False, play=True, stream=[f"udp://127.0.0.1:{port}"]) as live, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as to:
+        wrist = live.session.view.wrists[0, :3].copy()
+        for k in range(60):
+            data = packed(0, points, k / 90) if kind == "packed" else json.dumps({"t": k / 90, "hands": {"right": {
+                "joints": points.tolist() if kind == "json" else dict(zip(OPENXR, points.tolist()))}}}).encode()
+            to.sendto(data, ("127.0.0.1", port))
+            time.sleep(1 / 90)
+        found = live.session.call(lambda s: (s.course.controls["targets"], s.course.core.wrists()[0, :3])).result(20)
+        follower = live._follower
+        assert follower.frames > 30 and follower.faults == 0, follower.last_fault
+    wanted = [angle for axis, angle in zip(filter_.axes, angles) if axis in live.session.facts.axes]
+    assert np.allclose(found[0].ends[1], wanted, atol=0.05)
+    # The first frame is where the wrist is.
+    assert np.allclose(found[1], wrist, atol=1e-3)
+    assert len(live.session.latencies) > 5
+
+
 def frames_of(scene, rate=90, end=4.0):
     """A simulated grasp as a tracker sees it: times and points, without noise."""
     simulation, filter_ = hs.Simulation(scene), HandFilter(scene, 0)

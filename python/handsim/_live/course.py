@@ -62,6 +62,9 @@ class Files:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
 
+    def close(self) -> None:
+        self._folder.cleanup()
+
     def compile(self, overrides: Mapping[str, Any]) -> Scene:
         engine = overrides.get("solver.engine")
         others = {key: value for key, value in overrides.items() if key != "solver.engine"}

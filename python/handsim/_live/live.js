@@ -140,7 +140,7 @@
 
   // Pulling and pushing.
   const pull = {
-    id: Math.floor(8 * Math.random()), body: null, point: null, goal: null, plane: new THREE.Plane(), ray: new THREE.Raycaster(), lines: [], since: null, due: false, force: 0,
+    id: Math.floor(8 * Math.random()), body: null, point: null, goal: null, plane: new THREE.Plane(), ray: new THREE.Raycaster(), lines: [], since: null, sent: 0, due: false, force: 0,
     aim(event) {
       const box = view.canvas.getBoundingClientRect();
       this.ray.setFromCamera(new THREE.Vector2(2 * (event.clientX - box.left) / box.width - 1, 1 - 2 * (event.clientY - box.top) / box.height), view.camera);
@@ -171,12 +171,14 @@
       this.plane.setFromNormalAndCoplanarPoint(view.camera.getWorldDirection(new THREE.Vector3()), found.point);
       this.since = performance.now();
       this.due = true;
+      this.flush();
     },
     move(event) {
       if (this.body === null) return;
       event.stopPropagation();
       this.aim(event);
       if (this.ray.ray.intersectPlane(this.plane, this.goal)) this.due = true;
+      this.flush();
     },
     end(event) {
       if (this.body === null) return;
@@ -187,8 +189,10 @@
       send('spring', {id: this.id, release: true});
     },
     flush() {
-      if (!this.due || this.body === null) return;
+      const now = performance.now();
+      if (!this.due || this.body === null || now - this.sent < 12) return;
       this.due = false;
+      this.sent = now;
       send('spring', {id: this.id, body: this.body, point: this.point.toArray(), goal: this.goal.toArray(), stiffness: 150, force: +strength.value});
     },
   };

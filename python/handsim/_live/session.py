@@ -110,7 +110,10 @@ class Session:
         self._ring()
         if self._thread.is_alive():
             self._thread.join()
+        if self._building is not None:
+            self._building.join()
         self.log.close(self.course.tick, None if self.course.failed else self.course.state_hash())
+        self.files.close()
 
     def send(self, command: Command) -> None:
         """Leaves a checked command. :raises Error: where too many wait"""

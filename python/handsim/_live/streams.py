@@ -93,7 +93,7 @@ def read_packed(data: bytes) -> dict[str, Any]:
         except (struct.error, ValueError):
             raise input_error("frame", f"{len(data)} bytes that are no packed frame", "HSH1, hand, 21, 25 or 26 points") from None
         at += PACKED.size + 12 * count
-        hands[SIDES[side]] = {"joints": [list(point) if np.isfinite(point).all() else None for point in points]}
+        hands[SIDES[side]] = {"joints": [point.tolist() if np.isfinite(point).all() else None for point in points]}
     return {"t": moment, "hands": hands}
 
 
