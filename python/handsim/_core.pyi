@@ -116,6 +116,7 @@ def simulation(scene: Scene, watch: bool, contact_forces: bool) -> Simulation: .
 class Simulation:
     def step(self, torques: Optional[ArrayLike], targets: Optional[ArrayLike], excitations: Optional[ArrayLike],
              wrists: Optional[ArrayLike], forces: Optional[Mapping[str, ArrayLike]], substeps: int) -> None: ...
+    def reset_beside(self, other: Simulation) -> None: ...
     def step_with_derivatives(self, torques: Optional[ArrayLike], targets: Optional[ArrayLike],
                               excitations: Optional[ArrayLike], wrists: Optional[ArrayLike],
                               forces: Optional[Mapping[str, ArrayLike]], bodies: Sequence[str],
