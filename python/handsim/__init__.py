@@ -19,7 +19,7 @@ from . import _core, study
 from ._batch import Batch
 from ._core import Frame, Motion, Snapshot
 from ._errors import Error, Fault, Problem
-from ._gradients import Derivatives, Product, Rollout
+from ._gradients import Derivatives, Parameters, Product, Rollout
 from ._hand import Hand, draw_persons
 from ._live import Live, live
 from ._pictures import contact_sheet, png, save_png
@@ -55,6 +55,6 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = ["Batch", "Bodies", "Contacts", "Derivatives", "Error", "Fault", "Frame", "Hand", "Live", "Motion", "Muscle",
-           "Muscles", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation", "Snapshot", "Table",
-           "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures", "has_reports", "live", "load",
-           "png", "report", "save_png", "save_video", "scenes", "study"]
+           "Muscles", "Parameters", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation",
+           "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures", "has_reports",
+           "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -81,6 +81,106 @@ def exact_step(simulation: "Simulation", action: Mapping[str, Any]) -> None:
     simulation._core.step_with_derivatives(*[action.get(name) for name in (*ACTIONS, "wrists", "forces")], [], True)
 
 
+SET = ("gravity", "gains", "torque_limits", ".mass", ".friction")
+"""Ends of names of `Simulation.set` that change a scene's numbers."""
+STEP = 3e-5
+"""Of the differences, as a share of the number: an error of its fourth power beside rounding."""
+
+
+class _End(NamedTuple):
+    """Where a step ends."""
+
+    joints: Array
+    quaternion: Array
+    position: Array
+    rates: Array
+
+    def against(self, other: "_End") -> Array:
+        turns = np.array([rotation_vector(a, b) for a, b in zip(self.quaternion, other.quaternion)]).reshape(-1, 3)
+        free = np.hstack([turns, self.position - other.position]).ravel()
+        return np.concatenate([self.joints - other.joints, free, self.rates - other.rates])
+
+
+def rotation_vector(to: Array, start: Array) -> Array:
+    """Of ``to start^-1`` [rad]; quaternions w x y z."""
+    w = float(to @ start)
+    v = start[0] * to[1:] - to[0] * start[1:] - np.cross(to[1:], start[1:])
+    size = float(np.linalg.norm(v))
+    return 2 * v if size < 1e-12 else 2 * math.atan2(size, w) / size * v
+
+
+def _end(simulation: "Simulation", free: Sequence[int]) -> _End:
+    bodies, rows = simulation.bodies, list(free)
+    moving = np.hstack([bodies.angular_velocity[rows], bodies.velocity[rows]]).ravel()
+    return _End(simulation.q.copy(), bodies.quaternion[rows], bodies.position[rows],
+                np.concatenate([simulation.u, moving, simulation.muscles.activation]))
+
+
+def _state(simulation: "Simulation") -> Array:
+    """Turns of free bodies as zeros, their shifts as positions."""
+    end = _end(simulation, _free(simulation))
+    return np.concatenate([end.joints, np.hstack([0 * end.position, end.position]).ravel(), end.rates])
+
+
+def _free(simulation: "Simulation") -> list[int]:
+    """Bodies without a joint, of a scene with derivatives: its objects."""
+    return [simulation.scene.bodies.index(name) for name in simulation.scene.objects]
+
+
+class Parameters:
+    """Derivatives of steps by numbers of a scene, by differences of steps of scenes that are compiled with other
+    numbers. All that follows from a number changes with it: lengths, masses, inertias, gains and pads with a stature.
+    """
+
+    def __init__(self, simulation: "Simulation", numbers: Mapping[str, Optional[float]]) -> None:
+        """
+        :param numbers: by dotted key, as ``--set`` of the command line, the value that it has (SI); or None for a name of
+            `Simulation.set`: gravity (3 numbers), gains, torque_limits, objects.I.mass, objects.I.friction
+        :raises Error: of kind input where a scene with another number does not compile
+        """
+        from ._scene import with_value
+        from ._simulation import Simulation
+
+        self.simulation = simulation
+        self.free = _free(simulation)
+        self.names: list[str] = []
+        """One for each column."""
+        self._beside: list[list[tuple["Simulation", float]]] = []
+
+        def add(name: str, scale: float, make: Callable[[float], "Simulation"]) -> None:
+            size = STEP * max(abs(scale), 1e-9)
+            self.names.append(name)
+            self._beside.append([(make(size * k), weight / (12 * size)) for k, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1))])
+
+        for key, value in numbers.items():
+            if value is not None:
+                add(key, value, lambda by: Simulation(with_value(simulation.scene, key, value + by)))
+                continue
+            if not key.endswith(SET):
+                raise input_error(key, "no value", "the value that the scene has")
+            now = simulation.get(key)
+            for k in range(len(now)):
+                def changed(by: float) -> "Simulation":
+                    other = Simulation(simulation.scene)
+                    other.set(key, now + by * (np.arange(len(now)) == k))
+                    other.reset()
+                    return other
+                add(key if len(now) == 1 else f"{key}.{'xyz'[k]}", float(np.linalg.norm(now)), changed)
+
+    def derivatives(self, **action: Any) -> Array:
+        """Of the next step with an action as in `Simulation.step`: next state by numbers, shape (s, numbers). The
+        simulation stays."""
+        columns = []
+        for beside in self._beside:
+            ends = []
+            for other, _ in beside:
+                other._core.reset_beside(self.simulation._core)
+                exact_step(other, action)
+                ends.append(_end(other, self.free))
+            columns.append(sum(weight * end.against(ends[0]) for end, (_, weight) in zip(ends, beside)))
+        return np.array(columns).T
+
+
 class Product(NamedTuple):
     """Of `Rollout.vjp`."""
 
@@ -101,12 +201,13 @@ class Rollout:
     """
 
     def __init__(self, simulation: "Simulation", actions: ArrayLike, kind: str = "torques", *,
-                 every: Optional[int] = None) -> None:
+                 every: Optional[int] = None, keep: bool = False) -> None:
         """
         :param simulation: where it is now is the start; it is left at the end
         :param actions: of each step, shape (steps, numbers)
         :param kind: torques, targets or excitations, as in `Simulation.step`
         :param every: steps from one kept motion to the next; None: the root of their number
+        :param keep: `states` after each step are kept
         """
         if kind not in ACTIONS:
             raise input_error("kind", repr(kind), ", ".join(ACTIONS))
@@ -117,10 +218,15 @@ class Rollout:
         self.every = math.isqrt(len(self.actions) - 1) + 1 if every is None else whole("every", every, 1)
         self.motions: list[Motion] = []
         self.size = 0
+        states: list[Array] = []
         for i, action in enumerate(self.actions):
             if i % self.every == 0:
                 self.motions.append(simulation.motion())
             exact_step(simulation, {kind: action})
+            if keep:
+                states.append(_state(simulation))
+        self.states: Array = np.array(states)
+        """With ``keep``: shape (steps, s), turns of free bodies 0 and their shifts as positions in the world."""
         self.end: Motion = simulation.motion()
 
     def __len__(self) -> int:
@@ -178,6 +284,20 @@ class Rollout:
             changed = found.state @ changed + getattr(found, self.kind) @ given[i]
             out.append(changed)
         self.size = len(out[0])
+        self.simulation.reset(self.end)
+        return np.array(out)
+
+    def sensitivities(self, parameters: Parameters) -> Array:
+        """Changes of the state after each step with numbers of the scene, shape (steps, s, numbers); the start stays.
+
+        :param parameters: of this simulation
+        """
+        self.simulation.reset(self.motions[0])
+        out: list[Array] = []
+        for action in self.actions:
+            direct = parameters.derivatives(**{self.kind: action})
+            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+            out.append(found.state @ out[-1] + direct if out else direct)
         self.simulation.reset(self.end)
         return np.array(out)
 

@@ -116,6 +116,7 @@ class Scene:
 
     def __init__(self, core: _core.Scene) -> None:
         self._core = core
+        self._origin: Optional[tuple[Source, list[str]]] = None  # What `load` made it from.
 
     @property
     def title(self) -> str:
@@ -332,9 +333,23 @@ def load(source: Source, overrides: Overrides = None, *, engine: Optional[str] =
     :raises Error: of kind input with every problem of the scene and the files that it names
     """
     changes = override_list(overrides, engine)
+    scene = _compiled(source, changes)
+    scene._origin = source, changes
+    return scene
+
+
+def _compiled(source: Source, changes: list[str]) -> Scene:
     if isinstance(source, Mapping):
         return Scene(_core.Scene.parse(json_text(source, "scene"), "scene", changes))
     return Scene(_core.Scene.load(find_file(source), changes))
+
+
+def with_value(scene: Scene, key: str, value: float) -> Scene:
+    """The scene compiled anew with a number of its file."""
+    if scene._origin is None:
+        raise input_error(key, "a scene that was not loaded here (unpickled, or of a batch)", "one of handsim.load")
+    source, changes = scene._origin
+    return _compiled(source, [*changes, f"{key}={value!r}"])
 
 
 def _unpickle(files: dict[str, bytes]) -> Scene:

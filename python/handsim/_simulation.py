@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._core import Frame, Motion, Snapshot
 from ._errors import flag, input_error, whole
-from ._gradients import Derivatives, step_with_derivatives
+from ._gradients import Derivatives, Parameters, step_with_derivatives
 from ._pictures import Picture
 from ._result import Verdict, verdicts_of
 from ._scene import Camera, Overrides, Scene, Source, load
@@ -136,6 +136,10 @@ class Simulation:
             if not made:
                 self.reset(before)
 
+    def parameters(self, numbers: Mapping[str, Optional[float]]) -> Parameters:
+        """Derivatives by numbers of the scene: ``{"objects.0.mass": None, "hands.0.person.stature": 1.755}``."""
+        return Parameters(self, numbers)
+
     @property
     def time(self) -> float:
         """[s]"""
@@ -154,7 +158,8 @@ class Simulation:
     @property
     def muscles(self) -> Muscles:
         """A copy of excitations, activations, fibres and tendons; arrays of no number in a scene without muscles."""
-        return Muscles(*self._core.muscles())
+        found = self._core.muscles()
+        return Muscles(*(found if len(found) else np.zeros((6, 0))))
 
     @property
     def contacts(self) -> Contacts:

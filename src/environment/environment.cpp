@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
 #include "handsim/scene/compile/overruled.h"
 
 namespace handsim::environment {
@@ -132,6 +133,17 @@ void Environment::reset(std::uint64_t seed) {
 void Environment::reset(const Moment& moment) {
   begin();
   simulation_->reset(moment);
+}
+
+void Environment::reset_beside(const model::State& other) {
+  require_size("bodies", other.bodies.size(), state_.bodies.size(), "bodies");
+  require_size("q", other.q.size(), state_.q.size(), "coordinates");
+  require_size("activation", other.activation.size(), state_.activation.size(), "muscles");
+  model::State state = other;
+  model::place_joints(scene_->model, other.q, other.u, state);
+  state.activation = other.activation;
+  begin();
+  simulation_->reset(state);
 }
 
 void Environment::reset(const Start& start) {

@@ -70,6 +70,10 @@ class Environment {
     begin();
     simulation_->reset(state);
   }
+  /// To the coordinates, rates, activations and time of a state of a scene whose numbers may be others;
+  /// bodies without a joint go where they are there. @throws Error (input) for one with other bodies or
+  /// coordinates
+  void reset_beside(const model::State& other);
   /// Continues a run: Simulation::restore.
   void restore(const simulation::RunSnapshot& snapshot);
 

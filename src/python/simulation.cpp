@@ -375,6 +375,11 @@ void bind_simulation(py::module_& module) {
       .def("bodies", &Self::bodies)
       .def("contacts", &Self::contacts)
       .def("reset", &reset_to, py::arg("q"), py::arg("u"), py::arg("objects"))
+      .def("reset_beside",
+           [](Self& self, Self& other) {
+             const model::State state = other.read([](const auto& of) { return of.state(); });
+             self.guarded([&] { self.environment().reset_beside(state); });
+           })
       .def("snapshot", [](Self& self) { return self.read([](const auto& of) { return of.snapshot(); }); })
       .def("restore",
            [](Self& self, const simulation::RunSnapshot& snapshot) {

@@ -266,6 +266,9 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   }
   if (derive_) find_derivatives(input, report);
   momentum_.begin(input.forces, report.contacts > 0 ? contact_.get() : nullptr, settings_.step, false);
+  if (derive_ && momentum_.active())
+    derive_->notes.emplace_back(
+        "objects that touch only each other: without the correction of their momentum");
   if (!fast && !moving && !loops_) {
     const bool sound = momentum_.correct(kernel.advance(tree, settings_.step));
     if (muscles_) muscles_->find_torques(settings_.step);

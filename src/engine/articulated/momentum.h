@@ -52,6 +52,8 @@ class MomentumBalance {
   /// True for trees with joints, which take part in every step.
   bool jointed() const { return jointed_; }
   void refresh();
+  /// Whether the step that `begin` was called for corrects a tree.
+  bool active() const { return active_; }
   /// Finds the momentum at the end of a step [s]; before it moves anything. @param contacts solved, or null
   /// @param smooth mass centres fall along the parabola; all objects take part
   void begin(std::span<const BodyForce> forces, const ContactDynamics* contacts, double step, bool smooth);

@@ -142,6 +142,7 @@ void ContactSlopes::begin_pair(int shape_a, int shape_b) {
   b_ = partner_of(shape_b);
   columns_.clear();
   total_.setZero();
+  bounces_ = false;
   const auto add = [&](int node, bool Column::*which) {
     if (node == kNoNode) return;
     for (int dof = tree_.last_dof(node); dof != kNoDof; dof = tree_.parent_dof(dof)) {
@@ -152,10 +153,21 @@ void ContactSlopes::begin_pair(int shape_a, int shape_b) {
   };
   add(a_.node, &Column::of_a);
   add(b_.node, &Column::of_b);
+  for (Column& column : columns_) {
+    const int node = tree_.node(column.dof);
+    const bool shift = tree_.is_shift(column.dof);
+    const Spatial none = Spatial::Zero(), end = shift ? none : end_[at(node)],
+                  start = shift ? none : read6(mechanism_.view(at(node)).v, mechanism_.stride()),
+                  &S = tree_.axis(column.dof);
+    if (column.of_a) column.end_a = cross_motion(S, a_.end - end);
+    if (column.of_b) column.end_b = cross_motion(S, b_.end - end);
+    if (column.of_a) column.start_a = cross_motion(S, a_.start - start);
+    if (column.of_b) column.start_b = cross_motion(S, b_.start - start);
+  }
 }
 
 /// Generalised forces S . W of the pair's wrench W, for rates that move one body and not the other.
-void ContactSlopes::end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u) const {
+void ContactSlopes::end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u) {
   const Vec3 apart = a_.origin - b_.origin;
   // On b at its origin: the opposite wrench.
   const auto on_b = [&](const Spatial& wrench) {
@@ -163,17 +175,27 @@ void ContactSlopes::end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u) const
     out.head<3>() -= apart.cross(Vec3(wrench.tail<3>()));
     return out;
   };
-  for (const Column& row : columns_) {
-    if (row.of_a == row.of_b) continue;
-    const auto on = [&](const Spatial& wrench) { return row.of_a ? wrench : on_b(wrench); };
-    const Spatial& S = tree_.axis(row.dof);
-    const Spatial total = on(total_);
-    for (const Column& column : columns_) {
-      by_q(row.dof, column.dof) -= S.dot(on(column.by_q));
-      by_u(row.dof, column.dof) -= S.dot(on(column.by_u));
-      // What carries the same body is on its branch.
-      if ((row.of_a ? column.of_a : column.of_b) && tree_.moves_axis(column.dof, row.dof))
-        by_q(row.dof, column.dof) -= cross_motion(tree_.axis(column.dof), S).dot(total);
+  for (const bool a : {true, false}) {
+    if (!a) {
+      total_ = on_b(total_);
+      for (Column& column : columns_) {
+        column.by_q = on_b(column.by_q);
+        column.by_u = on_b(column.by_u);
+      }
+    }
+    for (const Column& row : columns_) {
+      if (row.of_a == row.of_b || row.of_a != a) continue;
+      const Spatial& S = tree_.axis(row.dof);
+      // The wrench on what a position moves: (S_j x S) . W = S_j . (S x* W).
+      const Spatial turned = cross_force(S, total_);
+      for (const Column& column : columns_) {
+        double change = S.dot(column.by_q);
+        // What carries the same body is on its branch.
+        if ((a ? column.of_a : column.of_b) && tree_.moves_axis(column.dof, row.dof))
+          change += tree_.axis(column.dof).dot(turned);
+        by_q(row.dof, column.dof) -= change;
+        if (bounces_) by_u(row.dof, column.dof) -= S.dot(column.by_u);
+      }
     }
   }
 }
@@ -194,21 +216,10 @@ ContactSlopes::Change ContactSlopes::moved(const Point& point, const Column& col
   out.normal = Vec3(of_b.head<3>()).cross(point.contact->normal) + response.normal * apart;
   out.depth = response.depth * apart;
   out.share = response.share * apart;
-  const Spatial& S = tree_.axis(column.dof);
-  const auto add = [&](const Partner& side, Spatial Partner::*velocity, const Spatial& of_node, double sign,
-                       Spatial& to) {
-    const Spatial& v = side.*velocity;
-    to += sign * at_point(cross_motion(S, v - of_node), c - side.origin);
-  };
-  const int node = tree_.node(column.dof);
-  const bool shift = tree_.is_shift(column.dof);
-  const Spatial end = shift ? none : end_[at(node)],
-                start = shift ? none : read6(mechanism_.view(at(node)).v, mechanism_.stride());
-  if (column.of_a) add(a_, &Partner::end, end, 1, out.end);
-  if (column.of_b) add(b_, &Partner::end, end, -1, out.end);
-  if (column.of_a) add(a_, &Partner::start, start, 1, out.start);
-  if (column.of_b) add(b_, &Partner::start, start, -1, out.start);
+  out.end = at_point(column.end_a, c - a_.origin) - at_point(column.end_b, c - b_.origin);
   out.end.tail<3>() += Vec3(a_.end.head<3>() - b_.end.head<3>()).cross(out.place);
+  if (point.by_approach == 0) return out;
+  out.start = at_point(column.start_a, c - a_.origin) - at_point(column.start_b, c - b_.origin);
   out.start.tail<3>() += Vec3(a_.start.head<3>() - b_.start.head<3>()).cross(out.place);
   return out;
 }
@@ -292,6 +303,7 @@ void ContactSlopes::add_contact(Point& point, const ContactResponse& response) {
   Spatial own;
   own << point.moment, point.force;
   total_ += at_origin(own);
+  bounces_ = bounces_ || point.by_approach != 0;
   for (Column& column : columns_) {
     column.by_q += at_origin(wrench(point, moved(point, column, response)));
     if (point.by_approach == 0 || column.of_a == column.of_b) continue;
@@ -330,10 +342,17 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
   double largest = 0;
   for (const ContactRows& rows : p.contacts) largest = std::max(largest, rows.impulse[0]);
   std::size_t i = 0;
+  std::pair<int, int> bodies(-1, -1);
   for (const Touch& touch : contact_.collider_.touches()) {
     if (!contact_.matters(touch)) continue;
     const Contact& any = contact_.contacts()[touch.first];
-    begin_pair(any.shape_a, any.shape_b);
+    // Shapes of the same two bodies often follow each other.
+    const std::pair<int, int> these(contact_.body_of(any.shape_a), contact_.body_of(any.shape_b));
+    if (these != bodies) {
+      if (bodies.first >= 0) end_pair(by_q, by_u);
+      begin_pair(any.shape_a, any.shape_b);
+      bodies = these;
+    }
     const auto closed = [&](std::size_t k) { return !p.contacts[k].open; };
     bool some = false;
     for (std::size_t k = 0; k < at(touch.count); ++k) some = some || closed(i + k);
@@ -353,8 +372,8 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
       find_target(point, touch, step);
       add_contact(point, responses_[k]);
     }
-    if (some) end_pair(by_q, by_u);
   }
+  if (bodies.first >= 0) end_pair(by_q, by_u);
 }
 
 }  // namespace handsim::engine::articulated

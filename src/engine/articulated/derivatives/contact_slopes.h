@@ -40,12 +40,14 @@ class ContactSlopes {
 
  private:
   using Law6 = Eigen::Matrix<double, 6, 6>;
-  /// A rate that moves a body of the pair, and the changes of the wrench on a at its origin with the position
-  /// and the rate.
+  /// A rate that moves a body of the pair: how its position changes the velocities of a and b at their
+  /// origins, at the end and the start of the step; and how position and rate change the wrench on a at its
+  /// origin.
   struct Column {
     int dof = 0;
     bool of_a = false, of_b = false;
-    Spatial by_q = Spatial::Zero(), by_u = Spatial::Zero();
+    Spatial end_a = Spatial::Zero(), end_b = end_a, start_a = end_a, start_b = end_a;
+    Spatial by_q = end_a, by_u = end_a;
   };
   /// A body of the pair: its velocity at its origin with the rates of the step's end and start.
   struct Partner {
@@ -77,7 +79,7 @@ class ContactSlopes {
   void find_velocities();
   Partner partner_of(int shape) const;
   void begin_pair(int shape_a, int shape_b);
-  void end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u) const;
+  void end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u);
   void find_responses(const Touch& touch, const model::State& start);
   void difference(const Touch& touch, const Pose& x_WA, const Pose& x_WB, int direction);
   void share_depths(const Touch& touch);
@@ -98,6 +100,7 @@ class ContactSlopes {
   std::vector<Spatial> end_;  ///< velocity of each node at the rates of the step's end
   std::vector<Column> columns_;
   Partner a_, b_;
+  bool bounces_ = false;                    ///< a contact of the pair has restitution
   Spatial total_ = Spatial::Zero();         ///< wrench of the pair on a, at its origin
   std::vector<ContactResponse> responses_;  ///< of the touch
   Vec3 about_ = Vec3::Zero();               ///< where their twists are

@@ -1,0 +1,223 @@
+#!/usr/bin/env python3
+"""Derivatives of steps beside differences, Pinocchio (PyPI: pin) and MuJoCo's mjd_transitionFD (PyPI: mujoco), in one run.
+
+    pip install --target DIR pin mujoco
+    PYTHONPATH=build/release/python python3 tests/peers/derivatives.py --peers DIR [--out FILE.json]
+
+Peers run in a process of their own, which may have another NumPy, one after the other with handsim. Times are the least of
+repeated batches, of one thread, of calls from Python.
+"""
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+STATES = 20  # that are compared with Pinocchio
+
+
+def hand():
+    import handsim as hs
+
+    return {"hands": [{"model": str(hs.data_path() / "handmodels" / "anatomical.yaml"),
+                       "person": str(hs.data_path() / "config" / "persons" / "median_man.yaml"), "side": "right",
+                       "wrist": {"mount": "fixed", "position": [0, 0, 0]}}],
+            "effects": ["gravity"], "solver": {"engine": "articulated", "step": 1e-3}, "duration": 1}
+
+
+def least(call, count=50, batches=15, before=lambda: None):
+    """Time of a call [s]."""
+    out = np.inf
+    for _ in range(batches):
+        before()
+        start = time.perf_counter()
+        for _ in range(count):
+            call()
+        out = min(out, (time.perf_counter() - start) / count)
+    return out
+
+
+def ridders(f, h, rows=9):
+    """A derivative by central differences at halved steps, extrapolated, and its error as the table tells it."""
+    last, best, error = [], None, np.inf
+    for i in range(rows):
+        now = [(f(h) - f(-h)) / (2 * h)]
+        for j in range(1, min(i, 3) + 1):
+            now.append((4**j * now[-1] - last[j - 1]) / (4**j - 1))
+            e = max(np.abs(now[j] - now[j - 1]).max(), np.abs(now[j] - last[j - 1]).max())
+            if e < error:
+                best, error = now[j], e
+        last, h = now, h / 2
+    return best, error
+
+
+def times(scene, until):
+    """Of a step, of one solved to rounding, and of one with all Jacobians [s]."""
+    import handsim as hs
+
+    sim = hs.Simulation(scene, {"solver": "{engine: articulated}"}, contact_forces=False)
+    sim.step(substeps=round(until / sim.scene.step))
+    start = sim.motion()
+    core = sim._core
+    back = lambda: sim.reset(start)
+    step = lambda: core.step(None, None, None, None, None, 1)
+    with_all = lambda only: core.step_with_derivatives(None, None, None, None, None, [], only)
+    out = {"scene": scene, "coordinates": len(sim.derivatives().state) // 2, "contacts": len(sim.contacts.depth),
+           "step": least(step, before=back), "exact": least(lambda: with_all(True), before=back),
+           "derivatives": least(lambda: with_all(False), before=back)}
+    return out | {"steps": out["derivatives"] / out["step"]}
+
+
+def in_peer(name, folder, **given):
+    """Runs a peer's function of this file on arrays."""
+    with tempfile.TemporaryDirectory() as temporary:
+        files = [str(Path(temporary) / file) for file in ("in.npz", "out.npz")]
+        np.savez(files[0], **given)
+        subprocess.run([sys.executable, __file__, "--run", name, *files], check=True,
+                       env=os.environ | {"PYTHONPATH": os.pathsep.join(
+                           [folder, f"{folder}/cmeel.prefix/lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"])})
+        with np.load(files[1]) as found:
+            return dict(found)
+
+
+def pinocchio(given):
+    """Derivatives of forward dynamics at each state, in the order of the coordinates, and the time of one."""
+    import pinocchio as pin
+
+    model = pin.buildModelFromXML(str(given["urdf"]))
+    model.gravity.linear = np.array([0, 0, -9.80665])
+    # Universal joints: URDF has to have some mass between their axes.
+    for i, inertia in enumerate(model.inertias):
+        if inertia.mass < 1e-6:
+            model.inertias[i] = pin.Inertia.Zero()
+    data = model.createData()
+    order = [model.joints[model.getJointId(next(name for name in model.names if name.endswith(str(c))))].idx_v
+             for c in given["coordinates"]]
+    n, out = len(order), []
+    for q, u in zip(given["q"], given["u"]):
+        p = [np.zeros(n) for _ in range(3)]
+        p[0][order], p[1][order] = q, u
+        # Joints without limits have cosine and sine.
+        p[0] = pin.integrate(model, pin.neutral(model), p[0])
+        pin.computeABADerivatives(model, data, *p)
+        m = np.triu(data.Minv) + np.triu(data.Minv, 1).T
+        out.append([x[np.ix_(order, order)] for x in (data.ddq_dq, data.ddq_dv, m)])
+    return {"found": np.array(out), "time": least(lambda: pin.computeABADerivatives(model, data, *p)),
+            "version": pin.__version__}
+
+
+def against_pinocchio(folder):
+    """Largest differences of the derivatives of forward dynamics, relative to the largest entry, and times."""
+    import handsim as hs
+
+    scene = hs.load(hand())
+    sim = hs.Simulation(scene)
+    random, n, h = np.random.default_rng(1), len(scene.coordinates), scene.step
+    limits = np.clip(scene.limits, -1, 1)
+    q, u = random.uniform(limits[:, 0], limits[:, 1], (STATES, n)), random.normal(size=(STATES, n))
+    theirs = in_peer("pinocchio", folder, urdf=scene.to_urdf(), coordinates=scene.coordinates, q=q, u=u)
+    worst = 0.0
+    for i in range(STATES):
+        sim.reset(q=q[i], u=u[i])
+        found = sim.derivatives()
+        ours = (found.state[n:, :n] / h, (found.state[n:, n:] - np.eye(n)) / h, found.torques[n:] / h)
+        worst = max([worst, *(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(ours, theirs["found"][i]))])
+    args = (None, None, None, None, None, [], False)
+    return {"error": worst, "pinocchio": float(theirs["time"]), "version": str(theirs["version"]),
+            "handsim": least(lambda: sim._core.step_with_derivatives(*args), before=lambda: sim.reset(q=q[-1], u=u[-1]))}
+
+
+def error(found, step, start):
+    """Against differences of the program's own step."""
+    oracle = np.array([ridders(lambda by: step(start + by * e), 2e-3)[0] for e in np.eye(len(start))]).T
+    return float(np.abs(found - oracle).max() / np.abs(oracle).max())
+
+
+def mujoco(given):
+    """Error and time of mjd_transitionFD, forward and centred."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(str(given["mjcf"]))
+    data, start, n = mujoco.MjData(model), given["start"], model.nv
+    names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, i) for i in range(n)]
+    order = [next(i for i, name in enumerate(names) if name.endswith(str(c))) for c in given["coordinates"]]
+    x = np.zeros(2 * n)
+    x[order], x[[n + i for i in order]] = start[:n], start[n:]
+
+    def step(at):
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = at[:n], at[n:]
+        mujoco.mj_step(model, data)
+        return np.concatenate([data.qpos, data.qvel])
+
+    A, out = np.zeros((2 * n, 2 * n)), {"version": mujoco.__version__}
+    for name, centred in (("forward", False), ("centred", True)):
+        def transition():
+            mujoco.mjd_transitionFD(model, data, 1e-6, centred, A, None, None, None)
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = x[:n], x[n:]
+        transition()
+        out[name] = [error(A.copy(), step, x), 0]
+        mujoco.mj_resetData(model, data)
+        data.qpos[:], data.qvel[:] = x[:n], x[n:]
+        out[name][1] = least(transition, 20)
+    return out
+
+
+def against_mujoco(folder):
+    """The same hand with springs of tissue: error against differences of its own step, and time, of each program."""
+    import handsim as hs
+
+    scene = hs.load(hand() | {"effects": ["gravity", "passive_tissue"]})
+    sim = hs.Simulation(scene)
+    random, n = np.random.default_rng(2), len(scene.coordinates)
+    limits = np.clip(scene.limits, -0.5, 1)
+    start = np.concatenate([random.uniform(limits[:, 0], limits[:, 1]), 0.5 * random.normal(size=n)])
+    theirs = in_peer("mujoco", folder, mjcf=scene.to_mjcf(), start=start, coordinates=scene.coordinates)
+    back = lambda: sim.reset(q=start[:n], u=start[n:])
+
+    def step(x):
+        sim.reset(q=x[:n], u=x[n:])
+        sim._core.step_with_derivatives(None, None, None, None, None, [], True)
+        return np.concatenate([sim.q, sim.u])
+
+    back()
+    ours = error(sim.derivatives().state, step, start)
+    args = (None, None, None, None, None, [], False)
+    return {"version": str(theirs["version"]), "forward": theirs["forward"].tolist(), "centred": theirs["centred"].tolist(),
+            "handsim": [ours, least(lambda: sim._core.step_with_derivatives(*args), before=back)]}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--peers", help="folder with pin and mujoco")
+    parser.add_argument("--out", help="JSON with all figures")
+    parser.add_argument("--run", nargs=3, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.run:
+        name, given, found = options.run
+        with np.load(given) as arrays:
+            np.savez(found, **{"pinocchio": pinocchio, "mujoco": mujoco}[name](dict(arrays)))
+        return
+    out = {"times": [times("prototype_poses", 0.35), times("every_pose", 0.35), times("grasp_pinch", 2.5), times("grasp_cup", 2.5)]}
+    for row in out["times"]:
+        print("{scene}: {coordinates} coordinates, {contacts} contacts: step {0:.1f} us, to rounding {1:.1f} us, with all "
+              "Jacobians {2:.1f} us: {steps:.1f} steps".format(*(1e6 * row[k] for k in ("step", "exact", "derivatives")), **row))
+    if options.peers:
+        out |= {"pinocchio": against_pinocchio(options.peers), "mujoco": against_mujoco(options.peers)}
+        print("Pinocchio {version}: differ by {error:.2g}; {0:.1f} us, handsim's whole step {1:.1f} us".format(
+            1e6 * out["pinocchio"]["pinocchio"], 1e6 * out["pinocchio"]["handsim"], **out["pinocchio"]))
+        for name in ("forward", "centred", "handsim"):
+            e, t = out["mujoco"][name]
+            print(f"MuJoCo {out['mujoco']['version']} {name}: error {e:.2g}, {1e6 * t:.1f} us")
+    if options.out:
+        Path(options.out).write_text(json.dumps(out, indent=1, default=float))
+
+
+if __name__ == "__main__":
+    main()
