@@ -155,21 +155,6 @@ def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats
         return Study("effects", folder, _core.effects(of._core, file, override_list(overrides), folder, repeats, told))
 
 
-def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick: bool = False, threads: int = 0,
-              pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
-    """Hard cases, every engine, method and step against an oracle.
-
-    :param cases: names; empty: all
-    :param quick: shorter runs of most cases
-    :param threads: 0: one for each core
-    """
-    whole("threads", threads, 0, MOST_THREADS)
-    with _folder(out) as folder, bar(progress, "stability") as told:
-        flags(quick=quick, pictures=pictures)
-        text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, told)
-        return Study("stability", folder, text)
-
-
 def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = None, *, sides: Sequence[str] = (),
            friction: Optional[float] = None, friction_search: bool = False, margin: bool = False,
            confirm: bool = False, pictures: bool = False, uncertain: Optional[int] = None, threads: int = 0,
@@ -317,4 +302,4 @@ def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int
 
 
 __all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "merge", "read_csv", "read_h5",
-           "read_sto", "rollouts", "stability", "track", "uncertain", "validate"]
+           "read_sto", "rollouts", "track", "uncertain", "validate"]

@@ -112,11 +112,11 @@ void add_study_commands(CommandLine& line);
 void add_report_commands(CommandLine& line);
 void add_motion_commands(CommandLine& line);
 /// For help and completion alone: these commands never reach CLI11.
-void add_python_commands(CommandLine& line);
+void add_other_commands(CommandLine& line);
 
-/// True for a command of the Python package, and for `export` in one of its formats.
-bool is_python_command(int argc, const char* const* argv);
-/// Becomes the Python program of the command. @throws Error (input) without Python
-[[noreturn]] void run_python_command(int argc, const char* const* argv);
+/// True for a command of the Python package or of the tests, and for `export` in a format of the package.
+bool is_other_command(int argc, const char* const* argv);
+/// Becomes the program of the command. @throws Error (input) without it
+[[noreturn]] void run_other_command(int argc, const char* const* argv);
 
 }  // namespace handsim::app

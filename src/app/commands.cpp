@@ -78,8 +78,8 @@ std::optional<Error> option_error(const CLI::App& command) {
   return std::nullopt;
 }
 
-int parse_and_call(int argc, const char* const* argv) {
-  if (is_python_command(argc, argv)) run_python_command(argc, argv);
+int parse_and_call(int argc, const char* const* argv, MoreCommands more) {
+  if (!more && is_other_command(argc, argv)) run_other_command(argc, argv);
   CommandLine line;
   CLI::App& app = line.app;
   app.set_version_flag("--version",
@@ -93,7 +93,7 @@ int parse_and_call(int argc, const char* const* argv) {
   add_study_commands(line);
   add_report_commands(line);
   add_motion_commands(line);
-  add_python_commands(line);
+  (more ? more : add_other_commands)(line);
   add_completion(line);
   try {
     app.parse(argc, argv);
@@ -122,8 +122,8 @@ int parse_and_call(int argc, const char* const* argv) {
 
 }  // namespace
 
-int run_command_line(int argc, const char* const* argv) {
-  return guarded([&] { return parse_and_call(argc, argv); });
+int run_command_line(int argc, const char* const* argv, MoreCommands more) {
+  return guarded([&] { return parse_and_call(argc, argv, more); });
 }
 
 }  // namespace handsim::app

@@ -15,7 +15,10 @@
 
 namespace handsim::app {
 
-int run_command_line(int argc, const char* const* argv);
+struct CommandLine;
+using MoreCommands = void (*)(CommandLine& line);
+/// @param more registers the commands of another program that is handsim with them; null: none
+int run_command_line(int argc, const char* const* argv, MoreCommands more = nullptr);
 
 struct HandArguments {
   std::optional<std::filesystem::path> person;  ///< a file, instead of measures

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "handsim/app/console.h"
+#include "handsim/study/study_run.h"
 
 namespace handsim::app {
 
@@ -62,6 +63,21 @@ template <class Run>
 auto with_progress(const Run& run) {
   ProgressBar bar;
   return run([&bar](double share) { bar.show(share); });
+}
+
+/// Runs a study with a progress bar and prints its end.
+template <class Study>
+int with_bar(const study::StudyRun& asked, const Study& study, bool json = false) {
+  std::optional<ProgressBar> bar(std::in_place);
+  study::StudyRun run = asked;
+  run.progress = [&bar](double share) { bar->show(share); };
+  run.tell = [&bar](const std::string& text) {
+    bar.reset();
+    print_text(text);
+  };
+  const study::StudyEnd end = study(run);
+  bar.reset();
+  return print_study(end, asked.out, json);
 }
 
 }  // namespace handsim::app

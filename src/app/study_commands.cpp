@@ -11,7 +11,6 @@
 #include "handsim/app/progress.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
-#include "handsim/study/stability/stability.h"
 #include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
@@ -52,21 +51,6 @@ struct Asked : Options {
   bool json = false;
 };
 
-/// Runs a study with a progress bar and prints its end.
-template <class Study>
-int with_bar(const study::StudyRun& asked, const Study& study, bool json = false) {
-  std::optional<ProgressBar> bar(std::in_place);
-  study::StudyRun run = asked;
-  run.progress = [&bar](double share) { bar->show(share); };
-  run.tell = [&bar](const std::string& text) {
-    bar.reset();
-    print_text(text);
-  };
-  const study::StudyEnd end = study(run);
-  bar.reset();
-  return print_study(end, asked.out, json);
-}
-
 /// The command of a study with a progress bar.
 template <auto kStudy, class Options>
 int bar_command(const Asked<Options>& asked) {
@@ -99,23 +83,6 @@ void add_validate(CommandLine& line) {
   validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);
   add_uncertain(validate, asked->uncertain);
   add_report_flag(validate, asked->run)->needs(out);
-}
-
-void add_stability(CommandLine& line) {
-  const auto asked = std::make_shared<Asked<study::StabilityOptions>>();
-  CLI::App& stability = line.add(
-      "stability",
-      "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures",
-      "handsim stability config/stability.yaml --out out/stability --quick",
-      bar_command<study::stability, study::StabilityOptions>, asked);
-  add_input(stability, "study", asked->study, "study file")->required();
-  add_out(stability, asked->run.out, "folder for the study's files");
-  stability.add_option("--case", asked->cases, "run this case alone; may be repeated")
-      ->allow_extra_args(false);
-  stability.add_flag("--quick", asked->quick, "shorter runs of most cases, at most a minute in all");
-  add_report_flag(stability, asked->run);
-  stability.add_flag_callback(
-      "--no-pictures", [asked] { asked->pictures = false; }, "draw no scenes");
 }
 
 int effects_command(const Asked<study::EffectsOptions>& asked) {
@@ -191,8 +158,7 @@ void add_rollouts(CommandLine& line) {
 }  // namespace
 
 void add_study_commands(CommandLine& line) {
-  for (const auto add : {add_grasp, add_accuracy, add_effects, add_stability, add_validate, add_rollouts})
-    add(line);
+  for (const auto add : {add_grasp, add_accuracy, add_effects, add_validate, add_rollouts}) add(line);
 }
 
 }  // namespace handsim::app

@@ -8,7 +8,6 @@
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/population.h"
 #include "handsim/study/rollouts/rollouts.h"
-#include "handsim/study/stability/stability.h"
 #include "handsim/study/validate/validate.h"
 
 namespace handsim::python {
@@ -31,17 +30,6 @@ std::string effects_study(const SceneHandle& of, const std::optional<path>& file
                           const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
     return study::effects(*of.scene, {file, overrides, repeats}, {out, false, hooks.told}).text;
-  });
-}
-
-std::string stability(const path& study, const path& out, const std::vector<std::string>& cases, bool quick,
-                      int threads, bool pictures, const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    study::StudyEnd end =
-        study::stability({cases, quick, threads, {}, pictures, study}, {out, false, hooks.told});
-    if (!end.missing.empty())
-      throw output_error(out.string(), "no " + end.missing.front(), "memory, and room on the disk");
-    return end.text;
   });
 }
 
@@ -212,8 +200,6 @@ void bind_studies(py::module_& module) {
   module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("progress"));
   module.def("effects", &effects_study, py::arg("scene"), py::arg("file"), py::arg("overrides"),
              py::arg("out"), py::arg("repeats"), py::arg("progress"));
-  module.def("stability", &stability, py::arg("study"), py::arg("out"), py::arg("cases"), py::arg("quick"),
-             py::arg("threads"), py::arg("pictures"), py::arg("progress"));
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
              py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
              py::arg("pictures"), py::arg("uncertain"), py::arg("threads"), py::arg("progress"));

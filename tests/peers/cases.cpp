@@ -13,9 +13,9 @@
 #include <nlohmann/json.hpp>
 
 #include "handsim/engine/checks.h"
-#include "handsim/study/stability/stability.h"
 #include "peers/drake_engine.h"
 #include "peers/other_engine.h"
+#include "stability/stability.h"
 #ifdef HANDSIM_WITH_MUJOCO
 #include <mujoco/mujoco.h>
 

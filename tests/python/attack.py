@@ -164,7 +164,7 @@ class World:
             (hs.save_video, {"pictures": [picture], "path": here / "v.gif", "fps": 20.0}),
             (hs.report, {"folder": here, "other": None, "out": here / "r.html"}),
             (hs.study.rollouts, {"study": "nowhere", "count": 2, "seed": 1, "threads": 1, "overrides": {"a": 1}}),
-            (hs.study.effects, {"scene": "nowhere", "repeats": 1}), (hs.study.stability, {"study": "nowhere", "cases": ["a"]}),
+            (hs.study.effects, {"scene": "nowhere", "repeats": 1}),
             (hs.study.grasps, {"scenes": ["nowhere"], "sides": ["left"], "friction": 0.5}),
             (hs.study.merge, {"folders": [here]}), (hs.study.accuracy, {"study": "nowhere", "out": here}),
             (hs.study.track, {"recording": here / "none.csv", "person": here, "noise": 0.1, "seed": 1}),

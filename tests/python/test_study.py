@@ -75,12 +75,6 @@ def test_grasps_agree_with_the_run():
     assert (table.units["shift"], figures.units["grasp_shift"]) == ("mm", "m")
 
 
-# Oracle: the case asked for and no other.
-def test_stability_runs_one_case():
-    study = hs.study.stability(cases=["pendulum"], quick=True, threads=1)
-    assert set(study.table["case"]) == {"pendulum"} and "pendulum" in study.text
-
-
 # Oracle: rk4 is of order 4 on smooth motion: half the step has a sixteenth of the error (12 to 20 here).
 def test_accuracy_measures_the_order_of_a_method(tmp_path):
     (tmp_path / "study.yaml").write_text(f"""
@@ -102,7 +96,5 @@ methods: [{{name: rk4, set: {{duration: 0.5, solver.engine: articulated, solver.
 
 def test_a_study_of_another_kind_is_refused():
     with pytest.raises(hs.Error) as caught:
-        hs.study.stability("two_hands")
+        hs.study.accuracy("two_hands")
     assert caught.value.problems
-    with pytest.raises(hs.Error, match="--case|case"):
-        hs.study.stability(cases=["none"])

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <memory>
 
-#include "handsim/study/stability/stability_measures.h"
+#include "stability/stability_measures.h"
 
 namespace handsim::study {
 

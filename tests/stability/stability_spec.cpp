@@ -10,7 +10,7 @@
 #include "handsim/core/text.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/study/spec_reader.h"
-#include "handsim/study/stability/stability.h"
+#include "stability/stability.h"
 
 namespace handsim::study {
 

@@ -1,5 +1,5 @@
 // Measures of hard cases compared with closed forms, and verdicts of a study.
-#include "handsim/study/stability/stability.h"
+#include "stability/stability.h"
 
 #include <gtest/gtest.h>
 

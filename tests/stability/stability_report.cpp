@@ -1,4 +1,4 @@
-#include "handsim/study/stability/stability.h"
+#include "stability/stability.h"
 
 #include <algorithm>
 #include <array>

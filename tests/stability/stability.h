@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "handsim/study/stability/stability_measures.h"
 #include "handsim/study/study_run.h"
+#include "stability/stability_measures.h"
 
 namespace handsim::study {
 

@@ -6,7 +6,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/model/energy.h"
-#include "handsim/study/stability/stability_measures.h"
+#include "stability/stability_measures.h"
 
 namespace handsim::study {
 

@@ -12,14 +12,19 @@ namespace handsim::app {
 
 namespace {
 
-struct PythonCommand {
+/// The hard cases are a program of the tests.
+constexpr const char* kHardCases = "stability";
+
+struct OtherCommand {
   const char *name, *help, *example;
 };
-/// Commands of the Python package; python/handsim/__main__.py has their modules.
-constexpr std::array<PythonCommand, 2> kPythonCommands = {
+/// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
+constexpr std::array<OtherCommand, 3> kOtherCommands = {
     {{"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
       "handsim compare healthy.yaml blocked.yaml --out out/compared"},
-     {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"}}};
+     {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
+     {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
+      "handsim stability config/stability.yaml --out out/stability --quick"}}};
 
 /// Formats of `export` that the package writes.
 constexpr std::array<std::string_view, 4> kPythonFormats = {"glb", "usda", "obj", "stl"};
@@ -46,25 +51,35 @@ bool names_format(std::string_view argument) {
 
 }  // namespace
 
-bool is_python_command(int argc, const char* const* argv) {
+bool is_other_command(int argc, const char* const* argv) {
   if (argc < 2) return false;
   const std::string_view name = argv[1];
-  return std::ranges::any_of(kPythonCommands,
-                             [&](const PythonCommand& command) { return name == command.name; }) ||
+  return std::ranges::find(kOtherCommands, name, &OtherCommand::name) != kOtherCommands.end() ||
          (name == "export" && std::any_of(argv + 2, argv + argc, names_format));
 }
 
-void run_python_command(int argc, const char* const* argv) {
+void run_other_command(int argc, const char* const* argv) {
   const std::string folder = own_folder().string();
-  std::vector<const char*> words = {"python3", "-c", kStart, folder.c_str()};
-  words.insert(words.end(), argv + 1, argv + argc);
+  std::vector<const char*> words(argv + 1, argv + argc);
   words.push_back(nullptr);
-  ::execvp(words.front(), const_cast<char* const*>(words.data()));
+  const auto become = [&](const std::string& program, std::initializer_list<const char*> first) {
+    std::vector<const char*> all = first;
+    all.insert(all.end(), words.begin(), words.end());
+    ::execvp(program.c_str(), const_cast<char* const*>(all.data()));
+  };
+  if (argv[1] == std::string_view(kHardCases)) {
+    // Beside the program or the Python module of a build.
+    become(folder + "/../tests/handsim-stability", {"handsim"});
+    become(folder + "/../../tests/handsim-stability", {"handsim"});
+    throw input_error(kHardCases, "a handsim without its tests",
+                      "a build of the source: ./dev build, then its handsim stability");
+  }
+  become("python3", {"python3", "-c", kStart, folder.c_str()});
   throw input_error("python3", "no program of this name", "Python 3, in which this command is written");
 }
 
-void add_python_commands(CommandLine& line) {
-  for (const PythonCommand& command : kPythonCommands)
+void add_other_commands(CommandLine& line) {
+  for (const OtherCommand& command : kOtherCommands)
     line.app.add_subcommand(command.name, command.help)->footer(std::string("Example: ") + command.example);
 }
 

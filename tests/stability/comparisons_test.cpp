@@ -11,8 +11,8 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/model/newton_euler.h"
-#include "handsim/study/stability/stability_measures.h"
 #include "scene_files.h"
+#include "stability/stability_measures.h"
 
 namespace handsim::study {
 namespace {
