@@ -82,7 +82,8 @@ def part(kind, path, handsim):
         for key in ("engine", "method", "step", "erp", "cfm", "iterations", "projection", "tolerance", "speculative"):
             if key in row["solver"]:
                 value = row["solver"][key]
-                text += f"        {key}: {str(value).lower() if isinstance(value, bool) else value}\n"
+                shown = f"{value:.12g}" if isinstance(value, float) else str(value).lower()
+                text += f"        {key}: {shown}\n"
     return text
 
 
