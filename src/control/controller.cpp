@@ -32,32 +32,20 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
   }
   targets_.resize(width);
   if (plan.gravity) gravity_.emplace(model, *plan.gravity);
-  if (plan.feed_forward)
-    feed_.emplace(FeedForward{model::NewtonEuler(model, plan.feed_gravity),
-                              std::vector<double>(width),
-                              std::vector<double>(width),
-                              {},
-                              {},
-                              std::vector<double>(dofs),
-                              {}});
+  if (plan.feed_forward) {
+    const std::vector<double> still(width);
+    feed_.emplace(FeedForward{
+        model::NewtonEuler(model, plan.feed_gravity), still, still, {}, {}, std::vector<double>(dofs), {}});
+  }
   constants_.reserve(plan.axes.size());
   for (std::size_t i = 0; i < plan.axes.size(); ++i) {
     const DrivenAxis& axis = plan.axes[i];
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];
-    AxisConstants c{axis.gains,
-                    axis.dof,
-                    first_target_[axis.hand] + axis.column,
-                    0,
-                    0,
-                    0,
-                    smoothing(axis.gains.derivative_cutoff, step),
-                    axis.gains.integral_zone.value_or(std::numeric_limits<double>::infinity())};
-    if (plan.tissue_compensation && of_model.tissue) {
-      c.tissue_stiffness = of_model.tissue->stiffness;
-      c.tissue_rest = of_model.tissue->rest;
-      c.tissue_damping = of_model.tissue->damping;
-    }
-    constants_.push_back(c);
+    const model::Tissue tissue =
+        plan.tissue_compensation ? of_model.tissue.value_or(model::Tissue{}) : model::Tissue{};
+    constants_.push_back({axis.gains, axis.dof, first_target_[axis.hand] + axis.column, tissue.stiffness,
+                          tissue.rest, tissue.damping, smoothing(axis.gains.derivative_cutoff, step),
+                          axis.gains.integral_zone.value_or(std::numeric_limits<double>::infinity())});
   }
   memory_.integral.resize(axes_.size());
   memory_.filtered_rate.resize(axes_.size());

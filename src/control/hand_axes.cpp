@@ -64,16 +64,9 @@ HandAxes hand_axes(const model::Model& model, const model::HandIndex& hand, std:
   for (const int index : hand.joints) {
     const auto j = static_cast<std::size_t>(index);
     const model::Joint& joint = model.joints[j];
-    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-      HandAxis axis;
-      axis.joint = joint.name.substr(hand.name.size() + 1);
-      axis.axis = joint.axes[a].name;
-      axis.joint_index = j;
-      axis.axis_index = a;
-      axis.dof = static_cast<std::size_t>(joint.first_dof) + a;
-      axis.stop = joint.axes[a].stop;
-      out.axes.push_back(std::move(axis));
-    }
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      out.axes.push_back({joint.name.substr(hand.name.size() + 1), joint.axes[a].name, j, a,
+                          static_cast<std::size_t>(joint.first_dof) + a, joint.axes[a].stop});
   }
   return out;
 }

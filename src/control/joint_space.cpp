@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::control {
@@ -72,19 +73,20 @@ GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
   std::vector<bool> is_child(model.bodies.size(), false);
   for (const model::Body& body : model.bodies) distal_mass.push_back(body.mass);
   for (const model::Joint& joint : model.joints)
-    if (!joint.closes_loop) is_child[static_cast<std::size_t>(joint.child)] = true;
+    if (!joint.closes_loop) is_child[at(joint.child)] = true;
   // Parents come before children: the reverse order sums from the fingertips.
   for (std::size_t j = model.joints.size(); j-- > 0;) {
     const model::Joint& joint = model.joints[j];
     if (joint.closes_loop) continue;
-    Link link;
-    link.joint = &joint;
-    link.parent = static_cast<std::size_t>(joint.parent);
-    link.child = static_cast<std::size_t>(joint.child);
-    link.dof = static_cast<std::size_t>(joint.first_dof);
-    link.mass = distal_mass[link.child];
-    link.adds_to_parent = is_child[link.parent];
-    link.universal = joint.kind == model::JointKind::universal;
+    Link link{&joint,
+              at(joint.parent),
+              at(joint.child),
+              at(joint.first_dof),
+              distal_mass[at(joint.child)],
+              is_child[at(joint.parent)],
+              {},
+              {},
+              joint.kind == model::JointKind::universal};
     if (!joint.axes.empty()) link.first_axis = joint.parent_frame.q * joint.axes[0].axis;
     if (link.universal) link.second_axis = joint.child_frame.q * joint.axes[1].axis;
     distal_mass[link.parent] += link.mass;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <unordered_set>
 
 #include <fmt/format.h>
@@ -88,57 +89,42 @@ class Reader {
     if (!problems_.empty()) throw Error(problems_);
   }
 
-  void add_column(const std::string& name, double factor, int column) {
-    if (name.empty()) return problem(column, "", "a column without a name", "the name of a coordinate");
-    if (!known_.insert(name).second)
-      return problem(column, name, "a second column of this name", "a unique name for each column");
-    table_.names.push_back(name);
-    factors_.push_back(factor);
-  }
-
   /// A label `NAME`, `NAME[unit]` or `NAME.target[unit]`; others are ignored. @param default_factor to rad
   void read_label(std::string_view field, std::size_t index, double default_factor) {
     const std::size_t bracket = field.find('[');
     const std::string_view unit = bracket == std::string_view::npos ? "" : field.substr(bracket);
     std::string name = coordinate_of(field.substr(0, bracket));
-    if (content_ == TableContent::poses) return read_pose_label(field, index, default_factor, name, unit);
-    const bool quaternion = name.size() > 3 && name[name.size() - 3] == '.' && name[name.size() - 2] == 'q';
-    if (content_ == TableContent::excitations) {
-      if (!unit.empty() && unit != "[]" && unit != "[rad]")
-        return problem(column_of(field), std::string(field), fmt::format("the unit {}", unit),
-                       "no unit, or []: excitations are numbers of 0 to 1");
-      add_column(name, 1, column_of(field));
-      kept_.push_back(index);
+    const bool pose = is_pose_column(name);
+    std::map<std::string_view, double> units = {{"", default_factor}, {"[rad]", 1}, {"[deg]", kDegree}};
+    const char* need = "[rad] or [deg]";
+    if (content_ == TableContent::angles) {
+      if (name.size() > 3 && name[name.size() - 3] == '.' && name[name.size() - 2] == 'q') return;
+      for (const std::string_view other : {"[m]", "[mm]", "[rad/s]", "[m/s]", "[N_m]", "[N]", "[]"})
+        if (unit == other) return;
+    } else if (content_ == TableContent::excitations) {
+      units = {{"", 1}, {"[]", 1}, {"[rad]", 1}};
+      need = "no unit, or []: excitations are numbers of 0 to 1";
+    } else if (!pose) {
       return;
+    } else if (!name.ends_with("angle") && !(name.size() >= 2 && name[name.size() - 2] == 'r')) {
+      units = {{"", 1}, {"[m]", 1}, {"[mm]", 1e-3}};
+      need = "[m] or [mm]";
     }
-    for (const std::string_view other : {"[m]", "[mm]", "[rad/s]", "[m/s]", "[N_m]", "[N]", "[]"})
-      if (quaternion || unit == other) return;
-    if (!unit.empty() && unit != "[rad]" && unit != "[deg]")
-      return problem(column_of(field), std::string(field), fmt::format("the unit {}", unit),
-                     "[rad] or [deg]");
-    if (is_pose_column(name) && name.find(".wrist.") != std::string::npos) return;
-    if (name.ends_with(kTarget)) name.resize(name.size() - kTarget.size());
-    const double factor = unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : default_factor;
-    table_.radians = table_.radians && factor == 1;
-    add_column(name, factor, column_of(field));
+    const int column = column_of(field);
+    const auto factor = units.find(unit);
+    if (factor == units.end())
+      return problem(column, std::string(field), fmt::format("the unit {}", unit), need);
+    if (content_ == TableContent::angles) {
+      if (pose && name.find(".wrist.") != std::string::npos) return;
+      if (name.ends_with(kTarget)) name.resize(name.size() - kTarget.size());
+      table_.radians = table_.radians && factor->second == 1;
+    }
+    if (name.empty()) return problem(column, "", "a column without a name", "the name of a coordinate");
     kept_.push_back(index);
-  }
-
-  void read_pose_label(std::string_view field, std::size_t index, double default_factor,
-                       const std::string& name, std::string_view unit) {
-    if (!is_pose_column(name)) return;
-    const bool turn = name.ends_with("angle") || (name.size() >= 2 && name[name.size() - 2] == 'r');
-    const std::vector<std::pair<std::string_view, double>> units =
-        turn ? std::vector<std::pair<std::string_view, double>>{{"", default_factor},
-                                                                {"[rad]", 1},
-                                                                {"[deg]", kDegree}}
-             : std::vector<std::pair<std::string_view, double>>{{"", 1}, {"[m]", 1}, {"[mm]", 1e-3}};
-    const auto found = std::ranges::find_if(units, [&](const auto& each) { return each.first == unit; });
-    if (found == units.end())
-      return problem(column_of(field), std::string(field), fmt::format("the unit {}", unit),
-                     turn ? "[rad] or [deg]" : "[m] or [mm]");
-    add_column(name, found->second, column_of(field));
-    kept_.push_back(index);
+    if (!known_.insert(name).second)
+      return problem(column, name, "a second column of this name", "a unique name for each column");
+    table_.names.push_back(name);
+    factors_.push_back(factor->second);
   }
 
   /// The labels after the time. @param factor to rad, of labels without a unit

@@ -34,19 +34,7 @@ class HandTable {
       if (!sources_[i].column) couple(i);
   }
 
-  bool has_columns() const {
-    return std::ranges::any_of(sources_, [](const Source& s) { return s.column.has_value(); });
-  }
   bool has(std::size_t axis) const { return sources_[axis].column || sources_[axis].leader; }
-  /// Axes that get no angle.
-  std::vector<std::string> held(const std::vector<bool>& driven) const {
-    std::vector<std::string> out;
-    for (std::size_t i = 0; i < sources_.size(); ++i)
-      if (driven[i] && !has(i)) out.push_back(axes_[i]);
-    return out;
-  }
-  const std::vector<std::string>& unused() const { return unused_; }
-
   /// Replaces the angles that the table has.
   void read_row(std::size_t row, std::vector<double>& angles) const {
     for (std::size_t i = 0; i < sources_.size(); ++i)
@@ -56,6 +44,29 @@ class HandTable {
         angles[i] = s.coupling->ratio * angles[*s.leader] + s.coupling->offset;
   }
 
+  /// Names that the hand does not use, and driven axes that get no angle.
+  void report_names(const std::vector<bool>& driven, Diagnostics& diagnostics) const {
+    const Place head{table_.file, table_.header_line, 1};
+    if (std::ranges::none_of(sources_, [](const Source& s) { return s.column.has_value(); }))
+      return diagnostics.problems.push_back(
+          {head, hand_.hand, "no column of an axis of this hand",
+           fmt::format("columns {}.JOINT.AXIS or JOINT.AXIS, or control.motion.names{}", hand_.hand,
+                       unused_.empty() ? "" : "; unused columns: " + listed(unused_))});
+    std::vector<std::string> held;
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (driven[i] && !has(i)) held.push_back(axes_[i]);
+    const std::string place = fmt::format("{}:{}:1", table_.file, table_.header_line);
+    if (!unused_.empty())
+      diagnostics.warnings.push_back(
+          fmt::format("{}: {} that hand {} does not use: {}", place,
+                      unused_.size() == 1 ? "a column" : fmt::format("{} columns", unused_.size()),
+                      hand_.hand, listed(unused_)));
+    if (!held.empty())
+      diagnostics.warnings.push_back(fmt::format("{}: no column for {} of hand {}: held at the start angle",
+                                                 place, fmt::join(held, ", "), hand_.hand));
+  }
+
+ private:
   /// The first few names, each with the nearest axis.
   std::string listed(const std::vector<std::string>& names) const {
     std::string out;
@@ -68,7 +79,6 @@ class HandTable {
     return names.size() > kMostPlaces ? fmt::format("{} and {} more", out, names.size() - kMostPlaces) : out;
   }
 
- private:
   std::optional<std::size_t> axis_of(const std::string& name) const {
     const bool own = name.starts_with(hand_.hand + ".");
     const auto found = std::ranges::find(axes_, own ? name.substr(hand_.hand.size() + 1) : name);
@@ -126,47 +136,42 @@ class HandTable {
 };
 
 /// Moves angles into their ranges, and reports those that are too far outside.
-class RangeCheck {
- public:
-  RangeCheck(const MotionTable& table, const HandAxes& hand, bool clamp)
-      : table_(table), hand_(hand), clamp_(clamp) {}
+struct RangeCheck {
+  const MotionTable& table;
+  const HandAxes& hand;
+  bool clamp;
+  std::size_t refused = 0, moved = 0;
+  double largest = 0;  ///< [rad]
+  std::vector<Problem> places = {};
 
   double inside(std::size_t row, const HandAxis& axis, double angle) {
     if (!axis.stop || (angle >= axis.stop->low && angle <= axis.stop->high)) return angle;
     const double nearest = std::clamp(angle, axis.stop->low, axis.stop->high);
     const double excess = std::abs(angle - nearest);
-    if (excess > kMotionRangeTolerance && !clamp_) {
-      ++refused_;
-      if (places_.size() < kMostPlaces)
-        places_.push_back({Place{table_.file, table_.lines[row], 1}, hand_.hand + "." + axis.name(),
-                           fmt::format("{:.4g} deg at {:g} s", angle / kDegree, table_.times[row]),
-                           fmt::format("an angle in its range, {:.4g} to {:.4g} deg, or control.motion.clamp",
-                                       axis.stop->low / kDegree, axis.stop->high / kDegree)});
+    if (excess > kMotionRangeTolerance && !clamp) {
+      ++refused;
+      if (places.size() < kMostPlaces)
+        places.push_back({Place{table.file, table.lines[row], 1}, hand.hand + "." + axis.name(),
+                          fmt::format("{:.4g} deg at {:g} s", angle / kDegree, table.times[row]),
+                          fmt::format("an angle in its range, {:.4g} to {:.4g} deg, or control.motion.clamp",
+                                      axis.stop->low / kDegree, axis.stop->high / kDegree)});
     } else if (excess > 1e-9) {
-      ++moved_;
-      largest_ = std::max(largest_, excess);
+      ++moved;
+      largest = std::max(largest, excess);
     }
     return nearest;
   }
 
   void report(Diagnostics& diagnostics) {
-    if (refused_ > places_.size())
-      places_.back().got +=
-          fmt::format(" (and {} more samples of hand {})", refused_ - places_.size(), hand_.hand);
-    diagnostics.problems.insert(diagnostics.problems.end(), places_.begin(), places_.end());
-    if (moved_ > 0)
+    if (refused > places.size())
+      places.back().got +=
+          fmt::format(" (and {} more samples of hand {})", refused - places.size(), hand.hand);
+    diagnostics.problems.insert(diagnostics.problems.end(), places.begin(), places.end());
+    if (moved > 0)
       diagnostics.warnings.push_back(
           fmt::format("{}: {} angles of hand {} up to {:.2g} deg beyond their range: moved to the stop",
-                      table_.file, moved_, hand_.hand, largest_ / kDegree));
+                      table.file, moved, hand.hand, largest / kDegree));
   }
-
- private:
-  const MotionTable& table_;
-  const HandAxes& hand_;
-  bool clamp_;
-  std::size_t refused_ = 0, moved_ = 0;
-  double largest_ = 0;  ///< [rad]
-  std::vector<Problem> places_;
 };
 
 /// True, with a problem, for a table in radians whose numbers must be degrees; warns of the opposite.
@@ -185,27 +190,6 @@ bool has_wrong_unit(const MotionTable& table, Diagnostics& diagnostics) {
     diagnostics.warnings.push_back(
         fmt::format("{}: no angle is above {:.2g} deg: are these radians?", table.file, in_degrees));
   return false;
-}
-
-void report_names(const MotionTable& table, const HandAxes& hand, const HandTable& of,
-                  const std::vector<bool>& driven, Diagnostics& diagnostics) {
-  const std::vector<std::string>& unused = of.unused();
-  const std::string place = fmt::format("{}:{}:1", table.file, table.header_line);
-  if (!of.has_columns()) {
-    diagnostics.problems.push_back(
-        {Place{table.file, table.header_line, 1}, hand.hand, "no column of an axis of this hand",
-         fmt::format("columns {}.JOINT.AXIS or JOINT.AXIS, or control.motion.names{}", hand.hand,
-                     unused.empty() ? "" : "; unused columns: " + of.listed(unused))});
-    return;
-  }
-  if (!unused.empty())
-    diagnostics.warnings.push_back(
-        fmt::format("{}: {} that hand {} does not use: {}", place,
-                    unused.size() == 1 ? "a column" : fmt::format("{} columns", unused.size()), hand.hand,
-                    of.listed(unused)));
-  if (const std::vector<std::string> held = of.held(driven); !held.empty())
-    diagnostics.warnings.push_back(fmt::format("{}: no column for {} of hand {}: held at the start angle",
-                                               place, fmt::join(held, ", "), hand.hand));
 }
 
 const Quantity kOffset = {Dimension::angle, -2 * M_PI, 2 * M_PI};
@@ -276,8 +260,8 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
   Trajectory out(width, model::Interpolation::linear);
   if (has_wrong_unit(table, diagnostics)) return out;
   const HandTable of(table, hand, options);
-  report_names(table, hand, of, driven, diagnostics);
-  RangeCheck range(table, hand, options.clamp);
+  of.report_names(driven, diagnostics);
+  RangeCheck range{table, hand, options.clamp};
   std::vector<double> times = table.times, angles;
   angles.reserve(times.size() * width);
   std::vector<double> row(start.begin(), start.end());

@@ -119,18 +119,17 @@ void compute_inertias(const model::Model& model, const Trajectory& trajectory,
 
 /// Gains from frequency f, damping ratio z and inertia I: K = I (2 pi f)^2, D = 2 z I 2 pi f, Ki = K / Ti.
 Gains make_gains(const AxisGains& stated, double inertia) {
-  Gains out;
   const double w = 2 * M_PI * stated.frequency.value_or(0);
   const bool designed = stated.frequency.has_value();
-  out.proportional = designed ? inertia * w * w : stated.proportional.value_or(0);
-  out.derivative =
+  const double K = designed ? inertia * w * w : stated.proportional.value_or(0);
+  const double D =
       designed ? 2 * stated.damping_ratio.value_or(1) * inertia * w : stated.derivative.value_or(0);
-  out.integral =
-      stated.integral_time ? out.proportional / *stated.integral_time : stated.integral.value_or(0);
-  out.torque_limit = stated.torque_limit.value_or(0);
-  out.derivative_cutoff = stated.derivative_cutoff;
-  out.integral_zone = stated.integral_zone;
-  return out;
+  return {K,
+          D,
+          stated.integral_time ? K / *stated.integral_time : stated.integral.value_or(0),
+          stated.torque_limit.value_or(0),
+          stated.derivative_cutoff,
+          stated.integral_zone};
 }
 
 void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Plan& plan) {
@@ -139,17 +138,11 @@ void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Pl
   for (std::size_t i = 0; i < hand.stated.size(); ++i) {
     if (!hand.stated[i]) continue;
     const HandAxis& from = hand.axes.axes[i];
-    DrivenAxis axis;
-    axis.name = axis_name(hand, i);
-    axis.hand = hand_index;
-    axis.column = i;
-    axis.joint = from.joint_index;
-    axis.axis = from.axis_index;
-    axis.dof = from.dof;
-    axis.inertia = effective[static_cast<Eigen::Index>(i)];
-    axis.gains = make_gains(*hand.stated[i], axis.inertia);
-    axis.gains.torque_limit *= strength;
-    plan.axes.push_back(std::move(axis));
+    const double inertia = effective[static_cast<Eigen::Index>(i)];
+    Gains gains = make_gains(*hand.stated[i], inertia);
+    gains.torque_limit *= strength;
+    plan.axes.push_back(
+        {axis_name(hand, i), hand_index, i, from.joint_index, from.axis_index, from.dof, gains, inertia});
   }
 }
 

@@ -5,9 +5,11 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/control/motion_file.h"
 #include "handsim/control/motion_trajectory.h"
+#include "handsim/core/index.h"
 #include "handsim/model/spline.h"
 
 namespace handsim::control {
@@ -16,32 +18,29 @@ namespace {
 
 constexpr double kKeyInterval = 1e-3;  ///< of the keyframes of a table [s]
 
+Vec3 vector_at(const MotionTable& table, std::size_t row, const std::vector<std::size_t>& columns) {
+  return {table.at(row, columns[0]), table.at(row, columns[1]), table.at(row, columns[2])};
+}
+
 class WristColumns {
  public:
   WristColumns(const MotionTable& table, const std::string& hand) : table_(table), hand_(hand) {}
 
-  std::optional<std::size_t> find(const std::string& part) const {
-    for (const std::string& name : {hand_ + ".wrist." + part, part})
-      for (std::size_t c = 0; c < table_.names.size(); ++c)
-        if (table_.names[c] == name) return c;
-    return std::nullopt;
-  }
-
-  /// All of these columns, or none. @throws Error (input) for some of them.
-  template <std::size_t Count>
-  std::optional<std::array<std::size_t, Count>> all(const std::array<const char*, Count>& parts) const {
-    std::array<std::size_t, Count> out{};
-    std::string missing;
-    std::size_t found = 0;
-    for (std::size_t i = 0; i < Count; ++i) {
-      const auto column = find(parts[i]);
-      if (column) out[i] = *column;
-      found += column ? 1 : 0;
-      if (!column) missing += (missing.empty() ? "" : ", ") + std::string(parts[i]);
+  /// These columns, or none. @throws Error (input) for some of them.
+  std::vector<std::size_t> all(const std::vector<std::string>& parts) const {
+    std::vector<std::size_t> out;
+    std::vector<std::string> missing;
+    for (const std::string& part : parts) {
+      auto column = std::ranges::find(table_.names, hand_ + ".wrist." + part);
+      if (column == table_.names.end()) column = std::ranges::find(table_.names, part);
+      if (column == table_.names.end())
+        missing.push_back(part);
+      else
+        out.push_back(at(column - table_.names.begin()));
     }
-    if (found == 0) return std::nullopt;
-    if (found < Count)
-      fail(table_.header_line, "no column " + missing, "it beside the others of the wrist's pose");
+    if (!out.empty() && !missing.empty())
+      fail(table_.header_line, fmt::format("no column {}", fmt::join(missing, ", ")),
+           "it beside the others of the wrist's pose");
     return out;
   }
 
@@ -55,33 +54,24 @@ class WristColumns {
   const std::string& hand_;
 };
 
-using Three = std::optional<std::array<std::size_t, 3>>;
-
-Vec3 vector_at(const MotionTable& table, std::size_t row, const std::array<std::size_t, 3>& columns) {
-  return {table.at(row, columns[0]), table.at(row, columns[1]), table.at(row, columns[2])};
-}
-
 struct RotationColumns {
-  std::optional<std::array<std::size_t, 4>> quaternion;
-  Three vector, axis;
-  std::optional<std::size_t> angle;
+  std::vector<std::size_t> quaternion, vector, axis, angle;  ///< empty: not there
 };
 
 Quat rotation_at(const WristColumns& wrist, std::size_t row, const RotationColumns& columns) {
   const MotionTable& table = wrist.table();
-  if (columns.quaternion) {
-    const auto& c = *columns.quaternion;
+  if (const auto& c = columns.quaternion; !c.empty()) {
     const Quat q(table.at(row, c[0]), table.at(row, c[1]), table.at(row, c[2]), table.at(row, c[3]));
     constexpr double kMostStretch = 0.01;
     if (!(std::abs(q.norm() - 1) < kMostStretch))
       wrist.fail(table.lines[row], fmt::format("a quaternion of length {:.4g}", q.norm()), "one of length 1");
     return q.normalized();
   }
-  if (columns.vector) return rotation_quaternion(vector_at(table, row, *columns.vector));
-  if (!columns.axis) return Quat::Identity();
-  const Vec3 axis = vector_at(table, row, *columns.axis);
+  if (!columns.vector.empty()) return rotation_quaternion(vector_at(table, row, columns.vector));
+  if (columns.axis.empty()) return Quat::Identity();
+  const Vec3 axis = vector_at(table, row, columns.axis);
   if (!(axis.norm() > 1e-9)) wrist.fail(table.lines[row], "an axis of no length", "a direction");
-  return rotation_quaternion(table.at(row, *columns.angle) * axis.normalized());
+  return rotation_quaternion(table.at(row, columns.angle[0]) * axis.normalized());
 }
 
 /// Position and quaternion (x, y, z, qw, qx, qy, qz) of all samples.
@@ -126,22 +116,21 @@ model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::
                                   const std::optional<double>& filter) {
   const MotionTable table = read_motion(path, TableContent::poses);
   const WristColumns wrist(table, hand);
-  const Three position = wrist.all<3>({"x", "y", "z"});
-  if (!position) wrist.fail(table.header_line, "no columns x[m], y[m], z[m]", "the position of the wrist");
-  RotationColumns rotation;
-  rotation.quaternion = wrist.all<4>({"qw", "qx", "qy", "qz"});
-  rotation.vector = wrist.all<3>({"rx", "ry", "rz"});
-  rotation.axis = wrist.all<3>({"axis.x", "axis.y", "axis.z"});
-  rotation.angle = wrist.find("angle");
-  if (rotation.axis.has_value() != rotation.angle.has_value())
-    wrist.fail(table.header_line, rotation.axis ? "an axis without an angle" : "an angle without an axis",
+  const std::vector<std::size_t> position = wrist.all({"x", "y", "z"});
+  if (position.empty())
+    wrist.fail(table.header_line, "no columns x[m], y[m], z[m]", "the position of the wrist");
+  const RotationColumns rotation = {wrist.all({"qw", "qx", "qy", "qz"}), wrist.all({"rx", "ry", "rz"}),
+                                    wrist.all({"axis.x", "axis.y", "axis.z"}), wrist.all({"angle"})};
+  if (rotation.axis.empty() != rotation.angle.empty())
+    wrist.fail(table.header_line,
+               rotation.angle.empty() ? "an axis without an angle" : "an angle without an axis",
                "both, or a quaternion");
-  if (rotation.quaternion.has_value() + rotation.vector.has_value() + rotation.axis.has_value() > 1)
+  if (!rotation.quaternion.empty() + !rotation.vector.empty() + !rotation.axis.empty() > 1)
     wrist.fail(table.header_line, "two kinds of rotation",
                "a quaternion, a rotation vector, or axis and angle");
   PoseSamples samples;
   for (std::size_t row = 0; row < table.times.size(); ++row)
-    samples.add(table.times[row], {vector_at(table, row, *position), rotation_at(wrist, row, rotation)});
+    samples.add(table.times[row], {vector_at(table, row, position), rotation_at(wrist, row, rotation)});
   if (filter && !low_pass_rows(samples.times, samples.values, 7, *filter))
     wrist.fail(table.header_line, fmt::format("a filter at {:g} Hz", *filter),
                "a cut-off below half the rate of the table");

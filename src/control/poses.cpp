@@ -186,9 +186,7 @@ void check_range(const std::string& pose, const HandAxis& axis, double angle, co
 void report_absent(const PoseSpec& pose, const std::string& joint, const Place& place, const std::string& key,
                    const HandAxes& hand, Diagnostics& diagnostics) {
   const std::vector<std::string> known = hand.joints();
-  std::vector<std::string> named;
-  for (const auto& [name, given] : pose.joints) named.push_back(name);
-  if (is_misspelt(joint, known, named))
+  if (is_misspelt(joint, known, names_of(pose.joints)))
     return diagnostics.problems.push_back({place, key, "a joint that the hand does not have",
                                            "a joint of its hand model" + nearest_hint(joint, known)});
   std::vector<std::string>& told = diagnostics.warnings;

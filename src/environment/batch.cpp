@@ -17,35 +17,7 @@
 
 namespace handsim::environment {
 
-/// Steps of environments of one scene in lanes (articulated/lane_group.h), to the bits of single steps.
-class Lanes {
- public:
-  /// @param like an environment of the scene, @param widest BatchSetup::lanes
-  Lanes(const Environment& like, int widest);
-
-  /// Environments that a call of `step` takes; 0 where the scene has no use for lanes.
-  int width() const { return group_ ? group_->width() : 0; }
-  /// True where an action's steps can begin in lanes.
-  bool takes(Environment& environment, const Action& action) const;
-
-  struct Member {
-    Environment* environment = nullptr;
-    Action action;
-    int made = 0;  ///< out: steps made; the environment has to make the others alone
-  };
-  /// @param members at most width(), all of which `takes` accepts
-  void step(std::span<Member> members, int substeps);
-
- private:
-  void load(int lane, const Member& member);
-  void set_targets(std::span<const Member> members, unsigned active);
-  void store(int lane, Member& member, int made, bool leaves);
-
-  std::unique_ptr<engine::articulated::LaneGroup> group_;
-  engine::articulated::LaneControlPlan plan_;
-  std::vector<std::vector<double>> torques_;  ///< by lane
-  double step_ = 0;                           ///< [s]
-};
+namespace articulated = engine::articulated;
 
 namespace {
 
@@ -75,7 +47,168 @@ int checked(int threads) {
   return threads > 0 ? threads : tbb::task_arena::automatic;
 }
 
+bool finite(std::span<const double> numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
+}
+
+bool excitable(const model::Model& model, const engine::Settings& settings, std::span<const double> by) {
+  return by.empty() || (settings.effects.has(model::Effect::muscles) && by.size() == model.muscles.size() &&
+                        std::all_of(by.begin(), by.end(), [](double x) { return x >= 0 && x <= 1; }));
+}
+
+/// Constants of a controller with implicit gains.
+void describe(const control::Controller& controller, articulated::LaneControlPlan& plan,
+              const model::Model& model) {
+  plan.drives.clear();
+  plan.links.clear();
+  for (const auto& axis : controller.constants())
+    plan.drives.push_back({axis.dof, axis.gains.proportional, axis.gains.derivative, axis.gains.integral,
+                           axis.gains.torque_limit, axis.zone, axis.smoothing, axis.tissue_stiffness,
+                           axis.tissue_rest, 0});
+  const control::GravityLoad* gravity = controller.gravity();
+  if (!gravity) return;
+  plan.gravity = gravity->gravity();
+  for (const auto& link : gravity->links()) {
+    const bool turns = link.universal || link.joint->kind == model::JointKind::hinge;
+    plan.links.push_back({link.parent, link.child, link.dof, link.mass, model.bodies[link.child].mass,
+                          link.adds_to_parent, turns, link.universal, link.joint->child_frame.p,
+                          link.first_axis, link.universal ? link.second_axis : Vec3::Zero().eval()});
+    if (!turns) plan.links.back().first_axis = Vec3::Zero();
+  }
+}
+
 }  // namespace
+
+/// Steps of environments of one scene in lanes (articulated/lane_group.h), to the bits of single steps.
+class Lanes {
+ public:
+  /// @param like an environment of the scene, @param widest BatchSetup::lanes
+  Lanes(const Environment& like, int widest)
+      : group_(articulated::LaneGroup::make(like.simulation().engine(), widest)),
+        torques_(at(width())),
+        step_(like.scene().spec.solver.step) {
+    const control::Controller* controller = like.simulation().controller();
+    if (controller &&
+        (controller->plan().form != control::Form::implicit_gain || controller->plan().feed_forward))
+      group_.reset();
+  }
+
+  /// Environments that a call of `step` takes; 0 where the scene has no use for lanes.
+  int width() const { return group_ ? group_->width() : 0; }
+  /// True where an action's steps can begin in lanes.
+  bool takes(Environment& environment, const Action& action) const {
+    if (!group_ || environment.failure_ || !action.forces.empty() || !action.wrists.empty() ||
+        !action.wrist_rates.empty())
+      return false;
+    const auto parts = environment.simulation_->parts();
+    const auto dofs = at(environment.scene().model.dof_count());
+    const std::size_t axes = parts && parts->controller ? parts->controller->axes().size() : 0;
+    // What is wrong with an action is told by the environment alone; so is what touches something.
+    return parts && (action.torques.empty() || action.torques.size() == dofs) && finite(action.torques) &&
+           (action.angles.empty() || action.angles.size() == axes) && finite(action.angles) &&
+           excitable(environment.scene().model, parts->engine.settings(), action.excitations) &&
+           parts->engine.contacts().empty() &&
+           group_->fits(parts->engine, parts->controller || !action.torques.empty());
+  }
+
+  struct Member {
+    Environment* environment = nullptr;
+    Action action;
+    int made = 0;  ///< out: steps made; the environment has to make the others alone
+  };
+  /// @param members at most width(), all of which `takes` accepts
+  void step(std::span<Member> members, int substeps) {
+    unsigned active = 0;
+    for (std::size_t lane = 0; lane < members.size(); ++lane) {
+      load(static_cast<int>(lane), members[lane]);
+      active |= 1U << lane;
+    }
+    group_->start();
+    for (int i = 0; i < substeps && active != 0; ++i) {
+      set_targets(members, active);
+      const unsigned leave = group_->step();
+      for (std::size_t lane = 0; lane < members.size(); ++lane)
+        if ((leave >> lane) & 1U) store(static_cast<int>(lane), members[lane], i, true);
+      active &= ~leave;
+    }
+    for (std::size_t lane = 0; lane < members.size(); ++lane)
+      if ((active >> lane) & 1U) store(static_cast<int>(lane), members[lane], substeps, false);
+  }
+
+ private:
+  void load(int lane, const Member& member) {
+    Environment& environment = *member.environment;
+    const simulation::Simulation::Parts parts = *environment.simulation_->parts();
+    std::vector<double>& torques = torques_[at(lane)];
+    torques.assign(parts.constant_torques.begin(), parts.constant_torques.end());
+    if (!member.action.torques.empty()) {
+      torques.resize(member.action.torques.size());
+      for (std::size_t i = 0; i < torques.size(); ++i) torques[i] += member.action.torques[i];
+    }
+    control::Controller* controller = parts.controller;
+    if (group_->key(lane) != environment.numbers_) {
+      if (controller) describe(*controller, plan_, environment.scene().model);
+      group_->set_constants(lane, parts.engine, controller ? &plan_ : nullptr, environment.numbers_);
+    }
+    group_->load(lane, parts.engine, torques, member.action.excitations);
+    if (!controller) return;
+    if (member.action.angles.empty())
+      controller->release_targets();
+    else
+      controller->set_targets(member.action.angles);
+    for (std::size_t i = 0; i < controller->axes().size(); ++i) {
+      const control::AxisState& axis = controller->axis(i);
+      group_->set_drive_state(lane, i,
+                              {axis.angle, axis.rate, axis.target, axis.torque, axis.at_limit,
+                               controller->integral(i), controller->filtered_rate(i)});
+    }
+  }
+
+  /// Of the step to come. All environments have the same trajectories, and mostly the same time.
+  void set_targets(std::span<const Member> members, unsigned active) {
+    const auto each = [&](const auto& f) {
+      for (std::size_t lane = 0; lane < members.size(); ++lane)
+        if ((active >> lane) & 1U)
+          if (auto* controller = members[lane].environment->simulation_->parts()->controller)
+            f(static_cast<int>(lane), *controller, group_->time(static_cast<int>(lane)) + step_);
+    };
+    std::optional<double> common;
+    each([&](int /*lane*/, control::Controller& controller, double time) {
+      if (common || controller.targets_given()) return;
+      common = time;
+      const std::span<const double> targets = controller.targets(time);
+      for (std::size_t i = 0; i < controller.constants().size(); ++i)
+        group_->set_targets(i, targets[controller.constants()[i].target]);
+    });
+    each([&](int lane, control::Controller& controller, double time) {
+      if (!controller.targets_given() && time == common) return;
+      const std::span<const double> targets = controller.targets(time);
+      for (std::size_t i = 0; i < controller.constants().size(); ++i)
+        group_->set_target(lane, i, targets[controller.constants()[i].target]);
+    });
+  }
+
+  void store(int lane, Member& member, int made, bool leaves) {
+    Environment& environment = *member.environment;
+    const simulation::Simulation::Parts parts = *environment.simulation_->parts();
+    member.made = made;
+    if (parts.controller && made > 0)
+      for (std::size_t i = 0; i < parts.controller->axes().size(); ++i) {
+        const articulated::LaneDriveState state = group_->drive_state(lane, i);
+        parts.controller->axis(i) = {state.angle, state.rate, state.target, state.torque, state.at_limit};
+        parts.controller->integral(i) = state.integral;
+        parts.controller->filtered_rate(i) = state.filtered_rate;
+      }
+    group_->store(lane, leaves);
+    environment.simulation_->add_steps(made, member.action.excitations);
+    environment.steps_ += made;
+  }
+
+  std::unique_ptr<articulated::LaneGroup> group_;
+  articulated::LaneControlPlan plan_;
+  std::vector<std::vector<double>> torques_;  ///< by lane
+  double step_ = 0;                           ///< [s]
+};
 
 struct Batch::Impl {
   explicit Impl(int threads) : arena(checked(threads)) {}
@@ -119,27 +252,6 @@ struct Batch::Impl {
   void begin(std::size_t i) {
     done[i] = failed[i] = 0;
     observe(i);
-  }
-
-  void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask,
-             const Moment* moment) {
-    const auto require = [&](const char* what, std::size_t count) {
-      if (count != 0 && count != environments.size())
-        throw input_error(what, fmt::format("{}", count),
-                          fmt::format("one for each of {} environments", environments.size()));
-    };
-    require("seeds", seeds.size());
-    require("mask", mask.size());
-    each([&](std::size_t i) {
-      if (!mask.empty() && mask[i] == 0) return;
-      Environment& environment = environments[i];
-      if (!seeds.empty())
-        environment.reset(seeds[i]);
-      else if (moment == nullptr)
-        environment.reset();
-      if (moment != nullptr) environment.reset(*moment);
-      begin(i);
-    });
   }
 
   tbb::task_arena arena;
@@ -221,15 +333,25 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
   impl_->begin(i);
 }
 
-void Batch::reset(std::span<const unsigned char> mask) { reset({}, mask); }
-
-void Batch::reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask) {
-  impl_->reset(seeds, mask, nullptr);
-}
-
-void Batch::reset(const Moment& moment, std::span<const std::uint64_t> seeds,
+void Batch::reset(const Moment* moment, std::span<const std::uint64_t> seeds,
                   std::span<const unsigned char> mask) {
-  impl_->reset(seeds, mask, &moment);
+  const auto require = [&](const char* what, std::size_t count) {
+    if (count != 0 && count != size())
+      throw input_error(what, fmt::format("{}", count),
+                        fmt::format("one for each of {} environments", size()));
+  };
+  require("seeds", seeds.size());
+  require("mask", mask.size());
+  impl_->each([&](std::size_t i) {
+    if (!mask.empty() && mask[i] == 0) return;
+    Environment& environment = impl_->environments[i];
+    if (!seeds.empty())
+      environment.reset(seeds[i]);
+    else if (moment == nullptr)
+      environment.reset();
+    if (moment != nullptr) environment.reset(*moment);
+    impl_->begin(i);
+  });
 }
 
 void Batch::step(const BatchAction& action, int substeps) {
@@ -289,153 +411,6 @@ void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& a
       if (!found) found.emplace(error);
     }
   if (found) throw Error(*found);
-}
-
-namespace articulated = engine::articulated;
-
-namespace {
-
-bool finite(std::span<const double> numbers) {
-  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
-}
-
-bool excitable(const model::Model& model, const engine::Settings& settings, std::span<const double> by) {
-  return by.empty() || (settings.effects.has(model::Effect::muscles) && by.size() == model.muscles.size() &&
-                        std::all_of(by.begin(), by.end(), [](double x) { return x >= 0 && x <= 1; }));
-}
-
-/// Constants of a controller with implicit gains.
-void describe(const control::Controller& controller, articulated::LaneControlPlan& plan,
-              const model::Model& model) {
-  plan.drives.clear();
-  plan.links.clear();
-  for (const auto& axis : controller.constants())
-    plan.drives.push_back({axis.dof, axis.gains.proportional, axis.gains.derivative, axis.gains.integral,
-                           axis.gains.torque_limit, axis.zone, axis.smoothing, axis.tissue_stiffness,
-                           axis.tissue_rest, 0});
-  const control::GravityLoad* gravity = controller.gravity();
-  if (!gravity) return;
-  plan.gravity = gravity->gravity();
-  for (const auto& link : gravity->links()) {
-    const bool turns = link.universal || link.joint->kind == model::JointKind::hinge;
-    plan.links.push_back({link.parent, link.child, link.dof, link.mass, model.bodies[link.child].mass,
-                          link.adds_to_parent, turns, link.universal, link.joint->child_frame.p,
-                          link.first_axis, link.universal ? link.second_axis : Vec3::Zero().eval()});
-    if (!turns) plan.links.back().first_axis = Vec3::Zero();
-  }
-}
-
-}  // namespace
-
-Lanes::Lanes(const Environment& like, int widest)
-    : group_(articulated::LaneGroup::make(like.simulation().engine(), widest)),
-      torques_(at(width())),
-      step_(like.scene().spec.solver.step) {
-  const control::Controller* controller = like.simulation().controller();
-  if (controller &&
-      (controller->plan().form != control::Form::implicit_gain || controller->plan().feed_forward))
-    group_.reset();
-}
-
-bool Lanes::takes(Environment& environment, const Action& action) const {
-  if (!group_ || environment.failure_ || !action.forces.empty() || !action.wrists.empty() ||
-      !action.wrist_rates.empty())
-    return false;
-  const auto parts = environment.simulation_->parts();
-  const auto dofs = at(environment.scene().model.dof_count());
-  const std::size_t axes = parts && parts->controller ? parts->controller->axes().size() : 0;
-  // What is wrong with an action is told by the environment alone; so is what touches something.
-  return parts && (action.torques.empty() || action.torques.size() == dofs) && finite(action.torques) &&
-         (action.angles.empty() || action.angles.size() == axes) && finite(action.angles) &&
-         excitable(environment.scene().model, parts->engine.settings(), action.excitations) &&
-         parts->engine.contacts().empty() &&
-         group_->fits(parts->engine, parts->controller || !action.torques.empty());
-}
-
-void Lanes::load(int lane, const Member& member) {
-  Environment& environment = *member.environment;
-  const simulation::Simulation::Parts parts = *environment.simulation_->parts();
-  std::vector<double>& torques = torques_[at(lane)];
-  torques.assign(parts.constant_torques.begin(), parts.constant_torques.end());
-  if (!member.action.torques.empty()) {
-    torques.resize(member.action.torques.size());
-    for (std::size_t i = 0; i < torques.size(); ++i) torques[i] += member.action.torques[i];
-  }
-  control::Controller* controller = parts.controller;
-  if (group_->key(lane) != environment.numbers_) {
-    if (controller) describe(*controller, plan_, environment.scene().model);
-    group_->set_constants(lane, parts.engine, controller ? &plan_ : nullptr, environment.numbers_);
-  }
-  group_->load(lane, parts.engine, torques, member.action.excitations);
-  if (!controller) return;
-  if (member.action.angles.empty())
-    controller->release_targets();
-  else
-    controller->set_targets(member.action.angles);
-  for (std::size_t i = 0; i < controller->axes().size(); ++i) {
-    const control::AxisState& axis = controller->axis(i);
-    group_->set_drive_state(lane, i,
-                            {axis.angle, axis.rate, axis.target, axis.torque, axis.at_limit,
-                             controller->integral(i), controller->filtered_rate(i)});
-  }
-}
-
-/// Of the step to come. All environments have the same trajectories, and mostly the same time.
-void Lanes::set_targets(std::span<const Member> members, unsigned active) {
-  const auto each = [&](const auto& f) {
-    for (std::size_t lane = 0; lane < members.size(); ++lane)
-      if ((active >> lane) & 1U)
-        if (auto* controller = members[lane].environment->simulation_->parts()->controller)
-          f(static_cast<int>(lane), *controller, group_->time(static_cast<int>(lane)) + step_);
-  };
-  std::optional<double> common;
-  each([&](int /*lane*/, control::Controller& controller, double time) {
-    if (common || controller.targets_given()) return;
-    common = time;
-    const std::span<const double> targets = controller.targets(time);
-    for (std::size_t i = 0; i < controller.constants().size(); ++i)
-      group_->set_targets(i, targets[controller.constants()[i].target]);
-  });
-  each([&](int lane, control::Controller& controller, double time) {
-    if (!controller.targets_given() && time == common) return;
-    const std::span<const double> targets = controller.targets(time);
-    for (std::size_t i = 0; i < controller.constants().size(); ++i)
-      group_->set_target(lane, i, targets[controller.constants()[i].target]);
-  });
-}
-
-void Lanes::store(int lane, Member& member, int made, bool leaves) {
-  Environment& environment = *member.environment;
-  const simulation::Simulation::Parts parts = *environment.simulation_->parts();
-  member.made = made;
-  if (parts.controller && made > 0)
-    for (std::size_t i = 0; i < parts.controller->axes().size(); ++i) {
-      const articulated::LaneDriveState state = group_->drive_state(lane, i);
-      parts.controller->axis(i) = {state.angle, state.rate, state.target, state.torque, state.at_limit};
-      parts.controller->integral(i) = state.integral;
-      parts.controller->filtered_rate(i) = state.filtered_rate;
-    }
-  group_->store(lane, leaves);
-  environment.simulation_->add_steps(made, member.action.excitations);
-  environment.steps_ += made;
-}
-
-void Lanes::step(std::span<Member> members, int substeps) {
-  unsigned active = 0;
-  for (std::size_t lane = 0; lane < members.size(); ++lane) {
-    load(static_cast<int>(lane), members[lane]);
-    active |= 1U << lane;
-  }
-  group_->start();
-  for (int i = 0; i < substeps && active != 0; ++i) {
-    set_targets(members, active);
-    const unsigned leave = group_->step();
-    for (std::size_t lane = 0; lane < members.size(); ++lane)
-      if ((leave >> lane) & 1U) store(static_cast<int>(lane), members[lane], i, true);
-    active &= ~leave;
-  }
-  for (std::size_t lane = 0; lane < members.size(); ++lane)
-    if ((active >> lane) & 1U) store(static_cast<int>(lane), members[lane], substeps, false);
 }
 
 }  // namespace handsim::environment

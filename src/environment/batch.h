@@ -41,11 +41,16 @@ class Batch {
 
   std::size_t size() const;
   /// All environments, or those whose mask is not 0, to the start. @param mask of size(), or empty: all
-  void reset(std::span<const unsigned char> mask = {});
+  void reset(std::span<const unsigned char> mask = {}) { reset(nullptr, {}, mask); }
   /// The same with numbers drawn: environment i by `seeds[i]`.
-  void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {});
+  void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {}) {
+    reset(nullptr, seeds, mask);
+  }
   /// The same to a motion instead of the start (Environment::reset); numbers are drawn where there are seeds.
-  void reset(const Moment& moment, std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask);
+  void reset(const Moment& moment, std::span<const std::uint64_t> seeds,
+             std::span<const unsigned char> mask) {
+    reset(&moment, seeds, mask);
+  }
   /// Steps environments neither done nor failed; diverging motion does not throw, see failed(). @throws Error
   /// (input) for actions of wrong size or not finite; other environments may have moved.
   void step(const BatchAction& action = {}, int substeps = 1);
@@ -64,6 +69,7 @@ class Batch {
   std::span<const unsigned char> failed() const;
 
  private:
+  void reset(const Moment* moment, std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask);
   void step_alone(std::size_t i, const Action& action, int substeps);
   void step_group(std::size_t first, std::size_t last, const BatchAction& action, int substeps);
   struct Impl;

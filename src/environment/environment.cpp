@@ -78,10 +78,6 @@ Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool 
   reset();
 }
 
-Environment::Environment(Environment&&) noexcept = default;
-Environment& Environment::operator=(Environment&&) noexcept = default;
-Environment::~Environment() = default;
-
 void Environment::own_scene() {
   if (!std::exchange(shared_, false)) return;
   // The simulation, up to the next reset, and the observation read the shared one.
@@ -243,10 +239,6 @@ std::span<const double> Environment::observe() {
   return observed_;
 }
 
-const Observation& Environment::observation() const { return *observation_; }
-
-Moment Environment::moment() const { return simulation_->motion(); }
-
 void Environment::set(std::string_view name, std::span<const double> values) {
   if (Variation::changes_scene(name)) own_scene();
   variation_->set(name, values);
@@ -259,7 +251,5 @@ void Environment::check_acts(std::string_view name) const {
     throw input_error(std::string(name), "a number without effect (" + *by + ")",
                       "one that acts in this scene");
 }
-
-std::vector<double> Environment::get(std::string_view name) const { return variation_->get(name); }
 
 }  // namespace handsim::environment

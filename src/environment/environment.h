@@ -53,9 +53,6 @@ class Environment {
   Environment(const scene::Scene& scene, Setup setup = {});
   /// The same with a scene of the environment's own from here on: its snapshots are those of runs.
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup);
-  Environment(Environment&&) noexcept;
-  Environment& operator=(Environment&&) noexcept;
-  ~Environment();
 
   /// To the start of the scene, with the numbers that were set last.
   void reset();
@@ -86,12 +83,12 @@ class Environment {
 
   /// Valid until the next call.
   std::span<const double> observe();
-  const Observation& observation() const;
-  Moment moment() const;
+  const Observation& observation() const { return *observation_; }
+  Moment moment() const { return simulation_->motion(); }
 
   /// Changes a number of the scene (variation.h) from the next reset on.
   void set(std::string_view name, std::span<const double> values);
-  std::vector<double> get(std::string_view name) const;
+  std::vector<double> get(std::string_view name) const { return variation_->get(name); }
 
   const simulation::Simulation& simulation() const { return *simulation_; }
   const scene::Scene& scene() const { return *scene_; }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -36,14 +37,15 @@ double* put(double* out, const Pose& pose) {
 using Columns = std::vector<std::string>;
 using Simulation = simulation::Simulation;
 
-template <class Names>
-void add_columns(Columns& to, const std::string& of, const Names& names) {
-  for (const char* name : names) to.push_back(of + name);
-}
-
-void add_body_columns(Columns& to, const std::string& of) {
-  add_columns(to, of, kPoseColumns);
-  add_columns(to, of, kRateColumns);
+/// The same columns of each of some things.
+template <class Things, class Name>
+Columns columns_of(const Things& things, Name name,
+                   std::initializer_list<std::span<const char* const>> parts) {
+  Columns out;
+  for (const auto& thing : things)
+    for (const auto& names : parts)
+      for (const char* each : names) out.push_back(name(thing) + each);
+  return out;
 }
 
 Columns coordinate_columns(const model::Model& model, const char* what) {
@@ -60,8 +62,10 @@ Columns muscle_columns(const model::Model& model, const std::string& part, const
   return out;
 }
 
-void copy(std::span<const double> from, std::span<double> to) {
-  std::copy(from.begin(), from.end(), to.begin());
+/// Writes numbers of the state as they are.
+template <auto kMember>
+void copy_state(const Observation&, const Simulation& run, std::span<double> to) {
+  std::ranges::copy(run.state().*kMember, to.begin());
 }
 
 }  // namespace
@@ -77,17 +81,15 @@ std::span<const Observation::Kind> Observation::kinds() {
   static const Kind kAll[] = {
       {"time", [](auto&) { return Columns{"time[s]"}; },
        [](auto&, auto& run, Values to) { to[0] = run.state().time; }},
-      {"q", [](auto& of) { return coordinate_columns(of.scene_.model, ""); },
-       [](auto&, auto& run, Values to) { copy(run.state().q, to); }},
+      {"q", [](auto& of) { return coordinate_columns(of.scene_.model, ""); }, copy_state<&model::State::q>},
       {"u", [](auto& of) { return coordinate_columns(of.scene_.model, ".rate"); },
-       [](auto&, auto& run, Values to) { copy(run.state().u, to); }},
+       copy_state<&model::State::u>},
       {"tau", [](auto& of) { return coordinate_columns(of.scene_.model, ".torque"); },
-       [](auto&, auto& run, Values to) { copy(run.state().tau, to); }},
+       copy_state<&model::State::tau>},
       {"wrists",
        [](auto& of) {
-         Columns out;
-         for (const auto& hand : of.scene_.model.hands) add_body_columns(out, hand.name + ".wrist");
-         return out;
+         return columns_of(of.scene_.model.hands, [](auto& hand) { return hand.name + ".wrist"; },
+                           {kPoseColumns, kRateColumns});
        },
        [](auto& of, auto& run, Values to) {
          double* next = to.data();
@@ -99,10 +101,9 @@ std::span<const Observation::Kind> Observation::kinds() {
        }},
       {"fingertips",
        [](auto& of) {
-         Columns out;
-         for (const model::Fingertip* tip : of.tips_)
-           add_columns(out, of.scene_.model.bodies[at(tip->body)].name + ".tip", kPoseColumns);
-         return out;
+         return columns_of(of.tips_,
+                           [&](auto* tip) { return of.scene_.model.bodies[at(tip->body)].name + ".tip"; },
+                           {kPoseColumns});
        },
        [](auto& of, auto& run, Values to) {
          double* next = to.data();
@@ -113,9 +114,8 @@ std::span<const Observation::Kind> Observation::kinds() {
        }},
       {"objects",
        [](auto& of) {
-         Columns out;
-         for (const int body : of.objects_) add_body_columns(out, of.scene_.model.bodies[at(body)].name);
-         return out;
+         return columns_of(of.objects_, [&](int body) { return of.scene_.model.bodies[at(body)].name; },
+                           {kPoseColumns, kRateColumns});
        },
        [](auto& of, auto& run, Values to) {
          double* next = to.data();
@@ -125,32 +125,28 @@ std::span<const Observation::Kind> Observation::kinds() {
          }
        }},
       {"finger_contacts",
-       [](auto& of) {
-         Columns out;
-         for (const std::string& part : of.hand_parts_) add_columns(out, part, kFingerColumns);
-         return out;
-       },
+       [](auto& of) { return columns_of(of.hand_parts_, std::identity(), {kFingerColumns}); },
        [](auto& of, auto& run, Values to) { of.write_contacts(run.engine().contacts(), to, {}); }},
       {"contact_pairs",
        [](auto& of) {
-         Columns out;
+         Columns pairs;
          for (const std::string& part : of.hand_parts_)
-           for (const std::string& other : of.others_) add_columns(out, part + "-" + other, kPairColumns);
-         return out;
+           for (const std::string& other : of.others_) pairs.push_back(part + "-" + other);
+         return columns_of(pairs, std::identity(), {kPairColumns});
        },
        [](auto& of, auto& run, Values to) { of.write_contacts(run.engine().contacts(), {}, to); }},
       {"excitation", [](auto& of) { return muscle_columns(of.scene_.model, "excitation", ""); },
        [](auto&, auto& run, Values to) {
          // None has been given before the first step.
-         if (run.excitations().empty()) std::fill(to.begin(), to.end(), 0);
-         copy(run.excitations(), to);
+         if (run.excitations().empty()) std::ranges::fill(to, 0);
+         std::ranges::copy(run.excitations(), to.begin());
        }},
       {"activation", [](auto& of) { return muscle_columns(of.scene_.model, "activation", ""); },
-       [](auto&, auto& run, Values to) { copy(run.state().activation, to); }},
+       copy_state<&model::State::activation>},
       {"fibre_length", [](auto& of) { return muscle_columns(of.scene_.model, "fibre_length", "[m]"); },
-       [](auto&, auto& run, Values to) { copy(run.state().fibre_length, to); }},
+       copy_state<&model::State::fibre_length>},
       {"fibre_speed", [](auto& of) { return muscle_columns(of.scene_.model, "fibre_speed", "[m/s]"); },
-       [](auto&, auto& run, Values to) { copy(run.state().fibre_speed, to); }},
+       copy_state<&model::State::fibre_speed>},
       {"tendon_length", [](auto& of) { return muscle_columns(of.scene_.model, "tendon_length", "[m]"); },
        [](auto& of, auto& run, Values to) {
          for (std::size_t i = 0; i < to.size(); ++i) {
@@ -160,7 +156,7 @@ std::span<const Observation::Kind> Observation::kinds() {
          }
        }},
       {"tendon_force", [](auto& of) { return muscle_columns(of.scene_.model, "tendon_force", "[N]"); },
-       [](auto&, auto& run, Values to) { copy(run.state().tendon_force, to); }},
+       copy_state<&model::State::tendon_force>},
       {"failed", [](auto&) { return Columns{"failed"}; },
        [](auto&, auto& run, Values to) { to[0] = failed(run) ? 1 : 0; }}};
   return kAll;

@@ -8,9 +8,9 @@
 // the columns of the multipliers in the Newton matrix like those of the motion.
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <memory>
 #include <new>
+#include <optional>
 #include <string>
 
 #include <fmt/format.h>
@@ -19,6 +19,7 @@
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"
@@ -27,58 +28,43 @@ namespace handsim::engine::dae {
 
 namespace {
 
-struct IdaFailure {
-  double time = 0;     ///< time that was reached [s]
-  Index worst = 0;     ///< index of the unknown with the largest weighted error
-  std::string reason;  ///< IDA's message
+/// Frees what SUNDIALS made.
+struct Free {
+  void operator()(SUNContext context) const { SUNContext_Free(&context); }
+  void operator()(N_Vector vector) const { N_VDestroy(vector); }
+  void operator()(SUNMatrix matrix) const { SUNMatDestroy(matrix); }
+  void operator()(SUNLinearSolver solver) const { SUNLinSolFree(solver); }
+  void operator()(void* ida) const { IDAFree(&ida); }
+};
+template <class T>
+using Owner = std::unique_ptr<std::remove_pointer_t<T>, Free>;
+
+/// SUNDIALS IDA: variable-order, variable-step BDF for F(t, y, y') = 0 (Hindmarsh et al. 2005, ACM TOMS 31).
+struct Ida {
+  Owner<SUNContext> context;
+  Owner<N_Vector> y, slope;
+  Owner<SUNMatrix> matrix;
+  Owner<SUNLinearSolver> solver;
+  std::unique_ptr<void, Free> memory;
 };
 
-/// F(t, y, y') = 0.
-struct IdaProblem {
-  using Residual = std::function<void(double t, const Vector& y, const Vector& slope, Vector& out)>;
-  Residual residual;
-  Vector absolute;      ///< absolute tolerance of each unknown
-  double relative = 0;  ///< relative tolerance
-  Vector differential;  ///< 1 for unknowns in the error test, 0 for the others
-};
+Eigen::Map<Vector> mapped(N_Vector vector) {
+  return {N_VGetArrayPointer(vector), static_cast<Index>(N_VGetLength(vector))};
+}
 
-/// A wrapper of SUNDIALS IDA (variable-order, variable-step BDF for F(t, y, y') = 0; Hindmarsh et al. 2005,
-/// ACM TOMS 31) with Eigen vectors. Failures are one exception; nothing is printed.
-class Ida {
- public:
-  /// Starts at consistent y and y'.
-  Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope);
-  /// The solution at times [s] that do not decrease; internal steps may pass it, not `limit`. @throws
-  /// IdaFailure
-  Vector advance(double time, double limit);
+Owner<N_Vector> made(const Vector& values, SUNContext context) {
+  Owner<N_Vector> out(N_VNew_Serial(values.size(), context));
+  if (!out) throw std::bad_alloc();
+  mapped(out.get()) = values;
+  return out;
+}
 
- private:
-  struct Free {
-    void operator()(SUNContext context) const;
-    void operator()(N_Vector vector) const;
-    void operator()(SUNMatrix matrix) const;
-    void operator()(SUNLinearSolver solver) const;
-    void operator()(void* ida) const;
-  };
-  template <class T>
-  using Owner = std::unique_ptr<std::remove_pointer_t<T>, Free>;
-
-  Owner<N_Vector> vector(const Vector& values) const;
-  static int on_residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* user);
-  static int on_jacobian(double t, double cj, N_Vector y, N_Vector slope, N_Vector residual, SUNMatrix out,
-                         void* user, N_Vector, N_Vector, N_Vector);
-  static void on_message(int code, const char* module, const char* function, char* text, void* user);
-  Index worst_unknown() const;
-
-  IdaProblem problem_;
-  std::string message_;
-  Owner<SUNContext> context_;
-  Owner<N_Vector> y_, slope_;
-  Owner<SUNMatrix> matrix_;
-  Owner<SUNLinearSolver> solver_;
-  std::unique_ptr<void, Free> ida_;
-};
-
+constexpr long kMaxSteps = 1'000'000;
+/// Convergence coefficient of Newton's method; below IDA's default of 0.33, so that its error is negligible.
+constexpr double kNewtonShare = 0.05;
+/// Increment of an unknown for its column of the Jacobian. The residual is a polynomial of degree two or
+/// three in each, so the error of central differences is this squared, and rounding errors are below 1e-9.
+constexpr double kIncrement = 1e-6;
 /// Errors of single steps add up over a run: the error test of each step uses this share of the tolerance.
 constexpr double kStepShare = 0.005;
 /// The error tests ignore multipliers; IDA still needs some scale for their impulses [N s].
@@ -105,16 +91,11 @@ class Gear final : public Integrator {
       ida_.reset();
     }
     model::State now = state;
-    try {
-      if (!ida_) restart(now);
-      for (; limit_ <= end; restart(now))
-        read(ida_->advance(limit_, limit_), limit_, model::KeySide::before, now);
-      if (now.time < end) {
-        if (ends_++ == 0) first_end_ = end;
-        read(ida_->advance(end, limit_), end, model::KeySide::before, now);
-      }
-    } catch (const IdaFailure& failure) {
-      fail(failure);
+    if (!ida_) restart(now);
+    for (; limit_ <= end; restart(now)) read(solution(limit_), limit_, now);
+    if (now.time < end) {
+      if (ends_++ == 0) first_end_ = end;
+      read(solution(end), end, now);
     }
     system_.copy_bodies(now, state);
     if (independence(system_, now, rows_) < kRechooseRows * weakest_) ida_.reset();
@@ -123,7 +104,7 @@ class Gear final : public Integrator {
   /// The history of the integrator follows from its last restart and the ends of the steps since then.
   void save(ArchiveWriter& out) const override {
     out(torques_);
-    out(ida_ != nullptr);
+    out(ida_.has_value());
     if (!ida_) return;
     out(ends_);
     out(first_end_);
@@ -152,13 +133,9 @@ class Gear final : public Integrator {
                                       std::abs(past - state.time) <= 0.5 * step_;
     if (!(origin.time >= 0 && fits))
       in.refuse("an integration history that does not end at the state", "a history that ends there");
-    try {
-      restart(origin);
-      first_end_ = end;
-      for (; ends_ < ends; ++ends_, end = next_time(end, step_)) ida_->advance(end, limit_);
-    } catch (const IdaFailure& failure) {
-      fail(failure);
-    }
+    restart(origin);
+    first_end_ = end;
+    for (; ends_ < ends; ++ends_, end = next_time(end, step_)) solution(end);
   }
 
  private:
@@ -175,23 +152,98 @@ class Gear final : public Integrator {
     Vector y = Vector::Zero(motion + 2 * m), slope = Vector::Zero(motion + 2 * m);
     y << x, u, Vector::Zero(2 * m);
     slope << system_.position_rates(x, u), start.acceleration, start.multipliers, Vector::Zero(m);
-    IdaProblem problem;
-    problem.residual = [this](double t, const Vector& at, const Vector& moving, Vector& out) {
-      residual(t, at, moving, out);
-    };
-    problem.relative = kStepShare * tolerance_;
-    problem.absolute = Vector::Constant(y.size(), kStepShare * tolerance_);
-    problem.absolute.tail(2 * m).setConstant(kMultiplierTolerance);
-    problem.differential = Vector::Ones(y.size());
-    problem.differential.tail(2 * m).setZero();
+    // 1 for unknowns in the error test, 0 for the others.
+    Vector absolute = Vector::Constant(y.size(), kStepShare * tolerance_), tested = Vector::Ones(y.size());
+    absolute.tail(2 * m).setConstant(kMultiplierTolerance);
+    tested.tail(2 * m).setZero();
     limit_ = system_.next_key(state.time);
-    ida_ = std::make_unique<Ida>(std::move(problem), state.time, y, slope);
+    start_ida(state.time, y, slope, absolute, tested);
   }
 
-  void read(const Vector& y, double time, model::KeySide side, model::State& state) const {
+  /// @param y and slope consistent
+  void start_ida(double time, const Vector& y, const Vector& slope, const Vector& absolute,
+                 const Vector& tested) {
+    ida_.emplace();
+    SUNContext context = nullptr;
+    SUNContext_Create(nullptr, &context);
+    ida_->context.reset(context);
+    ida_->y = made(y, context);
+    ida_->slope = made(slope, context);
+    const Owner<N_Vector> absolutes = made(absolute, context), ids = made(tested, context);
+    ida_->matrix.reset(SUNDenseMatrix(y.size(), y.size(), context));
+    ida_->solver.reset(SUNLinSol_Dense(ida_->y.get(), ida_->matrix.get(), context));
+    ida_->memory.reset(IDACreate(context));
+    if (!ida_->matrix || !ida_->solver || !ida_->memory) throw std::bad_alloc();
+    void* ida = ida_->memory.get();
+    IDASetErrHandlerFn(ida, on_message, this);
+    IDASetUserData(ida, this);
+    IDAInit(ida, on_residual, time, ida_->y.get(), ida_->slope.get());
+    IDASVtolerances(ida, kStepShare * tolerance_, absolutes.get());
+    IDASetId(ida, ids.get());
+    IDASetSuppressAlg(ida, SUNTRUE);
+    IDASetMaxNumSteps(ida, kMaxSteps);
+    IDASetNonlinConvCoef(ida, kNewtonShare);
+    IDASetLinearSolver(ida, ida_->solver.get(), ida_->matrix.get());
+    IDASetJacFn(ida, on_jacobian);
+  }
+
+  /// At times [s] that do not decrease; internal steps may pass them, not `limit_`. @throws Error (physics)
+  Vector solution(double time) {
+    void* ida = ida_->memory.get();
+    if (std::isfinite(limit_)) IDASetStopTime(ida, limit_);
+    double reached = 0;
+    if (IDASolve(ida, time, &reached, ida_->y.get(), ida_->slope.get(), IDA_NORMAL) >= 0)
+      return mapped(ida_->y.get());
+    IDAGetCurrentTime(ida, &reached);
+    fail(reached, worst_unknown());
+  }
+
+  /// Index of the unknown with the largest weighted error.
+  Index worst_unknown() const {
+    const Owner<N_Vector> errors(N_VClone(ida_->y.get())), weights(N_VClone(ida_->y.get()));
+    Index worst = 0;
+    if (IDAGetEstLocalErrors(ida_->memory.get(), errors.get()) != IDA_SUCCESS ||
+        IDAGetErrWeights(ida_->memory.get(), weights.get()) != IDA_SUCCESS)
+      return worst;
+    const Vector weighted = mapped(errors.get()).cwiseProduct(mapped(weights.get())).cwiseAbs();
+    if (weighted.allFinite()) weighted.maxCoeff(&worst);
+    return worst;
+  }
+
+  static int on_residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* user) {
+    Vector residual(mapped(out).size());
+    static_cast<Gear*>(user)->residual(t, mapped(y), mapped(slope), residual);
+    mapped(out) = residual;
+    // 1 asks IDA to repeat with a smaller step.
+    return residual.allFinite() ? 0 : 1;
+  }
+
+  static int on_jacobian(double t, double cj, N_Vector y, N_Vector slope, N_Vector, SUNMatrix out, void* user,
+                         N_Vector, N_Vector, N_Vector) {
+    Gear& self = *static_cast<Gear*>(user);
+    Vector at = mapped(y), moving = mapped(slope);
+    Vector ahead(at.size()), behind(at.size());
+    for (Index i = 0; i < at.size(); ++i) {
+      const double value = at[i], rate = moving[i];
+      const double change = kIncrement * std::max(1.0, std::abs(value));
+      at[i] = value + change, moving[i] = rate + cj * change;
+      self.residual(t, at, moving, ahead);
+      at[i] = value - change, moving[i] = rate - cj * change;
+      self.residual(t, at, moving, behind);
+      at[i] = value, moving[i] = rate;
+      Eigen::Map<Vector>(SUNDenseMatrix_Column(out, i), at.size()) = (ahead - behind) / (2 * change);
+    }
+    return 0;
+  }
+
+  static void on_message(int, const char*, const char*, char* text, void* user) {
+    static_cast<Gear*>(user)->message_ = text;
+  }
+
+  void read(const Vector& y, double time, model::State& state) const {
     const Index positions = kPoseSize * system_.body_count();
     state.time = time;
-    system_.place_driven(time, side, state);
+    system_.place_driven(time, model::KeySide::before, state);
     system_.set_positions(y.head(positions), state);
     system_.set_velocities(y.segment(positions, kTwistSize * system_.body_count()), state);
     // IDA's interpolated solution satisfies the constraints only to the tolerance.
@@ -199,12 +251,13 @@ class Gear final : public Integrator {
     project_velocities(system_, state);
   }
 
+  const Row& scratch_row(Index i) const { return scratch_rows_[at(rows_[at(i)])]; }
+
   /// G^T multipliers.
   Vector joint_force(const Vector& multipliers) const {
     Vector out = Vector::Zero(kTwistSize * system_.body_count());
     for (Index i = 0; i < multipliers.size(); ++i)
-      system_.add_transposed(scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])],
-                             multipliers[i], scratch_, out);
+      system_.add_transposed(scratch_row(i), multipliers[i], scratch_, out);
     return out;
   }
 
@@ -221,32 +274,32 @@ class Gear final : public Integrator {
     out.segment(nx, nu) = slope.segment(nx, nu) - system_.over_mass(system_.all_forces(scratch_, torques_) -
                                                                     joint_force(slope.segment(nx + nu, m)));
     for (Index i = 0; i < m; ++i) {
-      const Row& row = scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])];
+      const Row& row = scratch_row(i);
       out[nx + nu + i] = row.value;
       out[nx + nu + m + i] = rate(row, scratch_);
     }
   }
 
-  [[noreturn]] void fail(const IdaFailure& failure) const {
+  [[noreturn]] void fail(double time, Index worst) const {
     const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
     const Index m = static_cast<Index>(rows_.size());
     std::string where, quantity;
-    if (failure.worst < nx + nu) {
-      const bool position = failure.worst < nx;
+    if (worst < nx + nu) {
+      const bool position = worst < nx;
       const Index size = position ? kPoseSize : kTwistSize;
-      const Index within = position ? failure.worst : failure.worst - nx;
+      const Index within = position ? worst : worst - nx;
       where = system_.body_name(within / size);
       const bool linear = within % size < 3;
       quantity = position ? (linear ? "position [m]" : "rotation")
                           : (linear ? "velocity [m/s]" : "angular velocity [rad/s]");
     } else {
-      where = system_.joint_of_row(rows_[static_cast<std::size_t>((failure.worst - nx - nu) % m)]).name;
+      where = system_.joint_of_row(rows_[at((worst - nx - nu) % m)]).name;
       quantity = "joint force [N or N m]";
     }
-    throw Error(PhysicsFault{failure.time, where, quantity,
+    throw Error(PhysicsFault{time, where, quantity,
                              fmt::format("IDA cannot continue at tolerance {:g} ({}): the motion diverges or "
                                          "is not smooth, or the tolerance is too small",
-                                         tolerance_, failure.reason)});
+                                         tolerance_, message_)});
   }
 
   System system_;
@@ -259,115 +312,16 @@ class Gear final : public Integrator {
   model::State origin_;      ///< state of the last restart
   double first_end_ = 0;     ///< end of the first step since then [s]
   long ends_ = 0;            ///< number of steps since then
-  std::unique_ptr<Ida> ida_;
+  std::optional<Ida> ida_;
+  std::string message_;   ///< IDA's last
   model::State scratch_;  ///< work space of the residual
   std::vector<Row> scratch_rows_;
 };
-
-constexpr long kMaxSteps = 1'000'000;
-/// Convergence coefficient of Newton's method; below IDA's default of 0.33, so that its error is negligible.
-constexpr double kNewtonShare = 0.05;
-/// Increment of an unknown for its column of the Jacobian. The residual is a polynomial of degree two or
-/// three in each, so the error of central differences is this squared, and rounding errors are below 1e-9.
-constexpr double kIncrement = 1e-6;
-
-Eigen::Map<Vector> mapped(N_Vector vector) {
-  return {N_VGetArrayPointer(vector), static_cast<Index>(N_VGetLength(vector))};
-}
 
 }  // namespace
 
 std::unique_ptr<Integrator> make_gear(System system, const Settings& settings) {
   return std::make_unique<Gear>(std::move(system), settings);
-}
-
-void Ida::Free::operator()(SUNContext context) const { SUNContext_Free(&context); }
-void Ida::Free::operator()(N_Vector vector) const { N_VDestroy(vector); }
-void Ida::Free::operator()(SUNMatrix matrix) const { SUNMatDestroy(matrix); }
-void Ida::Free::operator()(SUNLinearSolver solver) const { SUNLinSolFree(solver); }
-void Ida::Free::operator()(void* ida) const { IDAFree(&ida); }
-
-Ida::Owner<N_Vector> Ida::vector(const Vector& values) const {
-  Owner<N_Vector> out(N_VNew_Serial(values.size(), context_.get()));
-  if (!out) throw std::bad_alloc();
-  mapped(out.get()) = values;
-  return out;
-}
-
-Ida::Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope)
-    : problem_(std::move(problem)) {
-  SUNContext context = nullptr;
-  SUNContext_Create(nullptr, &context);
-  context_.reset(context);
-  y_ = vector(y);
-  slope_ = vector(slope);
-  const Owner<N_Vector> absolute = vector(problem_.absolute), differential = vector(problem_.differential);
-  matrix_.reset(SUNDenseMatrix(y.size(), y.size(), context));
-  solver_.reset(SUNLinSol_Dense(y_.get(), matrix_.get(), context));
-  ida_.reset(IDACreate(context));
-  if (!matrix_ || !solver_ || !ida_) throw std::bad_alloc();
-  void* ida = ida_.get();
-  IDASetErrHandlerFn(ida, on_message, this);
-  IDASetUserData(ida, this);
-  IDAInit(ida, on_residual, time, y_.get(), slope_.get());
-  IDASVtolerances(ida, problem_.relative, absolute.get());
-  IDASetId(ida, differential.get());
-  IDASetSuppressAlg(ida, SUNTRUE);
-  IDASetMaxNumSteps(ida, kMaxSteps);
-  IDASetNonlinConvCoef(ida, kNewtonShare);
-  IDASetLinearSolver(ida, solver_.get(), matrix_.get());
-  IDASetJacFn(ida, on_jacobian);
-}
-
-Vector Ida::advance(double time, double limit) {
-  if (std::isfinite(limit)) IDASetStopTime(ida_.get(), limit);
-  double reached = 0;
-  if (IDASolve(ida_.get(), time, &reached, y_.get(), slope_.get(), IDA_NORMAL) < 0) {
-    IDAGetCurrentTime(ida_.get(), &reached);
-    throw IdaFailure{reached, worst_unknown(), message_};
-  }
-  return mapped(y_.get());
-}
-
-Index Ida::worst_unknown() const {
-  const Owner<N_Vector> errors(N_VClone(y_.get())), weights(N_VClone(y_.get()));
-  Index worst = 0;
-  if (IDAGetEstLocalErrors(ida_.get(), errors.get()) != IDA_SUCCESS ||
-      IDAGetErrWeights(ida_.get(), weights.get()) != IDA_SUCCESS)
-    return worst;
-  const Vector weighted = mapped(errors.get()).cwiseProduct(mapped(weights.get())).cwiseAbs();
-  if (weighted.allFinite()) weighted.maxCoeff(&worst);
-  return worst;
-}
-
-int Ida::on_residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* user) {
-  Vector residual(mapped(out).size());
-  static_cast<const Ida*>(user)->problem_.residual(t, mapped(y), mapped(slope), residual);
-  mapped(out) = residual;
-  // 1 asks IDA to repeat with a smaller step.
-  return residual.allFinite() ? 0 : 1;
-}
-
-int Ida::on_jacobian(double t, double cj, N_Vector y, N_Vector slope, N_Vector, SUNMatrix out, void* user,
-                     N_Vector, N_Vector, N_Vector) {
-  const IdaProblem::Residual& residual = static_cast<const Ida*>(user)->problem_.residual;
-  Vector at = mapped(y), moving = mapped(slope);
-  Vector ahead(at.size()), behind(at.size());
-  for (Index i = 0; i < at.size(); ++i) {
-    const double value = at[i], rate = moving[i];
-    const double change = kIncrement * std::max(1.0, std::abs(value));
-    at[i] = value + change, moving[i] = rate + cj * change;
-    residual(t, at, moving, ahead);
-    at[i] = value - change, moving[i] = rate - cj * change;
-    residual(t, at, moving, behind);
-    at[i] = value, moving[i] = rate;
-    Eigen::Map<Vector>(SUNDenseMatrix_Column(out, i), at.size()) = (ahead - behind) / (2 * change);
-  }
-  return 0;
-}
-
-void Ida::on_message(int, const char*, const char*, char* text, void* user) {
-  static_cast<Ida*>(user)->message_ = text;
 }
 
 }  // namespace handsim::engine::dae

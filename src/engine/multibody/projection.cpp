@@ -90,9 +90,7 @@ Vector rate_drift(const System& system, const model::State& state, const Vector&
     system.set_velocities(u, moved);
     std::vector<Row> all;
     system.constraints(moved, all);
-    Vector out(static_cast<Index>(rows.size()));
-    for (Index i = 0; i < out.size(); ++i) out[i] = rate(all[at(rows[at(i)])], moved);
-    return out;
+    return Vector(rates(all, moved)(rows));
   };
   // One-sided, because a keyframe of a drive can be at the state's time.
   return (4 * rates_at(interval) - 3 * rates_at(0) - rates_at(2 * interval)) / (2 * interval);
@@ -133,12 +131,9 @@ void project_velocities(const System& system, model::State& state) {
 
 void close_step(const System& system, const model::State& before, double step, model::State& after) {
   if (system.constraint_count() == 0) return;
-  std::vector<Row> rows;
-  rows.reserve(at(system.constraint_count()));
-  system.constraints(before, rows);
   // One factorisation is enough: the impulses have the directions of `before`, joints rotate little a step.
   // The shift lets redundant rows share the impulse; it slows convergence and does not change the solution.
-  const Matrix scaled = system.scaled(system.jacobian(rows, before));
+  const Matrix scaled = scaled_jacobian(system, before);
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;
   const Eigen::LLT<Matrix> factors(gram);
@@ -165,9 +160,7 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
     std::vector<Index> all(at(island.constraint_count()));
     std::iota(all.begin(), all.end(), Index{0});
     const Vector drift = rate_drift(island, state, island.velocities(state), all);
-    std::vector<Row> rows;
-    island.constraints(state, rows);
-    const Matrix scaled = island.scaled(island.jacobian(rows, state));
+    const Matrix scaled = scaled_jacobian(island, state);
     const Vector left = drift - scaled * decompose(scaled).solve(drift);
     Index worst = 0;
     const double most = left.cwiseAbs().maxCoeff(&worst);

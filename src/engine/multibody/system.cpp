@@ -14,14 +14,6 @@ namespace {
 
 constexpr Index kNoSlot = -1;
 
-/// Sets a body's pose and velocity from the rate of its driven frame D, whose origin is not its mass centre.
-void set_driven(const Pose& x_WB, const Pose& x_WD, const model::PoseRate& rate, model::BodyState& body) {
-  body.p = x_WB.p;
-  body.q = x_WB.q;
-  body.w = rate.w;
-  body.v = rate.v + rate.w.cross(x_WB.p - x_WD.p);
-}
-
 }  // namespace
 
 System::System(const model::Model& model, const Settings& settings, std::vector<int> bodies,
@@ -58,9 +50,10 @@ const std::string& System::body_name(Index slot) const { return model_.bodies[at
 void System::place_driven(double time, model::KeySide side, model::State& state) const {
   if (!settings_.effects.has(model::Effect::wrist_motion)) return;
   for (const model::Drive& drive : model_.drives) {
-    const Pose x_WD = drive.motion.at(time);
-    set_driven(x_WD * drive.frame.inverse(), x_WD, drive.motion.rate(time, side),
-               state.bodies[at(drive.body)]);
+    const Pose x_WD = drive.motion.at(time), x_WB = x_WD * drive.frame.inverse();
+    const model::PoseRate rate = drive.motion.rate(time, side);
+    // The origin of the driven frame D is not the centre of mass.
+    state.bodies[at(drive.body)] = {x_WB.p, x_WB.q, rate.v + rate.w.cross(x_WB.p - x_WD.p), rate.w};
   }
 }
 

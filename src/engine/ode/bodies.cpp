@@ -18,12 +18,6 @@ dBodyID make_kinematic(dWorldID world) {
   return id;
 }
 
-dBodyID make_dynamic(dWorldID world, const model::Body& body) {
-  const dBodyID id = dBodyCreate(world);
-  set_mass(id, body);
-  return id;
-}
-
 /// The immovable bodies that joints need as ODE bodies: children of joints with a movable parent.
 std::vector<bool> closed_onto(const model::Model& model, const std::vector<bool>& immovable) {
   std::vector<bool> needed(model.bodies.size(), false);
@@ -58,14 +52,15 @@ OdeIds make_world() {
 
 OdeBody handle(dBodyID id) {
   // ODE hands out const pointers to its own storage; writing there is the only bit-exact way in.
-  OdeBody body;
-  body.id = id;
-  body.p = const_cast<double*>(dBodyGetPosition(id));
-  body.q = const_cast<double*>(dBodyGetQuaternion(id));
-  body.R = const_cast<double*>(dBodyGetRotation(id));
-  body.v = const_cast<double*>(dBodyGetLinearVel(id));
-  body.w = const_cast<double*>(dBodyGetAngularVel(id));
-  return body;
+  const auto own = [](const double* of_ode) { return const_cast<double*>(of_ode); };
+  return {id,
+          own(dBodyGetPosition(id)),
+          own(dBodyGetQuaternion(id)),
+          own(dBodyGetRotation(id)),
+          own(dBodyGetLinearVel(id)),
+          own(dBodyGetAngularVel(id)),
+          false,
+          {}};
 }
 
 std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
@@ -75,7 +70,8 @@ std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
   for (std::size_t i = 1; i < bodies.size(); ++i) {
     const model::Body& body = model.bodies[i];
     if (!body.kinematic) {
-      bodies[i] = handle(make_dynamic(world, body));
+      bodies[i] = handle(dBodyCreate(world));
+      set_mass(bodies[i].id, body);
     } else if (!immovable[i] || needed[i]) {
       bodies[i] = handle(make_kinematic(world));
       bodies[i].driven = !immovable[i];
@@ -106,47 +102,32 @@ model::BodyState read_state(const OdeBody& body) {
           Vec3(body.v[0], body.v[1], body.v[2]), Vec3(body.w[0], body.w[1], body.w[2])};
 }
 
-void StepStart::take(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving) {
-  loaded_.clear();
-  for (const std::size_t i : moving)
-    loaded_.push_back({read_state(bodies[i]), Eigen::Map<const Vec3>(dBodyGetForce(bodies[i].id)),
-                       Eigen::Map<const Vec3>(dBodyGetTorque(bodies[i].id))});
+StepStart step_start(const OdeBody& body) {
+  return {read_state(body), Eigen::Map<const Vec3>(dBodyGetForce(body.id)),
+          Eigen::Map<const Vec3>(dBodyGetTorque(body.id))};
 }
 
-void StepStart::put_back(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving) const {
-  for (std::size_t k = 0; k < moving.size(); ++k) {
-    const Loaded& at = loaded_[k];
-    const dBodyID id = bodies[moving[k]].id;
-    write_state(bodies[moving[k]], at.state);
-    dBodySetForce(id, at.force.x(), at.force.y(), at.force.z());
-    dBodySetTorque(id, at.torque.x(), at.torque.y(), at.torque.z());
+void put_back(const OdeBody& body, const StepStart& start) {
+  write_state(body, start.state);
+  dBodySetForce(body.id, start.force.x(), start.force.y(), start.force.z());
+  dBodySetTorque(body.id, start.torque.x(), start.torque.y(), start.torque.z());
+}
+
+std::vector<Prospect::Driven> drive(const model::Model& model, const std::vector<OdeBody>& bodies,
+                                    std::span<const Pose> targets, double remaining, double step) {
+  std::vector<Prospect::Driven> out;
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    const OdeBody& body = bodies[at(model.drives[i].body)];
+    if (!body.driven) continue;
+    const Pose target = targets[i] * model.drives[i].frame.inverse();
+    const model::BodyState now = read_state(body);
+    const Vec3 v = (target.p - now.p) / remaining;
+    const Vec3 w = rotation_vector(target.q * now.q.conjugate()) / remaining;
+    out.push_back({model.drives[i].body, {step * v, step * w}});
+    set_velocity(body.id, v, w);
+    for (const dBodyID copy : body.copies) set_velocity(copy, v, w);
   }
-}
-
-Drives::Drives(const model::Model& model, const std::vector<OdeBody>& bodies)
-    : model_(model), bodies_(bodies) {}
-
-void Drives::set_velocities(double end, double step) {
-  ways_.clear();
-  for (const model::Drive& drive : model_.drives) set_velocity(drive, drive.motion.at(end), step, step);
-}
-
-void Drives::set_velocities(std::span<const Pose> targets, double remaining, double step) {
-  ways_.clear();
-  for (std::size_t i = 0; i < targets.size(); ++i)
-    set_velocity(model_.drives[i], targets[i], remaining, step);
-}
-
-void Drives::set_velocity(const model::Drive& drive, const Pose& frame, double remaining, double step) {
-  const OdeBody& body = bodies_[at(drive.body)];
-  if (!body.driven) return;
-  const Pose target = frame * drive.frame.inverse();
-  const model::BodyState now = read_state(body);
-  const Vec3 v = (target.p - now.p) / remaining;
-  const Vec3 w = rotation_vector(target.q * now.q.conjugate()) / remaining;
-  ways_.push_back({drive.body, {step * v, step * w}});
-  ode::set_velocity(body.id, v, w);
-  for (const dBodyID copy : body.copies) ode::set_velocity(copy, v, w);
+  return out;
 }
 
 }  // namespace handsim::engine::ode

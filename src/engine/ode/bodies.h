@@ -52,40 +52,18 @@ OdeBody handle(dBodyID id);
 void write_state(const OdeBody& body, const model::BodyState& state);
 model::BodyState read_state(const OdeBody& body);
 
-/// What a step of ODE's starts from: states of the bodies, and the forces added to them.
-class StepStart {
- public:
-  /// @param moving indices of the bodies that have an ODE body
-  void take(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving);
-  void put_back(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving) const;
-
- private:
-  struct Loaded {
-    model::BodyState state;
-    Vec3 force = Vec3::Zero(), torque = Vec3::Zero();  ///< world [N], [N m]
-  };
-  std::vector<Loaded> loaded_;  ///< as the moving bodies
+/// What a step of ODE's starts from: a body's state, and force [N] and torque [N m] added to it, world axes.
+struct StepStart {
+  model::BodyState state;
+  Vec3 force = Vec3::Zero(), torque = Vec3::Zero();
 };
+StepStart step_start(const OdeBody& body);
+void put_back(const OdeBody& body, const StepStart& start);
 
-/// Driven bodies: each step they get the velocities that carry them exactly to their drive's pose at the end
-/// of the step. The error of one step is made good in the next, so none adds up.
-class Drives {
- public:
-  /// The model and the bodies must outlive this.
-  Drives(const model::Model& model, const std::vector<OdeBody>& bodies);
-  /// Sets the velocities for the step that ends at time `end` [s] and takes `step` [s].
-  void set_velocities(double end, double step);
-  /// The same towards X_WD of each drive, which its body has to reach in `remaining` [s] from now.
-  void set_velocities(std::span<const Pose> targets, double remaining, double step);
-  /// Where the bodies go in the step aimed for.
-  std::span<const Prospect::Driven> ways() const { return ways_; }
-
- private:
-  void set_velocity(const model::Drive& drive, const Pose& frame, double remaining, double step);
-
-  const model::Model& model_;
-  const std::vector<OdeBody>& bodies_;
-  std::vector<Prospect::Driven> ways_;
-};
+/// Gives driven bodies the velocities that carry them to X_WD of their drives in `remaining` [s] from now.
+/// The error of one step is made good in the next, so none adds up.
+/// @param targets by drive @param step that is to come [s] @return where the bodies go in it
+std::vector<Prospect::Driven> drive(const model::Model& model, const std::vector<OdeBody>& bodies,
+                                    std::span<const Pose> targets, double remaining, double step);
 
 }  // namespace handsim::engine::ode

@@ -16,6 +16,9 @@ std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
   return out;
 }
 
+/// Velocity of a body's point.
+Vec3 velocity(const model::BodyState& body, const Vec3& at) { return body.v + body.w.cross(at - body.p); }
+
 constexpr double kStill = 1e-9;        ///< Slower sliding has no direction that outlasts rounding [m/s].
 constexpr double kLeastMoment = 1e-9;  ///< Moment per normal force that stands for none [m].
 /// Normal force that stands for none where friction's limits are set [N].
@@ -93,10 +96,8 @@ void Contacts::read_forces() {
   std::vector<Contact>& found = collider_.contacts();
   forces_.resize(found.size());
   for (std::size_t i = 0; i < found.size(); ++i) {
-    // ODE makes body b the first of a joint whose body a is not there.
     const dReal* f = feedback_[i].f1;
-    const double sign = body_of(found[i].shape_a) == nullptr ? -1 : 1;
-    forces_[i] = sign * Vec3(f[0], f[1], f[2]);
+    forces_[i] = side(found[i]) * Vec3(f[0], f[1], f[2]);
     if (with_forces_) found[i].force = forces_[i];
   }
 }
@@ -121,6 +122,8 @@ void Contacts::restore(ArchiveReader& in) {
 
 dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].id; }
 
+double Contacts::side(const Contact& contact) const { return body_of(contact.shape_a) == nullptr ? -1 : 1; }
+
 /// A row of ODE's obeys v+ + CFM lambda = ERP / h depth: the pad's spring and damper at the step's end.
 void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const {
   const SoftRow row = soft_row(share * pad.stiffness, share * pad.damping, step_);
@@ -133,8 +136,8 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
 /// spring and damper at the step's end let it. What is to bounce turns back at once.
 void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact,
                            const model::Material& between, double share, const model::State& state) const {
-  const Vec3 v = start_velocity(body_index(contact.shape_a), contact.position, state) -
-                 start_velocity(body_index(contact.shape_b), contact.position, state);
+  const Vec3 v = velocity(state.bodies[body_index(contact.shape_a)], contact.position) -
+                 velocity(state.bodies[body_index(contact.shape_b)], contact.position);
   if (between.restitution > 0 && -contact.normal.dot(v) > between.restitution_speed) return;
   const double closes =
       between.compliance
@@ -178,10 +181,9 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
                      between.rolling_friction == 0 && between.spinning_friction > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
-  const dBodyID a = body_of(contact.shape_a);
   if (surface.mu > 0) aim_friction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
-  dJointAttach(id, a, body_of(contact.shape_b));
+  dJointAttach(id, body_of(contact.shape_a), body_of(contact.shape_b));
   contact_joints_.push_back(id);
   if (motor) add_spin_row(contact, touch, known);
 }
@@ -209,19 +211,15 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
 
 /// The moment about the normal, up to the lever times the normal force: the known one, or the pad spring's.
 void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Known& known) {
-  double force = 0;
-  if (known.force != nullptr)
-    force = std::max(contact.normal.dot(*known.force), kLeastForce);
-  else
-    force = known.share * touch.surface.compliance->stiffness * std::max(contact.depth - kSurfaceLayer, 0.0);
-  const dBodyID a = body_of(contact.shape_a);
+  const double force = known.force != nullptr ? std::max(contact.normal.dot(*known.force), kLeastForce)
+                                              : known.share * touch.surface.compliance->stiffness *
+                                                    std::max(contact.depth - kSurfaceLayer, 0.0);
   const dJointID motor = dJointCreateAMotor(world_, joints_);
-  dJointAttach(motor, a, body_of(contact.shape_b));
+  dJointAttach(motor, body_of(contact.shape_a), body_of(contact.shape_b));
   dJointSetAMotorNumAxes(motor, 1);
   dJointSetAMotorAxis(motor, 0, 0, contact.normal.x(), contact.normal.y(), contact.normal.z());
-  // ODE makes body b the first of a joint whose body a is not there.
   const double turn = known.patch != nullptr ? known.patch->turn : 0;
-  dJointSetAMotorParam(motor, dParamVel, (a == nullptr ? 1 : -1) * kPullBack / step_ * turn);
+  dJointSetAMotorParam(motor, dParamVel, -side(contact) * kPullBack / step_ * turn);
   dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
 }
 
@@ -252,10 +250,8 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known
   surface.mode |= dContactFDir1;
   for (int i = 0; i < 3; ++i) joint.fdir1[i] = change[i] / speed;
   if (patch == nullptr) return;
-  // ODE makes body b the first of a joint whose body a is not there, and turns the normal.
-  const double sign = body_of(contact.shape_a) == nullptr ? -1 : 1;
   surface.mode |= dContactMotion1 | dContactMotion2;
-  surface.motion1 = sign * back.dot(change) / speed;
+  surface.motion1 = side(contact) * back.dot(change) / speed;
   surface.motion2 = back.dot(contact.normal.cross(change)) / speed;
 }
 
@@ -275,21 +271,15 @@ double Contacts::shared_mass(const Contact& contact, const model::State& state) 
 
 /// Tangential velocity of a against b after this step without the contact: at rest the direction of gravity.
 Vec3 Contacts::sliding(const Contact& contact, const model::State& state) const {
-  const Vec3 v = point_velocity(body_index(contact.shape_a), contact.position, state) -
-                 point_velocity(body_index(contact.shape_b), contact.position, state);
+  const auto free = [&](int shape) -> Vec3 {
+    const std::size_t body = body_index(shape);
+    const Vec3 v = velocity(state.bodies[body], contact.position);
+    return model_.bodies[body].kinematic ? v : Vec3(v + fall_);
+  };
+  const Vec3 v = free(contact.shape_a) - free(contact.shape_b);
   return v - v.dot(contact.normal) * contact.normal;
 }
 
 std::size_t Contacts::body_index(int shape) const { return at(model_.shapes[at(shape)].body); }
-
-Vec3 Contacts::start_velocity(std::size_t body, const Vec3& at, const model::State& state) const {
-  const model::BodyState& moving = state.bodies[body];
-  return moving.v + moving.w.cross(at - moving.p);
-}
-
-Vec3 Contacts::point_velocity(std::size_t body, const Vec3& at, const model::State& state) const {
-  const Vec3 v = start_velocity(body, at, state);
-  return model_.bodies[body].kinematic ? v : Vec3(v + fall_);
-}
 
 }  // namespace handsim::engine::ode

@@ -73,13 +73,12 @@ class Contacts {
   double shared_mass(const Contact& contact, const model::State& state) const;
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
   dBodyID body_of(int shape) const;
+  /// -1 where ODE turns the contact: it makes body b the first of a joint whose body a is not there.
+  double side(const Contact& contact) const;
   void come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
                    double share, const model::State& state) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
   std::size_t body_index(int shape) const;
-  /// Of a body's point at the start of the step; as it would be after the step without the contact.
-  Vec3 start_velocity(std::size_t body, const Vec3& at, const model::State& state) const;
-  Vec3 point_velocity(std::size_t body, const Vec3& at, const model::State& state) const;
 
   const model::Model& model_;
   const std::vector<OdeBody>& bodies_;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::ode {
 
 namespace {
@@ -56,18 +58,15 @@ void carry_point(Archive& archive, Point& point) {
 }  // namespace
 
 void PreslidingMemory::save(ArchiveWriter& out) const {
-  out(pairs_.size());
-  for (const Presliding& pair : pairs_) carry_pair(out, pair);
+  out.list(pairs_, [](auto& archive, auto& pair) { carry_pair(archive, pair); });
 }
 
 void PreslidingMemory::restore(ArchiveReader& in) {
-  pairs_.resize(in.size());
+  in.list(pairs_, [](auto& archive, auto& pair) { carry_pair(archive, pair); });
   const auto shapes = static_cast<int>(model_.shapes.size());
-  for (Presliding& pair : pairs_) {
-    carry_pair(in, pair);
+  for (const Presliding& pair : pairs_)
     if (pair.shape_a >= shapes || pair.shape_b >= shapes)
       in.refuse("a pair of shapes that are not there", "pairs of this scene's shapes");
-  }
 }
 
 void PreslidingMemory::recall(const Collider& collider, const model::State& state) {
@@ -77,17 +76,16 @@ void PreslidingMemory::recall(const Collider& collider, const model::State& stat
   for (const Touch& touch : collider.touches()) {
     const Contact& head = contacts[touch.first];
     const std::pair<int, int> shapes = {head.shape_a, head.shape_b};
-    Patch patch = patch_of({&head, static_cast<std::size_t>(touch.count)}, touch.first);
-    patch.body_a = model_.shapes[static_cast<std::size_t>(head.shape_a)].body;
-    patch.body_b = model_.shapes[static_cast<std::size_t>(head.shape_b)].body;
+    Patch patch = patch_of({&head, at(touch.count)}, touch.first);
+    patch.body_a = model_.shapes[at(head.shape_a)].body;
+    patch.body_b = model_.shapes[at(head.shape_b)].body;
     patch.reach = std::max(patch.reach, touch.surface.spinning_friction);
     patch.longest = touch.surface.compliance ? kLongestPadShift : kLongestRigidShift;
     while (known != pairs_.end() && shapes_of(*known) < shapes) ++known;
     // Surfaces that do not touch yet have not stuck.
     if (head.depth < 0) patch.normal = Vec3::Zero();
     if (known != pairs_.end() && shapes_of(*known) == shapes && patch.normal != Vec3::Zero()) {
-      patch.shift =
-          tangential(state.bodies[static_cast<std::size_t>(patch.body_b)].q * known->shift, patch.normal);
+      patch.shift = tangential(state.bodies[at(patch.body_b)].q * known->shift, patch.normal);
       patch.turn = known->turn;
     }
     patches_.push_back(patch);
@@ -112,21 +110,20 @@ void PreslidingMemory::take_in(const model::State& before, double step) {
       turn = patch.turn + step * (spin(patch.body_a) - spin(patch.body_b)).dot(patch.normal);
       turn = std::clamp(turn, -most, most);
     }
-    pairs_[i].shift = before.bodies[static_cast<std::size_t>(patch.body_b)].q.conjugate() * shift;
+    pairs_[i].shift = before.bodies[at(patch.body_b)].q.conjugate() * shift;
     pairs_[i].turn = turn;
   }
 }
 
 /// Velocity after the step of the material point that was at a place before it.
-Vec3 PreslidingMemory::velocity(int body, const Vec3& at, const model::State& before) const {
-  const OdeBody& moved = bodies_[static_cast<std::size_t>(body)];
+Vec3 PreslidingMemory::velocity(int body, const Vec3& place, const model::State& before) const {
+  const OdeBody& moved = bodies_[at(body)];
   if (moved.id == nullptr) return Vec3::Zero();
-  return Vec3(moved.v[0], moved.v[1], moved.v[2]) +
-         spin(body).cross(at - before.bodies[static_cast<std::size_t>(body)].p);
+  return Vec3(moved.v[0], moved.v[1], moved.v[2]) + spin(body).cross(place - before.bodies[at(body)].p);
 }
 
 Vec3 PreslidingMemory::spin(int body) const {
-  const OdeBody& moved = bodies_[static_cast<std::size_t>(body)];
+  const OdeBody& moved = bodies_[at(body)];
   return moved.id == nullptr ? Vec3(Vec3::Zero()) : Vec3(moved.w[0], moved.w[1], moved.w[2]);
 }
 
@@ -144,7 +141,7 @@ void FrictionLimits::recall(const Collider& collider) {
     while (known != end && of(*known) < pair) ++known;
     left.clear();
     for (; known != end && of(*known) == pair; ++known) left.push_back(&*known);
-    for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       const auto away = [&](const PointForce* point) {
         return (point->position - collider.contacts()[i].position).squaredNorm();
       };
@@ -164,7 +161,7 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
   double largest = 0, off = 0;  // in units of what it may be
   normals_.clear();
   for (const Touch& touch : collider.touches())
-    for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       const Vec3& n = collider.contacts()[i].normal;
       const double normal = std::max(n.dot(forces[i]), 0.0), limit = touch.surface.friction * normal;
       const double friction = (forces[i] - n.dot(forces[i]) * n).norm();
@@ -191,7 +188,7 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
   error_ = error;
   memory_.points.clear();
   for (const Touch& touch : collider.touches())
-    for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       const Contact& contact = collider.contacts()[i];
       const double normal = contact.normal.dot(forces[i]), change = normal - normals_[i];
       // What carries nothing has no friction.
@@ -204,18 +201,15 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
 
 void FrictionLimits::save(ArchiveWriter& out) const {
   out(memory_.share);
-  out(memory_.points.size());
-  for (const PointForce& point : memory_.points) carry_point(out, point);
+  out.list(memory_.points, [](auto& archive, auto& point) { carry_point(archive, point); });
 }
 
 void FrictionLimits::restore(ArchiveReader& in) {
   in(memory_.share);
   if (!(memory_.share >= 0 && memory_.share <= 1)) in.refuse("a share that is no share", "0 to 1");
-  memory_.points.resize(in.size());
-  for (PointForce& point : memory_.points) {
-    carry_point(in, point);
+  in.list(memory_.points, [](auto& archive, auto& point) { carry_point(archive, point); });
+  for (const PointForce& point : memory_.points)
     if (!(point.force.norm() <= kMostForce)) in.refuse("a contact force that is no force", "at most 1e12 N");
-  }
 }
 
 }  // namespace handsim::engine::ode

@@ -65,7 +65,7 @@ class PreslidingMemory {
   void restore(ArchiveReader& in);
 
  private:
-  Vec3 velocity(int body, const Vec3& at, const model::State& before) const;
+  Vec3 velocity(int body, const Vec3& place, const model::State& before) const;
   Vec3 spin(int body) const;
 
   const model::Model& model_;

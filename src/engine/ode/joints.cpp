@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -97,11 +98,9 @@ void Joints::place(const Link& link, const model::State& state) const {
   set_geometry(link.id, joint, x_WF);
   if (link.motor != nullptr)
     set_motor_axes(link.motor, joint, link.motor_axes, link.parent.id != nullptr, x_WF);
-  if (link.servo != nullptr) {
-    const std::vector<std::size_t> all =
-        joint.axes.size() == 2 ? std::vector<std::size_t>{0, 1} : std::vector<std::size_t>{0};
-    set_motor_axes(link.servo, joint, all, link.parent.id != nullptr, x_WF);
-  }
+  std::vector<std::size_t> all(joint.axes.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  if (link.servo != nullptr) set_motor_axes(link.servo, joint, all, link.parent.id != nullptr, x_WF);
 }
 
 void Joints::reanchor(const model::State& state) {
@@ -132,15 +131,9 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
     if (!joint.axes[i].stop) continue;
     const model::Stop stop = widened(joint, joint.axes[i], true);
     const int group = kParamGroup * ode_axis(joint.kind, i);
-    const auto set = [&](int parameter, double value) {
-      set_parameter(link.id, joint.kind, parameter + group, value);
-    };
-    set(dParamLoStop, stop.low);
-    set(dParamHiStop, stop.high);
-    set(dParamBounce, stop.bounce);
-    set(dParamFudgeFactor, stop.ode.fudge_factor);
-    set(dParamStopERP, settings.erp());
-    set(dParamStopCFM, settings.ode().cfm);
+    set_stop(link, i, stop.low, stop.high, settings.erp(), stop.bounce);
+    set_parameter(link.id, joint.kind, dParamFudgeFactor + group, stop.ode.fudge_factor);
+    set_parameter(link.id, joint.kind, dParamStopCFM + group, settings.ode().cfm);
   }
 }
 
@@ -230,9 +223,6 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   const Link& link = links_[link_index];
   const model::Joint& joint = *link.joint;
   const bool with_stops = settings.effects.has(model::Effect::joint_stops);
-  bool needed = link.motor != nullptr;
-  for (const model::JointAxis& axis : joint.axes) needed = needed || (with_stops && axis.stop);
-  if (!needed) return;
   Watch watched{link_index, {}};
   watched.pull = slider_pull(link);
   for (std::size_t i = 0; i < joint.axes.size(); ++i)
@@ -240,7 +230,7 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
       const model::Stop stop = widened(joint, joint.axes[i], false);
       watched.stops[i].emplace(stop.low, stop.high);
     }
-  watches_.push_back(watched);
+  if (link.motor != nullptr || watched.stops[0] || watched.stops[1]) watches_.push_back(watched);
 }
 
 int Joints::prepare(const model::State& state) {

@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::ode {
 
 double world_step_cost(int rows) {
@@ -27,32 +29,27 @@ MethodChoice::MethodChoice(const model::Model& model, const Joints& joints,
 }
 
 int MethodChoice::root(int body) {
-  while (root_[static_cast<std::size_t>(body)] != body) {
-    int& above = root_[static_cast<std::size_t>(body)];
-    above = root_[static_cast<std::size_t>(above)];
-    body = above;
-  }
+  while (root_[at(body)] != body) body = root_[at(body)] = root_[at(root_[at(body)])];
   return body;
 }
 
 void MethodChoice::join(int a, int b, int rows) {
-  if (!moves_[static_cast<std::size_t>(a)]) a = b;
-  if (!moves_[static_cast<std::size_t>(b)]) b = a;
-  if (!moves_[static_cast<std::size_t>(a)]) return;
+  if (!moves_[at(a)]) a = b;
+  if (!moves_[at(b)]) b = a;
+  if (!moves_[at(a)]) return;
   const int first = root(a);
   const int second = root(b);
-  rows_[static_cast<std::size_t>(first)] += rows;
+  rows_[at(first)] += rows;
   if (first == second) return;
-  root_[static_cast<std::size_t>(second)] = first;
-  rows_[static_cast<std::size_t>(first)] += rows_[static_cast<std::size_t>(second)];
+  root_[at(second)] = first;
+  rows_[at(first)] += rows_[at(second)];
 }
 
 OdeMethod MethodChoice::pick(std::span<const Contact> contacts) {
   root_ = tree_;
   rows_ = tree_rows_;
   for (const Contact& contact : contacts)
-    join(model_.shapes[static_cast<std::size_t>(contact.shape_a)].body,
-         model_.shapes[static_cast<std::size_t>(contact.shape_b)].body, rows_per_contact_);
+    join(model_.shapes[at(contact.shape_a)].body, model_.shapes[at(contact.shape_b)].body, rows_per_contact_);
   double direct = 0;
   double iterative = 0;
   for (std::size_t i = 0; i < root_.size(); ++i) {

@@ -52,7 +52,6 @@ void OdeEngine::build() {
     muscles_ = std::make_unique<Muscles>(model_, settings_, [](int a, int b) { return a == b; });
     muscles_->start(state_);
   }
-  if (settings_.effects.has(model::Effect::wrist_motion)) drives_ = std::make_unique<Drives>(model_, bodies_);
   if (needs_contacts(model_, settings_.effects))
     contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_);
   if (settings_.ode().projection) closed_ = islands(model_, settings_);
@@ -147,7 +146,7 @@ StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
   }
   // A state that another step can start from is better kept and counted than thrown away.
   if (state_.time != end) fail(std::move(*fault));
-  check_bodies(end);
+  if (auto out = body_fault(end, kMaxSpeed, kMaxAngularSpeed)) fail(std::move(*out));
   report.rung = Rung::unresolved;
   return report;
 }
@@ -155,43 +154,36 @@ StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
 /// Tries the step in one way. @return what is wrong with it
 std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, double end,
                                              StepReport& report) {
-  const dWorldID world = ids_.world.get();
+  const OdeSettings& ode = settings_.ode();
+  const auto iterate = [&](int count) { dWorldSetQuickStepNumIterations(ids_.world.get(), count); };
+  std::optional<PhysicsFault> fault;
   try {
-    switch (rung) {
-      case Rung::none:
-        report = plain_step(input, end, settings_.step, settings_.ode().method);
-        break;
-      case Rung::softer:
-        set_cfm(std::min(kSofter * settings_.ode().cfm, 1.0));
-        report = plain_step(input, end, settings_.step, settings_.ode().method);
-        set_cfm(settings_.ode().cfm);
-        break;
-      case Rung::half_steps:
-        if (auto fault = two_half_steps(input, end, report)) return fault;
-        return guard_fault(report);
-      case Rung::quick_step:
-      case Rung::unresolved:
-        dWorldSetQuickStepNumIterations(world, std::max(kGuardIterations, settings_.ode().iterations));
-        report = plain_step(input, end, settings_.step, OdeMethod::quick_step);
-        dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
-        break;
+    if (rung == Rung::softer) set_cfm(std::min(kSofter * ode.cfm, 1.0));
+    if (rung == Rung::quick_step) iterate(std::max(kGuardIterations, ode.iterations));
+    if (rung == Rung::half_steps) {
+      fault = two_half_steps(input, end, report);
+    } else {
+      report = plain_step(input, end, settings_.step,
+                          rung == Rung::quick_step ? OdeMethod::quick_step : ode.method);
+      fault = read_bodies(end);
     }
-    if (auto fault = read_guarded(end)) return fault;
-    return guard_fault(report);
+    if (!fault) fault = guard_fault(report);
   } catch (const StepRefused& refused) {
-    set_cfm(settings_.ode().cfm);
-    set_length(settings_.step);
-    dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
-    return refused.fault;
-  } catch (const OdeFault& fault) {
-    PhysicsFault told = described(fault);
+    fault = refused.fault;
+  } catch (const OdeFault& stopped) {
+    fault = described(stopped);
     rebuild();
-    return told;
+    return fault;
   }
+  if (rung == Rung::none) return fault;
+  set_cfm(ode.cfm);
+  set_length(settings_.step);
+  iterate(ode.iterations);
+  return fault;
 }
 
 /// Takes over what the bodies have become, unless it is beyond all bounds.
-std::optional<PhysicsFault> OdeEngine::read_guarded(double time) {
+std::optional<PhysicsFault> OdeEngine::read_bodies(double time) {
   if (auto fault = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return fault;
   return take_over(time);
 }
@@ -202,32 +194,28 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
   const double middle = before_.time + half;
   set_length(half);
   const StepReport first = plain_step(input, middle, half, settings_.ode().method);
-  std::optional<PhysicsFault> fault = read_guarded(middle);
-  if (!fault) {
-    StepInput second = input;
-    if (!input.servos.empty()) {
-      // A servo's error is the one at the start of its step.
-      second_servos_.assign(input.servos.begin(), input.servos.end());
-      for (std::size_t i = 0; i < second_servos_.size(); ++i)
-        second_servos_[i].error -= state_.q[i] - before_.q[i];
-      second.servos = second_servos_;
-    }
-    report = plain_step(second, end, half, settings_.ode().method);
-    report.lcp_failures += first.lcp_failures;
-    if (!report.residual) report.residual = first.residual;
-    report.collide_calls += first.collide_calls;
-    report.collide_ns += first.collide_ns;
-    report.tissue_ns += first.tissue_ns;
-    report.servo_ns += first.servo_ns;
-    // Of the whole step: the mean of its halves.
-    for (std::size_t i = 0; i < tau_.size(); ++i) {
-      tau_[i] = 0.5 * (state_.tau[i] + tau_[i]);
-      tau_servo_[i] = 0.5 * (state_.tau_servo[i] + tau_servo_[i]);
-    }
-    fault = read_guarded(end);
+  if (auto fault = read_bodies(middle)) return fault;
+  StepInput second = input;
+  if (!input.servos.empty()) {
+    // A servo's error is the one at the start of its step.
+    second_servos_.assign(input.servos.begin(), input.servos.end());
+    for (std::size_t i = 0; i < second_servos_.size(); ++i)
+      second_servos_[i].error -= state_.q[i] - before_.q[i];
+    second.servos = second_servos_;
   }
-  set_length(settings_.step);
-  return fault;
+  report = plain_step(second, end, half, settings_.ode().method);
+  report.lcp_failures += first.lcp_failures;
+  if (!report.residual) report.residual = first.residual;
+  report.collide_calls += first.collide_calls;
+  report.collide_ns += first.collide_ns;
+  report.tissue_ns += first.tissue_ns;
+  report.servo_ns += first.servo_ns;
+  // Of the whole step: the mean of its halves.
+  for (std::size_t i = 0; i < tau_.size(); ++i) {
+    tau_[i] = 0.5 * (state_.tau[i] + tau_[i]);
+    tau_servo_[i] = 0.5 * (state_.tau_servo[i] + tau_servo_[i]);
+  }
+  return read_bodies(end);
 }
 
 std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) const {
@@ -253,7 +241,6 @@ void OdeEngine::restore() {
 void OdeEngine::rebuild() {
   choice_.reset();
   contacts_.reset();
-  drives_.reset();
   joints_.reset();
   bodies_.clear();
   moving_.clear();

@@ -62,7 +62,7 @@ class OdeEngine final : public Engine {
   StepReport guarded_step(const StepInput& input, double end);
   std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
-  std::optional<PhysicsFault> read_guarded(double time);
+  std::optional<PhysicsFault> read_bodies(double time);
   std::optional<PhysicsFault> guard_fault(const StepReport& report) const;
   void restore();
   void rebuild();
@@ -73,8 +73,6 @@ class OdeEngine final : public Engine {
   void actuate(const StepInput& input);
   [[nodiscard]] bool advance(double step, OdeMethod method);
   std::optional<PhysicsFault> body_fault(double time, double speed, double angular_speed) const;
-  void check_bodies(double time);
-  void read(double time);
   std::optional<PhysicsFault> take_over(double time);
   void give_up_step();
   PhysicsFault described(const OdeFault& fault) const;
@@ -88,7 +86,7 @@ class OdeEngine final : public Engine {
   std::vector<OdeBody> bodies_;      ///< as Model::bodies
   std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
   std::unique_ptr<Joints> joints_;
-  std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
+  std::vector<Prospect::Driven> ways_;  ///< of driven bodies in the step; with wrist_motion only
   std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
   ResidualMeter residual_;
   double targets_due_ = 0;                ///< when drives are to have met the caller's targets [s]
@@ -97,7 +95,7 @@ class OdeEngine final : public Engine {
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only
   model::State state_;
-  StepStart start_;                          ///< of the solver's step, which may be made again
+  std::vector<StepStart> start_;             ///< as moving_, of the solver's step, which may be made again
   model::State before_;                      ///< of a guarded step, its start
   Contacts::Memory memory_before_;           ///< the same
   std::unique_ptr<Muscles> muscles_;         ///< with tendons in effect only

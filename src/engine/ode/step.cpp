@@ -18,8 +18,13 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-double ns_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::nano>(Clock::now() - start).count();
+/// Adds the time that a part of the step takes [ns]. @param ns null: is not asked for
+template <class Part>
+void timed(double* ns, Part part) {
+  if (ns == nullptr) return part();
+  const Clock::time_point start = Clock::now();
+  part();
+  *ns += std::chrono::duration<double, std::nano>(Clock::now() - start).count();
 }
 
 constexpr const char* kRemedy = "use a smaller step, weaker gains or torques, or a start without overlap";
@@ -77,8 +82,7 @@ StepReport OdeEngine::step(const StepInput& given) {
   }
   try {
     const StepReport report = plain_step(input, end, settings_.step, settings_.ode().method);
-    check_bodies(end);
-    if (auto fault = take_over(end)) fail(std::move(*fault));
+    if (auto fault = read_bodies(end)) fail(std::move(*fault));
     if (!muscles_->empty()) muscles_->end(state_.q, state_.u, state_);
     return report;
   } catch (const StepRefused& refused) {
@@ -90,10 +94,13 @@ StepReport OdeEngine::step(const StepInput& given) {
 
 StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, OdeMethod method) {
   StepReport report;
-  if (drives_ && input.drive_targets.empty())
-    drives_->set_velocities(end, step);
-  else if (drives_)
-    drives_->set_velocities(input.drive_targets, targets_due_ - (end - step), step);
+  if (settings_.effects.has(model::Effect::wrist_motion)) {
+    const bool given = !input.drive_targets.empty();
+    std::vector<Pose> targets(input.drive_targets.begin(), input.drive_targets.end());
+    for (const model::Drive& each : model_.drives)
+      if (!given) targets.push_back(each.motion.at(end));
+    ways_ = drive(model_, bodies_, targets, given ? targets_due_ - (end - step) : step, step);
+  }
   try {
     prepare(input, report);
     solve(input, step, method, report);
@@ -112,9 +119,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
 /// With method auto by quick_step too where there is no memory for the direct solver.
 void OdeEngine::solve(const StepInput& input, double step, OdeMethod method, StepReport& report) {
   const bool choose = method == OdeMethod::automatic;
-  if (choose)
-    method =
-        choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
+  if (choose) method = choice_->pick(contacts());
   for (;;) {
     report.iterative = method == OdeMethod::quick_step;
     if (contacts_) contacts_->recall(state_, report.iterative);
@@ -130,18 +135,17 @@ void OdeEngine::solve(const StepInput& input, double step, OdeMethod method, Ste
 bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
   const int passes = again ? settings_.ode().friction_passes : 1;
-  if (again) start_.take(bodies_, moving_);
+  start_.clear();
+  for (const std::size_t i : moving_)
+    if (again) start_.push_back(step_start(bodies_[i]));
   bool rigid_limits = true;
   for (int pass = 1;; ++pass) {
     // The last solution has all limits.
     const bool relaxed = pass < passes;
     joints_->relax_servos(relaxed && !input.servos.empty() ? (pass > 1 ? tau_servo_ : state_.tau_servo)
                                                            : std::span<const double>());
-    if (contacts_) {
-      const Clock::time_point start = Clock::now();
-      contacts_->join(state_, report.iterative, rigid_limits);
-      report.collide_ns += ns_since(start);
-    }
+    if (contacts_)
+      timed(&report.collide_ns, [&] { contacts_->join(state_, report.iterative, rigid_limits); });
     const int failures = lcp_failures();
     if (!advance(step, method)) return false;
     report.lcp_failures = lcp_failures() - failures;
@@ -155,7 +159,7 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
     // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
     if (pass >= passes) rigid_limits = false;
     contacts_->release();
-    start_.put_back(bodies_, moving_);
+    for (std::size_t k = 0; k < moving_.size(); ++k) put_back(bodies_[moving_[k]], start_[k]);
   }
 }
 
@@ -169,27 +173,13 @@ bool OdeEngine::residual_is_due(const StepReport& report, double step) {
 }
 
 void OdeEngine::prepare(const StepInput& input, StepReport& report) {
-  if (settings_.effects.has(model::Effect::actuation)) {
-    const Clock::time_point start = Clock::now();
-    actuate(input);
-    report.servo_ns = ns_since(start);
-  } else {
-    actuate(input);
-  }
-  if (joints_->has_tissue()) {
-    const Clock::time_point start = Clock::now();
-    report.stop_rows = joints_->prepare(state_);
-    report.tissue_ns = ns_since(start);
-  } else {
-    report.stop_rows = joints_->prepare(state_);
-  }
-  if (contacts_) {
-    const Clock::time_point start = Clock::now();
-    report.collide_calls =
-        contacts_->collide(state_, drives_ ? drives_->ways() : std::span<const Prospect::Driven>());
-    report.contacts = static_cast<int>(contacts_->list().size());
-    report.collide_ns = ns_since(start);
-  }
+  const bool with_servos = settings_.effects.has(model::Effect::actuation);
+  timed(with_servos ? &report.servo_ns : nullptr, [&] { actuate(input); });
+  timed(joints_->has_tissue() ? &report.tissue_ns : nullptr,
+        [&] { report.stop_rows = joints_->prepare(state_); });
+  if (!contacts_) return;
+  timed(&report.collide_ns, [&] { report.collide_calls = contacts_->collide(state_, ways_); });
+  report.contacts = static_cast<int>(contacts_->list().size());
 }
 
 void OdeEngine::actuate(const StepInput& input) {
@@ -210,18 +200,10 @@ void OdeEngine::actuate(const StepInput& input) {
 /// @return false where ODE did not make the step
 bool OdeEngine::advance(double step, OdeMethod method) {
   const dWorldID world = ids_.world.get();
-  switch (method) {
-    case OdeMethod::world_step:
-      return dWorldStep(world, step) != 0;
-    case OdeMethod::quick_step: {
-      const RandomSeed seed(step_seed(settings_.ode().seed, step_number(state_.time, step)));
-      return dWorldQuickStep(world, step) != 0;
-    }
-    case OdeMethod::automatic:
-      assert(false && "solve() chooses one of the two");
-      break;
-  }
-  return false;
+  assert(method != OdeMethod::automatic && "solve() chooses one of the two");
+  if (method == OdeMethod::world_step) return dWorldStep(world, step) != 0;
+  const RandomSeed seed(step_seed(settings_.ode().seed, step_number(state_.time, step)));
+  return dWorldQuickStep(world, step) != 0;
 }
 
 std::optional<PhysicsFault> OdeEngine::body_fault(double time, double speed, double angular_speed) const {
@@ -238,26 +220,13 @@ std::optional<PhysicsFault> OdeEngine::body_fault(double time, double speed, dou
   return std::nullopt;
 }
 
-void OdeEngine::check_bodies(double time) {
-  if (auto fault = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) fail(std::move(*fault));
-}
-
-void OdeEngine::read(double time) {
+/// Takes ODE's state over, projected if asked for and given back. @return a joint still apart: not taken
+std::optional<PhysicsFault> OdeEngine::take_over(double time) {
+  if (!closed_.empty()) opened_ = state_;
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
   state_.tau.swap(tau_);
   state_.tau_servo.swap(tau_servo_);
   state_.time = time;
-}
-
-/// Takes ODE's state over, projected if asked for and given back. @return a joint still apart: not taken
-std::optional<PhysicsFault> OdeEngine::take_over(double time) {
-  if (closed_.empty()) {
-    read(time);
-    joints_->read_coordinates(state_);
-    return std::nullopt;
-  }
-  opened_ = state_;
-  read(time);
   try {
     for (const System& island : closed_) close_step(island, opened_, time - opened_.time, state_);
   } catch (const Error& error) {
@@ -265,7 +234,7 @@ std::optional<PhysicsFault> OdeEngine::take_over(double time) {
     return error.fault();
   }
   for (const std::size_t i : moving_)
-    if (!bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
+    if (!closed_.empty() && !bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
   joints_->read_coordinates(state_);
   return std::nullopt;
 }

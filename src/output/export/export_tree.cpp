@@ -14,6 +14,12 @@ bool has_parent(const model::Model& model, std::size_t body) {
       model.joints, [&](const model::Joint& joint) { return !joint.closes_loop && at(joint.child) == body; });
 }
 
+const model::Drive* drive_of(const model::Model& model, const engine::Settings& settings, int body) {
+  if (!model.bodies[at(body)].kinematic || !settings.effects.has(model::Effect::wrist_motion)) return nullptr;
+  const auto found = std::ranges::find(model.drives, body, &model::Drive::body);
+  return found == model.drives.end() ? nullptr : &*found;
+}
+
 bool has_stop(const model::JointAxis& axis, const engine::Settings& settings) {
   return axis.stop && settings.effects.has(model::Effect::joint_stops) && std::isfinite(axis.stop->low) &&
          std::isfinite(axis.stop->high);

@@ -9,7 +9,6 @@
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
-#include "handsim/output/export/mjcf_parts.h"
 
 namespace handsim::output {
 
@@ -67,6 +66,7 @@ class MjcfWriter {
 
  private:
   void line(const std::string& text) { out_ += text + "\n"; }
+  std::string name(int body) const { return attribute(model_.bodies[at(body)].name); }
 
   /// Friction as handsim has it: a round cone, no creep where surfaces stick. With servos: implicit dampers.
   std::string solver() const {
@@ -107,16 +107,11 @@ class MjcfWriter {
     if (!problems.empty()) throw Error(std::move(problems));
   }
 
-  bool driven(int body) const {
-    return std::ranges::any_of(model_.drives, [&](const model::Drive& drive) { return drive.body == body; });
-  }
-
   void open(int index, const Pose& pose, int indent) {
     const model::Body& body = model_.bodies[at(index)];
     const std::string in(at(indent), ' ');
-    const bool mocap = body.kinematic && driven(index) && settings_.effects.has(Effect::wrist_motion);
-    line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, attribute(body.name),
-                     numbers(pose.p), wxyz(pose.q), mocap ? " mocap=\"true\"" : ""));
+    line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, name(index), numbers(pose.p),
+                     wxyz(pose.q), drive_of(model_, settings_, index) ? " mocap=\"true\"" : ""));
     // Principal axes: those that MuJoCo finds itself have an error of 1e-9.
     const Eigen::SelfAdjointEigenSolver<Mat3> principal(body.inertia);
     Mat3 axes = principal.eigenvectors();
@@ -129,7 +124,7 @@ class MjcfWriter {
     const model::BodyState& body = start_.bodies[at(index)];
     open(index, body.pose(), 4);
     if (!model_.bodies[at(index)].kinematic) {
-      line(fmt::format("      <freejoint name=\"{}\"/>", attribute(model_.bodies[at(index)].name)));
+      line(fmt::format("      <freejoint name=\"{}\"/>", name(index)));
       positions_ += " " + numbers(body.p) + " " + wxyz(body.q);
       velocities_ += " " + numbers(body.v) + " " + numbers(body.q.conjugate() * body.w);
     }
@@ -137,14 +132,12 @@ class MjcfWriter {
   }
 
   void children(int body, int indent) {
-    for (const model::Joint& joint : model_.joints)
-      if (!joint.closes_loop && joint.parent == body) child(joint, indent);
-  }
-
-  void child(const model::Joint& joint, int indent) {
-    open(joint.child, joint.parent_frame * joint.child_frame.inverse(), indent);
-    if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
-    close(joint.child, indent);
+    for (const model::Joint& joint : model_.joints) {
+      if (joint.closes_loop || joint.parent != body) continue;
+      open(joint.child, joint.parent_frame * joint.child_frame.inverse(), indent);
+      if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
+      close(joint.child, indent);
+    }
   }
 
   void close(int index, int indent) {
@@ -224,35 +217,31 @@ class MjcfWriter {
     if (!text.empty()) line("  <asset>\n" + text + "  </asset>");
   }
 
+  /// Type, and the attribute of its size.
+  static std::pair<const char*, std::string> form_of(const model::Shape& shape) {
+    const auto sized = [](const std::string& size) { return "size=\"" + size + "\""; };
+    const std::string round = fmt::format("{:.17g} {:.17g}", shape.radius, 0.5 * shape.length);
+    switch (shape.kind) {
+      case model::ShapeKind::box:
+        return {"box", sized(numbers(0.5 * shape.edges))};
+      case model::ShapeKind::sphere:
+        return {"sphere", sized(fmt::format("{:.17g}", shape.radius))};
+      case model::ShapeKind::capsule:
+        return {"capsule", sized(round)};
+      case model::ShapeKind::cylinder:
+        return {"cylinder", sized(round)};
+      case model::ShapeKind::convex_mesh:
+        return {"mesh", "mesh=\"" + attribute(shape.name) + "\""};
+      case model::ShapeKind::plane:
+        return {"plane", sized(fmt::format("0 0 {:g}", kPlaneSpacing))};
+    }
+    return {};
+  }
+
   void shapes(int body, int indent) {
     for (const model::Shape& shape : model_.shapes) {
       if (shape.body != body) continue;
-      std::string size;
-      const char* type = "";
-      switch (shape.kind) {
-        case model::ShapeKind::box:
-          type = "box";
-          size = numbers(0.5 * shape.edges);
-          break;
-        case model::ShapeKind::sphere:
-          type = "sphere";
-          size = fmt::format("{:.17g}", shape.radius);
-          break;
-        case model::ShapeKind::capsule:
-        case model::ShapeKind::cylinder:
-          type = shape.kind == model::ShapeKind::capsule ? "capsule" : "cylinder";
-          size = fmt::format("{:.17g} {:.17g}", shape.radius, 0.5 * shape.length);
-          break;
-        case model::ShapeKind::convex_mesh:
-          type = "mesh";
-          break;
-        case model::ShapeKind::plane:
-          type = "plane";
-          size = fmt::format("0 0 {:g}", kPlaneSpacing);
-          break;
-      }
-      size = shape.kind == model::ShapeKind::convex_mesh ? fmt::format("mesh=\"{}\"", attribute(shape.name))
-                                                         : fmt::format("size=\"{}\"", size);
+      const auto& [type, size] = form_of(shape);
       line(
           fmt::format("{}<geom name=\"{}\" type=\"{}\" {} pos=\"{}\" quat=\"{}\" contype=\"{}\" "
                       "conaffinity=\"{}\"{} mass=\"0\"/>",
@@ -267,9 +256,8 @@ class MjcfWriter {
     std::string text;
     for (const model::Joint& joint : model_.joints)
       if (joint.parent != model::kWorld)
-        text += fmt::format("    <exclude body1=\"{}\" body2=\"{}\"/>\n",
-                            attribute(model_.bodies[at(joint.parent)].name),
-                            attribute(model_.bodies[at(joint.child)].name));
+        text +=
+            fmt::format("    <exclude body1=\"{}\" body2=\"{}\"/>\n", name(joint.parent), name(joint.child));
     text += mjcf_pairs(model_, settings_);
     if (!text.empty()) line("  <contact>\n" + text + "  </contact>");
   }
@@ -277,9 +265,8 @@ class MjcfWriter {
   void loops() {
     std::string text;
     const auto connect = [&](const model::Joint& joint, const Vec3& anchor) {
-      text += fmt::format("    <connect body1=\"{}\" body2=\"{}\" anchor=\"{}\"/>\n",
-                          attribute(model_.bodies[at(joint.child)].name),
-                          attribute(model_.bodies[at(joint.parent)].name), numbers(anchor));
+      text += fmt::format("    <connect body1=\"{}\" body2=\"{}\" anchor=\"{}\"/>\n", name(joint.child),
+                          name(joint.parent), numbers(anchor));
     };
     for (const model::Joint& joint : model_.joints) {
       if (!joint.closes_loop) continue;

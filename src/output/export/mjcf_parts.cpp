@@ -1,5 +1,3 @@
-#include "handsim/output/export/mjcf_parts.h"
-
 #include <algorithm>
 #include <numeric>
 
@@ -89,19 +87,8 @@ bool combined_there(const model::Material& a, const model::Material& b, const mo
                        pair.spinning_friction == std::max(a.spinning_friction, b.spinning_friction));
 }
 
-}  // namespace
-
-MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& settings,
-                         const model::State& state) {
-  MjcfTendons out;
-  const std::vector<std::string> labels = coordinate_labels(model);
-  if (settings.effects.has(model::Effect::muscles))
-    for (const model::Muscle& muscle : model.muscles) add_muscle(muscle, state, labels, out);
-  if (settings.effects.has(model::Effect::tendon_coupling))
-    for (const model::Ligament& band : model.ligaments) add_band(band, state, labels, out);
-  return out;
-}
-
+/// MuJoCo's `body_invweight0` of bodies by index [1/kg]: how fast a force at the centre of mass accelerates
+/// it, the mean over three directions, at zero coordinates. Zero for the world and kinematic bodies.
 std::vector<double> mobilities(const model::Model& model) {
   const std::vector<double> zeros(at(model.dof_count()));
   const model::State state = model::state_at(model, zeros);
@@ -116,6 +103,19 @@ std::vector<double> mobilities(const model::Model& model) {
         model::jacobian(model, state, body, state.bodies[at(body)].p, free).topRows<3>();
     out.push_back((J * factor.solve(J.transpose())).trace() / 3);
   }
+  return out;
+}
+
+}  // namespace
+
+MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& settings,
+                         const model::State& state) {
+  MjcfTendons out;
+  const std::vector<std::string> labels = coordinate_labels(model);
+  if (settings.effects.has(model::Effect::muscles))
+    for (const model::Muscle& muscle : model.muscles) add_muscle(muscle, state, labels, out);
+  if (settings.effects.has(model::Effect::tendon_coupling))
+    for (const model::Ligament& band : model.ligaments) add_band(band, state, labels, out);
   return out;
 }
 

@@ -9,7 +9,6 @@
 #include "handsim/model/markers.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/export/export_tree.h"
-#include "handsim/output/export/osim_elements.h"
 
 namespace handsim::output {
 
@@ -213,22 +212,19 @@ class OsimWriter {
   /// A body without a parent. Its coordinates are zero at the start, far from where three angles fail.
   void root(int index) {
     const model::Body& body = model_.bodies[at(index)];
-    const auto drive =
-        std::ranges::find_if(model_.drives, [&](const model::Drive& each) { return each.body == index; });
-    const bool driven =
-        body.kinematic && drive != model_.drives.end() && settings_.effects.has(Effect::wrist_motion);
+    const model::Drive* drive = drive_of(model_, settings_, index);
     const model::BodyState& start = start_.bodies[at(index)];
-    const Pose in_body = driven ? drive->frame : moving_frame(index);
+    const Pose in_body = drive ? drive->frame : moving_frame(index);
     const Pose in_world = start.pose() * in_body;
     const std::string name = body.name + ".world";
-    if (body.kinematic && !driven)
+    if (body.kinematic && !drive)
       return joint("WeldJoint", name, in_world, model::kWorld, in_body, index, {});
     std::vector<Coordinate> coordinates;
     for (const char* each : {"rx", "ry", "rz", "tx", "ty", "tz"}) {
       const double far = each[0] == 'r' ? M_PI : kFreeTravel;
       coordinates.push_back({name + "." + each, 0, 0, -far, far, ""});
     }
-    if (driven) {
+    if (drive) {
       prescribe(coordinates, drive->motion, in_world);
     } else {
       const Vec3 w = in_world.q.conjugate() * start.w;

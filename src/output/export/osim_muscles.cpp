@@ -6,7 +6,6 @@
 #include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/output/export/export_tree.h"
-#include "handsim/output/export/osim_elements.h"
 
 namespace handsim::output {
 

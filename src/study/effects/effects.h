@@ -49,23 +49,13 @@ struct EffectsResult {
 EffectsResult run_effects(const scene::Scene& scene, int repeats,
                           const std::function<void(double)>& progress);
 
-/// The rows as a table for the screen.
-std::string effects_table(const EffectsResult& result);
-
-/// effects.json as text.
-std::string effects_json(const scene::Scene& scene, const EffectsResult& result);
-
-/// Writes effects.csv, effects.json and, if gnuplot is installed, effects.png and effects.svg.
-/// @returns false if gnuplot is missing or fails; the other files and the script effects.gp are written.
-/// @throws Error (input) if the folder cannot be written.
-bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out);
-
 struct EffectsOptions {
   std::optional<std::filesystem::path> file;  ///< of the scene, for the commands that repeat rows
   std::vector<std::string> overrides;         ///< which the scene has already
   int repeats = 7;                            ///< timed rounds
 };
-/// The whole study. @throws Error as its parts
+/// The whole study, with effects.csv, effects.json and, if gnuplot is installed, effects.png and effects.svg.
+/// @throws Error as run_effects(), Error (input) if the folder cannot be written.
 StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const StudyRun& run);
 
 }  // namespace handsim::study

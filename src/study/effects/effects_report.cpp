@@ -143,9 +143,8 @@ StudyCommands effects_commands(const std::string& file, std::vector<std::string>
   return out;
 }
 
-}  // namespace
-
-std::string effects_table(const EffectsResult& result) {
+/// For the screen.
+std::string table(const EffectsResult& result) {
   std::string out = fmt::format("{:<30} {:>11} {:>11} {:>9} {:>7} {:>11} {:>9} {:>12}  {}\n",
                                 "without effect", "ns per step", "saved ns", "+-", "saved", "angle deg",
                                 "RMS deg", "position mm", "largest differences at");
@@ -168,7 +167,7 @@ std::string effects_table(const EffectsResult& result) {
   return out;
 }
 
-std::string effects_json(const scene::Scene& scene, const EffectsResult& result) {
+std::string json(const scene::Scene& scene, const EffectsResult& result) {
   Json rows = Json::array();
   for (const EffectRow& row : result.rows) {
     Json entry = {{"effect", row.name}, {"with", Json::array()}};
@@ -197,11 +196,7 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
   return out.dump(2) + "\n";
 }
 
-bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out) {
-  Report report{csv(result), effects_json(scene, result), {}, {}};
-  add_plot(scene, result, report);
-  return write_report(out, "effects", report);
-}
+}  // namespace
 
 StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const StudyRun& run) {
   const output::OutputFolder folder(run.out, report_files("effects", {"effects"}),
@@ -211,9 +206,11 @@ StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const
   StudyEnd end{
       fmt::format("{}\nWithout each effect in turn: CPU time of a step, and change of the motion over "
                   "{:g} s. Median of {} rounds; +-: half their interquartile range.\n\n{}\n",
-                  scene.spec.title, scene.spec.duration, result.repeats, effects_table(result))};
-  end.json = effects_json(scene, result);
-  end.plotted = write_effects(scene, result, run.out);
+                  scene.spec.title, scene.spec.duration, result.repeats, table(result))};
+  Report report{csv(result), json(scene, result), {}, {}};
+  add_plot(scene, result, report);
+  end.plotted = write_report(run.out, "effects", report);
+  end.json = std::move(report.json);
   if (options.file)
     finish_study(run.out, effects_commands(options.file->string(), options.overrides, result), run.report);
   return end;

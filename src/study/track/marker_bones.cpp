@@ -7,6 +7,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/core/index.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
@@ -80,8 +81,7 @@ std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
   std::vector<double> rms;
   for (const Used& each : out) rms.push_back(each.fit.rms);
   if (rms.empty()) return out;
-  std::nth_element(rms.begin(), rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2), rms.end());
-  const double most = 2 * rms[rms.size() / 2] + 1e-6;
+  const double most = 2 * median(rms) + 1e-6;
   std::erase_if(out, [&](const Used& each) { return each.fit.rms > most; });
   return out;
 }

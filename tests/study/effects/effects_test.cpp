@@ -23,6 +23,12 @@ const EffectRow& row_of(const EffectsResult& result, Effect effect) {
   throw std::runtime_error("no row");
 }
 
+/// The whole study; its files are removed.
+StudyEnd study_of(const scene::Scene& scene) {
+  const test::TemporaryFolder folder;
+  return effects(scene, {{}, {}, 1}, {folder.path()});
+}
+
 constexpr const char* kBall =
     "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0]}]\nduration: 0.5\n";
 
@@ -86,7 +92,7 @@ TEST(Effects, DependentEffectsAreRemovedTogether) {
   EXPECT_TRUE(row_of(result, Effect::friction).with.empty());
   // Without the ground the ball falls on.
   EXPECT_NEAR(row_of(result, Effect::ground_contact).displacement.value, 0.5 * 9.80665 * 0.25, 0.01);
-  EXPECT_NE(effects_table(result).find("ground_contact with friction"), std::string::npos);
+  EXPECT_NE(study_of(scene).text.find("ground_contact with friction"), std::string::npos);
 }
 
 // Oracle: the contract: solver settings that are on have rows; a guard that never acts changes nothing.
@@ -112,7 +118,7 @@ TEST(Effects, WithoutWhichTheSceneFailsHaveARowWithTheFault) {
   ASSERT_TRUE(ground.fault.has_value());
   EXPECT_NE(ground.fault->find("ball: speed"), std::string::npos) << *ground.fault;
   EXPECT_FALSE(row_of(result, Effect::gravity).fault.has_value());
-  const auto json = nlohmann::json::parse(effects_json(scene, result));
+  const auto json = nlohmann::json::parse(study_of(scene).json);
   EXPECT_EQ(json["rows"][1]["fault"], *ground.fault);
 }
 
@@ -129,8 +135,7 @@ TEST(Effects, OfAControlledSceneOnADrivenWristCanAllBeRemoved) {
 TEST(EffectsFiles, AreWritten) {
   const test::TemporaryFolder folder;
   scene::Scene scene = scene_of(std::string(kBall) + "title: \"it's \\\\ `x`\"\neffects: [gravity]\n");
-  const EffectsResult result = run_effects(scene, 1, nullptr);
-  EXPECT_TRUE(write_effects(scene, result, folder.path()));
+  EXPECT_TRUE(effects(scene, {{}, {}, 1}, {folder.path()}).plotted);
   const std::string csv = test::text_of(folder.path() / "effects.csv");
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 3);
   for (const char* file : {"effects.json", "effects.png", "effects.svg"})
