@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._errors import Error, Problem, flags, seed_of, whole
+from ._errors import Error, Problem, flags, input_error, seed_of, whole
 from ._glb import glb_of_hand
 from ._model import Model, SkinParts, bent, skins_of
 from ._pictures import Picture, html_picture
@@ -92,10 +92,12 @@ class Hand:
         self.side = side
         hand = {"model": _shipped(model, "handmodels"), "person": who, "side": side,
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
+        if not isinstance(what_if, (Mapping, type(None))):
+            raise input_error("what_if", what_if, "a mapping")
         changes = dict(what_if or {})
-        if others := [key for key in changes if key not in WHAT_IF]:
-            raise Error(f"what_if: got {others[0]}, need one of {', '.join(WHAT_IF)}", "input",
-                        [Problem(None, None, None, "what_if", str(others[0]), f"one of {', '.join(WHAT_IF)}")])
+        for key in changes:
+            if key not in WHAT_IF:
+                raise input_error("what_if", key, f"one of {', '.join(WHAT_IF)}")
         scene: dict[str, Any] = {"title": f"{side} hand", "hands": [hand], "duration": "1 s",
                                  "pictures": {"view": "dorsal"}}
         try:

@@ -68,7 +68,8 @@ class Statics:
         self.names = hand.coordinates
         self.low, self.high = hand.joints["low[rad]"], hand.joints["high[rad]"]
         self.moves = [high - low > FUSED for low, high in zip(self.low, self.high)]
-        self.gives = GIVES * np.asarray(hand.joints["stiffness[N m/rad]"])
+        self.stiffness = np.asarray(hand.joints["stiffness[N m/rad]"])
+        self.gives = GIVES * self.stiffness
         self.rest = np.clip(hand.joints["rest[rad]"], self.low, self.high)
 
     def at(self, pose: Mapping[str, float], rest: bool = False) -> Array:
@@ -77,7 +78,7 @@ class Statics:
         for name, angle in pose.items():
             if name in self.names:
                 q[self.names.index(name)] = np.radians(angle)
-        return np.clip(q, self.low, self.high)
+        return np.asarray(np.clip(q, self.low, self.high), dtype=np.float64)
 
     def rows(self, *starts: str) -> list[int]:
         """Coordinates of joints that move and whose names start so."""
@@ -86,8 +87,9 @@ class Statics:
     def torques(self, q: Array) -> tuple[Array, Array]:
         """Torque of each muscle at full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
         arms = _core.hand_moment_arms(self.hand.scene._core, q)
-        active, passive, others = _core.hand_muscle_forces(self.hand.scene._core, q)
-        return np.asarray(arms.T * active, dtype=np.float64), np.asarray(arms.T @ passive + others, dtype=np.float64)
+        active, passive, bands = _core.hand_muscle_forces(self.hand.scene._core, q)
+        tissue = self.stiffness * (np.asarray(self.hand.joints["rest[rad]"]) - q)
+        return np.asarray(arms.T * active, dtype=np.float64), np.asarray(arms.T @ passive + bands + tissue, dtype=np.float64)
 
     def press(self, q: Array, fingers: Sequence[str], forces: Array, gain: ArrayLike) -> tuple[float, Array]:
         """The largest sum of forces that a hand exerts while nothing moves.
@@ -138,9 +140,7 @@ class Statics:
         step = np.full(len(free), 1.0)
         before = np.zeros(len(free))
         for _ in range(20000):
-            arms = _core.hand_moment_arms(self.hand.scene._core, q)
-            _, passive, others = _core.hand_muscle_forces(self.hand.scene._core, q)
-            moment = (arms.T @ passive + others)[free]
+            moment = self.torques(q)[1][free]
             at_stop = ((q[free] <= self.low[free]) & (moment < 0)) | ((q[free] >= self.high[free]) & (moment > 0))
             if np.abs(np.where(at_stop, 0, moment)).max(initial=0) < 1e-6:
                 break

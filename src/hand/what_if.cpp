@@ -62,8 +62,8 @@ class Muscles {
         return;
       if (from == to) row.problem("to", to, "another muscle than from");
       if (of(from).excitable <= 0 || !used_.insert(from).second)
-        row.problem("from", from + " a second time", "a muscle that is neither lost nor moved elsewhere");
-      MuscleSpec &donor = of(from), receiver = before(to);
+        row.problem("from", from + ", which is lost or moved", "a muscle that is neither");
+      MuscleSpec &donor = of(from), receiver = in(before_, to);
       if (!is_extrinsic(receiver, axes_))
         for (const model::MomentArm& arm : donor.tendon.path.arms)
           if (axes_[at(arm.dof)].name.starts_with("wrist.")) receiver.tendon.path.arms.push_back(arm);
@@ -102,7 +102,6 @@ class Muscles {
     return muscles[static_cast<std::size_t>(std::ranges::find(names_, name) - names_.begin())];
   }
   MuscleSpec& of(const std::string& name) { return in(file_.muscles, name); }
-  const MuscleSpec& before(const std::string& name) { return in(before_, name); }
 
   /// A blocked nerve leaves its muscles to pull as they rest; a muscle by its own name is gone.
   void lose(MapReader& reader, const std::string& key, const std::string& name, double share) {
@@ -134,7 +133,7 @@ void limit(MapReader& reader, const std::string& key, model::JointAxis& axis, do
   if (stop.stiff) return reader.problem(key, axis.name + " a second time", "one range of an axis");
   if (low < stop.low - kRounding || high > stop.high + kRounding)
     return reader.problem(
-        key, fmt::format("{:.4g} to {:.4g} deg of {}", kDegrees * low, kDegrees * high, axis.name),
+        key, fmt::format("{} at {:.4g} deg", axis.name, kDegrees * (low < stop.low ? low : high)),
         fmt::format("within its range, {:.4g} to {:.4g} deg", kDegrees * stop.low, kDegrees * stop.high));
   const double middle = 0.5 * (low + high), half = 0.5 * std::max(high - low, model::kFusedRange);
   stop.low = middle - half;

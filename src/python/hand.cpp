@@ -205,11 +205,6 @@ py::tuple muscle_forces(const SceneHandle& of, const py::object& q) {
     active.push_back(model::isometric_force(muscle, excursion));
     passive.push_back(model::passive_force(muscle, excursion));
   }
-  for (const model::Joint& joint : model.joints)
-    for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      if (const auto& tissue = joint.axes[a].tissue)
-        torque[at(joint.first_dof) + a] -=
-            tissue->stiffness * (posture.state.q[at(joint.first_dof) + a] - tissue->rest);
   for (const model::Ligament& band : model.ligaments) {
     const model::PathState path = model::path_state(band.path, posture.state.q);
     const double pull = -band.stiffness * (path.excursion + band.rest);
