@@ -55,8 +55,8 @@ def strongest(weights: Array) -> tuple[NDArray[np.uint16], NDArray[np.float32]]:
     """The bodies of most weight and their shares, which sum to 1."""
     joints = np.argsort(-weights, axis=1, kind="stable")[:, :_INFLUENCES]
     shares = np.take_along_axis(weights, joints, axis=1)
-    shares = np.asarray(shares / shares.sum(axis=1, keepdims=True), dtype=np.float32)
-    return np.where(shares > 0, joints, 0).astype(np.uint16), shares
+    parts: NDArray[np.float32] = (shares / shares.sum(axis=1, keepdims=True)).astype(np.float32)
+    return np.where(parts > 0, joints, 0).astype(np.uint16), parts
 
 
 def rig(model: Model) -> Array:
@@ -210,7 +210,7 @@ def glb_of_hand(hand: "Hand", q: Optional[ArrayLike], times: Optional[ArrayLike]
         need = f"rising times of 0 or more, shape (times,), and q of shape (times, {len(zero)})"
         raise Error(f"times: got {got}, need {need}", "input", [Problem(None, None, None, "times", got, need)])
     model = hand._model
-    moments = [hand.poses(each) for each in (angles if clock is not None else [angles])]
+    moments = [hand.poses(each) for each in (angles if clock is not None else angles[None])]
     poses = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(moments), len(model.bodies), 1))
     for row, moment in zip(poses, moments):
         row[model.hands[0].bodies] = np.concatenate([moment.position, moment.quaternion], axis=1)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from ._errors import Error, Problem, flags, input_error, seed_of, whole
 from ._glb import glb_of_hand
-from ._model import Model, SkinParts, bent, skins_of
+from ._model import Model, SkinParts, bent, compose, inverse, skins_of
 from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
 from ._table import Quantities, Table, rows_table
@@ -128,7 +128,9 @@ class Hand:
     @cached_property
     def tips(self) -> Table:
         """The fingertips: name (``index_tip``), body, position [m] in the body's frame."""
-        return Table(_core.hand_tips(self.scene._core), "fingertips")
+        tips = self._model.hands[0].tips
+        return Table({"name": [_part(name) for name, _, _ in tips], "body": [_part(self._model.bodies[body].name) for _, body, _ in tips],
+                      "position[m]": np.array([point for _, _, point in tips])}, "fingertips")
 
     @cached_property
     def shapes(self) -> Table:
@@ -136,8 +138,8 @@ class Hand:
         between the cap centres; both along the shape's z axis), edges [m] of a box, position [m] and quaternion (w x y z)
         in the body's frame."""
         own = [shape for shape in self._model.shapes if shape.body in self._model.hands[0].bodies]
-        columns: dict[str, Any] = {"name": [shape.name.partition(".")[2] for shape in own],
-                                   "body": [self._model.bodies[shape.body].name.partition(".")[2] for shape in own],
+        columns: dict[str, Any] = {"name": [_part(shape.name) for shape in own],
+                                   "body": [_part(self._model.bodies[shape.body].name) for shape in own],
                                    "kind": [shape.kind for shape in own]}
         for key, of in (("radius[m]", [shape.radius for shape in own]), ("length[m]", [shape.length for shape in own]),
                         ("edges[m]", [shape.edges for shape in own]), ("position[m]", [shape.pose[:3] for shape in own]),
@@ -145,9 +147,9 @@ class Hand:
             columns[key] = np.array(of)
         return Table(columns, "shapes")
 
-    @cached_property
+    @property
     def _model(self) -> Model:
-        return Model(self.scene)
+        return self.scene._model
 
     @cached_property
     def _skins(self) -> list[SkinParts]:
@@ -279,7 +281,15 @@ class Hand:
         """Every axis: name, type of its joint, low [rad] and high [rad] of its stop, stiffness [N m/rad],
         damping [N m s/rad] and rest [rad] of passive tissue, centre [m] of the joint in H. Flexion is positive toward
         the palm."""
-        return Table(_core.hand_joints(self.scene._core), "joints")
+        model, hand = self._model, self._model.hands[0]
+        to_hand = inverse(compose(model.bodies[hand.palm].zero, hand.wrist))
+        rows = [(joint, axis) for joint in (model.joints[i] for i in hand.joints) for axis in joint.axes]
+        columns: dict[str, Any] = {"name": [f"{_part(joint.name)}.{axis.name}" for joint, axis in rows],
+                                   "type": ["hinge" if len(joint.axes) == 1 else "universal" for joint, _ in rows]}
+        for key, unit in (("low", "rad"), ("high", "rad"), ("stiffness", "N m/rad"), ("damping", "N m s/rad"), ("rest", "rad")):
+            columns[f"{key}[{unit}]"] = np.array([getattr(axis, key) for _, axis in rows])
+        columns["centre[m]"] = np.array([compose(to_hand, compose(model.bodies[joint.child].zero, joint.child_frame))[:3] for joint, _ in rows])
+        return Table(columns, "joints")
 
     def to_mjcf(self) -> str:
         """The hand as MJCF, MuJoCo's format, with a fixed palm."""
@@ -309,6 +319,11 @@ class Hand:
         picture = html_picture(self.draw(size=(480, 480)), 320) if _core.has_pictures else ""
         notes = "".join(f"<p>{html.escape(text)}</p>" for text in self.scene.warnings)
         return table._repr_html_() + notes + picture + self.segments._repr_html_() + self.joints._repr_html_()
+
+
+def _part(name: str) -> str:
+    """A name without that of the hand."""
+    return name.partition(".")[2]
 
 
 def _shipped(name: Union[str, "PathLike[str]"], folder: str) -> str:

@@ -35,6 +35,9 @@ class Axis(NamedTuple):
     """The first in the frame of the parent, the second in that of the child; at zero both frames coincide."""
     low: float
     high: float
+    stiffness: float
+    damping: float
+    rest: float
 
 
 class Joint(NamedTuple):
@@ -71,11 +74,13 @@ class Shape(NamedTuple):
 
 class HandParts(NamedTuple):
     name: str
-    side: str
     bodies: list[int]
     palm: int
     wrist: Array
     """Pose of the hand frame in the palm."""
+    joints: list[int]
+    tips: list[tuple[str, int, Array]]
+    """Name, body and place in it of each fingertip."""
 
 
 class SkinParts(NamedTuple):
@@ -95,6 +100,23 @@ class Surface(NamedTuple):
     faces: NDArray[np.uint32]
 
 
+def _joint(of: Any) -> Joint:
+    name, kind, parent, child, first, second, axes, loop = of
+    return Joint(name, kind, parent, child, np.array(first), np.array(second),
+                 [Axis(word, axis.ravel(), *rest) for word, axis, *rest in axes], loop)
+
+
+def _shape(of: Any) -> Shape:
+    fields: list[Any] = list(of)
+    fields[3], fields[6] = np.array(fields[3]), fields[6].ravel()
+    return Shape(*fields)
+
+
+def _hand(of: Any) -> HandParts:
+    name, bodies, palm, wrist, joints, tips = of
+    return HandParts(name, bodies, palm, np.array(wrist), joints, [(tip, body, point.ravel()) for tip, body, point in tips])
+
+
 class Model:
     """All of a scene's model that files for other programs need."""
 
@@ -103,10 +125,9 @@ class Model:
         self.title = scene.title
         self.gravity: Array = of["gravity"].ravel()
         self.bodies = [Body(name, mass, inertia, np.array(zero), fixed) for name, mass, inertia, zero, fixed in of["bodies"]]
-        self.joints = [Joint(*each[:4], *(np.array(x) for x in each[4:6]), [Axis(name, axis.ravel(), low, high) for name, axis, low, high in each[6]], each[7])
-                       for each in of["joints"]]
-        self.shapes, self.nails = ([Shape(*each[:3], np.array(each[3]), *each[4:6], each[6].ravel(), *each[7:]) for each in of[key]] for key in ("shapes", "nails"))
-        self.hands = [HandParts(*each[:4], np.array(each[4])) for each in of["hands"]]
+        self.joints = [_joint(each) for each in of["joints"]]
+        self.shapes, self.nails = ([_shape(each) for each in of[key]] for key in ("shapes", "nails"))
+        self.hands = [_hand(each) for each in of["hands"]]
 
     def parent(self, body: int) -> int:
         """The body that carries it; 0: the world."""
@@ -163,7 +184,7 @@ def bent(skin: SkinParts, poses: Array) -> Array:
     total = (skin.weights * np.where(strongest @ both[:, :4].T < 0, -1, 1)) @ both
     total /= np.linalg.norm(total[:, :4], axis=1, keepdims=True)
     back = total[:, :4] * [1, -1, -1, -1]
-    return turned(total[:, :4], skin.points) + 2 * product(total[:, 4:], back)[:, 1:]
+    return np.asarray(turned(total[:, :4], skin.points) + 2 * product(total[:, 4:], back)[:, 1:])
 
 
 def normals_of(points: Array, faces: NDArray[Any]) -> Array:

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import html
+from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Optional, Sequence, Union
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import flags, input_error, real, whole
+from ._model import Model
 from ._pictures import Picture, html_picture
 from ._progress import Progress, bar
 from ._table import rows_table
@@ -118,6 +120,10 @@ class Scene:
         self._core = core
         self._origin: Optional[tuple[Source, list[str]]] = None  # What `load` made it from.
 
+    @cached_property
+    def _model(self) -> Model:
+        return Model(self)
+
     @property
     def title(self) -> str:
         return self._core.title
@@ -165,7 +171,7 @@ class Scene:
     @property
     def masses(self) -> NDArray[np.float64]:
         """Of the bodies [kg], shape (bodies,); the world's is 0."""
-        return self._core.masses()
+        return np.array([body.mass for body in self._model.bodies])
 
     @property
     def coordinates(self) -> list[str]:
@@ -175,7 +181,10 @@ class Scene:
     @property
     def limits(self) -> NDArray[np.float64]:
         """Stops of the coordinates [rad] or [m], shape (coordinates, 2); infinite where there is none."""
-        return self._core.limits()
+        counts = {"hinge": 1, "universal": 2, "ball": 3, "slider": 1}
+        free = (-np.inf, np.inf)
+        return np.array([row for joint in self._model.joints for row in
+                         ([(axis.low, axis.high) for axis in joint.axes] + [free] * counts[joint.kind])[:counts[joint.kind]]]).reshape(-1, 2)
 
     @property
     def axes(self) -> list[str]:

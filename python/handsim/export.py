@@ -43,7 +43,8 @@ def _steady(times: Array, fps: float) -> NDArray[np.intp]:
     """Rows next to the frames of an animation; first and last among them."""
     wanted = np.arange(times[0], times[-1], 1 / fps)
     rows = np.searchsorted(times, wanted - 1e-9)
-    return np.unique(np.concatenate([rows, [len(times) - 1]]))
+    out: NDArray[np.intp] = np.unique(np.concatenate([rows, [len(times) - 1]]))
+    return out
 
 
 def recorded(folder: Path) -> tuple[Scene, Array, Array]:
@@ -80,7 +81,7 @@ def at_time(scene: Scene, time: float, show: bool) -> Array:
             if told:
                 told(run.time / time)
     bodies = run.bodies
-    return np.concatenate([bodies.position, bodies.quaternion], axis=1)[None]
+    return np.asarray(np.concatenate([bodies.position, bodies.quaternion], axis=1)[None])
 
 
 # Surfaces of a moment.
@@ -88,7 +89,7 @@ def at_time(scene: Scene, time: float, show: bool) -> Array:
 
 def pieces(model: Model, skins: Sequence[SkinParts], poses: Array, hands: str) -> list[tuple[str, Array, Array, NDArray[Any]]]:
     """Name, points, normals and faces of all that is seen, in the world."""
-    out = []
+    out: list[tuple[str, Array, Array, NDArray[Any]]] = []
     for skin, hand in zip(skins, model.hands) if hands != "shapes" else ():
         points = bent(skin, poses[skin.bodies])
         out.append((f"{hand.name} skin", points, normals_of(points, skin.faces.astype(int)), skin.faces))
@@ -236,11 +237,11 @@ def run(arguments: argparse.Namespace) -> str:
 
 def _ours(words: Sequence[str]) -> bool:
     """True for the formats of this module, by --format or the ending of --out; for all others the program answers."""
-    for name, of in (("--format", lambda value: value), ("--out", lambda value: Path(value).suffix.lower().lstrip("."))):
-        for word, after in zip(words, [*words[1:], ""]):
-            value = after if word == name else word[len(name) + 1:] if word.startswith(name + "=") else None
-            if value is not None and of(value) in FORMATS:
-                return True
+    for word, after in zip(words, [*words[1:], ""]):
+        name, sign, own = word.partition("=")
+        value = own if sign else after
+        if name == "--format" and value in FORMATS or name == "--out" and Path(value).suffix.lower().lstrip(".") in FORMATS:
+            return True
     return False
 
 

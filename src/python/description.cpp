@@ -37,7 +37,9 @@ py::tuple joint_tuple(const model::Joint& joint) {
   py::list axes;
   for (const model::JointAxis& axis : joint.axes) {
     const model::Stop stop = axis.stop.value_or(model::Stop{-HUGE_VAL, HUGE_VAL});
-    axes.append(py::make_tuple(axis.name, array(axis.axis), stop.low, stop.high));
+    const model::Tissue tissue = axis.tissue.value_or(model::Tissue{});
+    axes.append(py::make_tuple(axis.name, array(axis.axis), stop.low, stop.high, tissue.stiffness,
+                               tissue.damping, tissue.rest));
   }
   return py::make_tuple(joint.name, kJointKinds[static_cast<std::size_t>(joint.kind)], joint.parent,
                         joint.child, numbers(joint.parent_frame), numbers(joint.child_frame), axes,
@@ -83,17 +85,16 @@ py::dict description(const SceneHandle& of) {
   }
   for (std::size_t i = 0; i < model.shapes.size(); ++i)
     shapes.append(shape_tuple(model, model.shapes[i], colours[i]));
-  for (const model::HandIndex& hand : model.hands)
-    hands.append(py::make_tuple(hand.name, hand.side == model::Side::right ? "right" : "left", hand.bodies,
-                                hand.palm, numbers(hand.wrist_frame)));
-  py::dict out;
-  out["gravity"] = array(model.gravity);
-  out["bodies"] = bodies;
-  out["joints"] = joints;
-  out["shapes"] = shapes;
-  out["nails"] = nails;
-  out["hands"] = hands;
-  return out;
+  for (const model::HandIndex& hand : model.hands) {
+    py::list tips;
+    for (const model::Fingertip& tip : hand.fingertips)
+      tips.append(py::make_tuple(tip.name, tip.body, array(tip.point)));
+    hands.append(
+        py::make_tuple(hand.name, hand.bodies, hand.palm, numbers(hand.wrist_frame), hand.joints, tips));
+  }
+  using py::arg;
+  return py::dict(arg("gravity") = array(model.gravity), arg("bodies") = bodies, arg("joints") = joints,
+                  arg("shapes") = shapes, arg("nails") = nails, arg("hands") = hands);
 }
 
 /// The skin of each hand: bodies, their rest poses, points, faces, shares of the bodies, colour.

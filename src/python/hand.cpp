@@ -66,56 +66,6 @@ py::dict segments(const SceneHandle& of) {
   return out;
 }
 
-/// A row for each axis of the first hand's joints.
-py::dict joints(const SceneHandle& of) {
-  const model::Model& model = of.scene->model;
-  const model::HandIndex& hand = first_hand(of);
-  const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
-  std::vector<std::string> names, types;
-  Column low, high, stiffness, damping, rest, centre;
-  for (const int index : hand.joints) {
-    const model::Joint& joint = model.joints[at(index)];
-    for (const model::JointAxis& axis : joint.axes) {
-      names.push_back(part_name(joint.name) + "." + axis.name);
-      types.emplace_back(joint.axes.size() == 1 ? "hinge" : "universal");
-      const model::Stop stop = axis.stop.value_or(model::Stop{-HUGE_VAL, HUGE_VAL});
-      const model::Tissue tissue = axis.tissue.value_or(model::Tissue{});
-      low.push_back(stop.low);
-      high.push_back(stop.high);
-      stiffness.push_back(tissue.stiffness);
-      damping.push_back(tissue.damping);
-      rest.push_back(tissue.rest);
-      append(centre, x_HW * (model.bodies[at(joint.child)].zero_pose * joint.child_frame.p));
-    }
-  }
-  py::dict out;
-  out["name"] = names;
-  out["type"] = types;
-  out["low[rad]"] = array_of(low);
-  out["high[rad]"] = array_of(high);
-  out["stiffness[N m/rad]"] = array_of(stiffness);
-  out["damping[N m s/rad]"] = array_of(damping);
-  out["rest[rad]"] = array_of(rest);
-  out["centre[m]"] = array_of(centre, 3);
-  return out;
-}
-
-/// A row for each fingertip of the first hand, in its body.
-py::dict tips(const SceneHandle& of) {
-  std::vector<std::string> names, bodies;
-  Column position;
-  for (const model::Fingertip& tip : first_hand(of).fingertips) {
-    names.push_back(part_name(tip.name));
-    bodies.push_back(part_name(of.scene->model.bodies[at(tip.body)].name));
-    append(position, tip.point);
-  }
-  py::dict out;
-  out["name"] = names;
-  out["body"] = bodies;
-  out["position[m]"] = array_of(position, 3);
-  return out;
-}
-
 /// The first hand at coordinates, with its hand frame at the origin of the world.
 struct Posture {
   const model::Model& model;
@@ -241,8 +191,6 @@ py::dict dimensions(const SceneHandle& of) {
 void bind_hand(py::module_& module) {
   module.def("hand_dimensions", &dimensions, py::arg("scene"));
   module.def("hand_segments", &segments, py::arg("scene"));
-  module.def("hand_joints", &joints, py::arg("scene"));
-  module.def("hand_tips", &tips, py::arg("scene"));
   const py::arg scene("scene"), q("q");
   module.def("hand_poses", &poses, scene, q);
   module.def("hand_jacobian", &jacobian, scene, q, py::arg("body"), py::arg("offset"));

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <limits>
 #include <map>
 
 #include "handsim/core/index.h"
@@ -74,25 +73,6 @@ std::vector<std::string> objects(const SceneHandle& of) {
   return out;
 }
 
-/// Stops by coordinate [coordinates, 2]; infinite where there is none.
-py::array_t<double> limits(const SceneHandle& of) {
-  std::vector<double> out;
-  constexpr double kNone = std::numeric_limits<double>::infinity();
-  for (const model::Joint& joint : of.scene->model.joints)
-    for (int i = 0; i < model::dof_count(joint.kind); ++i) {
-      const bool stops = at(i) < joint.axes.size() && joint.axes[at(i)].stop;
-      out.push_back(stops ? joint.axes[at(i)].stop->low : -kNone);
-      out.push_back(stops ? joint.axes[at(i)].stop->high : kNone);
-    }
-  return array_of(out, 2);
-}
-
-py::array_t<double> masses(const SceneHandle& of) {
-  std::vector<double> out;
-  for (const model::Body& body : of.scene->model.bodies) out.push_back(body.mass);
-  return array_of(out);
-}
-
 /// The fields of Muscle in _scene.py.
 py::list muscles(const SceneHandle& of) {
   py::list out;
@@ -123,8 +103,6 @@ void bind_scene(py::module_& module) {
       .def("driven_wrists", &driven_wrists)
       .def("poses", &named_poses)
       .def("objects", &objects)
-      .def("limits", &limits)
-      .def("masses", &masses)
       .def("muscles", &muscles)
       .def("standalone", &standalone)
       .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })

@@ -121,3 +121,10 @@ def test_a_notebook_shows_tables_and_pictures(what, two_hands):
              "result": lambda: two_hands.run(frames=3)}[what]()._repr_html_()
     assert shown.count("<table>") >= 1
     assert ("data:image/png;base64," in shown) == hs.has_pictures
+
+
+# Oracle: the scene itself: what a run writes as its scene can be read again.
+@pytest.mark.parametrize("look", ["skin", "shapes", "both"])
+def test_resolved_scenes_of_every_look_load_again(look):
+    scene = hs.load("two_hands", {"pictures.hands": look})
+    assert pickle.loads(pickle.dumps(scene)).resolved == scene.resolved

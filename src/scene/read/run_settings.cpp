@@ -199,12 +199,11 @@ PictureSpec read_pictures(MapReader reader) {
   out.floor = reader.flag("floor", true);
   out.hands = reader.choice<HandLook>(
       "hands", {{"skin", HandLook::skin}, {"shapes", HandLook::shapes}, {"both", HandLook::both}}, out.hands);
-  for (const char* key : {"finger_colors", "skin_color"})
-    if (out.hands == HandLook::shapes && reader.has(key))
-      reader.problem(key, "colors of skin beside hands: shapes", "hands: skin, or both");
+  if (out.hands == HandLook::shapes && reader.has("skin_color"))
+    reader.problem("skin_color", "a color of skin beside hands: shapes", "hands: skin, or both");
   out.finger_colours = reader.flag("finger_colors", false);
-  if (out.hands == HandLook::both && out.finger_colours)
-    reader.problem("finger_colors", "true beside hands: both, whose shapes have these colors", "hands: skin");
+  if (out.hands != HandLook::skin && out.finger_colours)
+    reader.problem("finger_colors", "colors of fingers beside shapes, which have them", "hands: skin");
   out.skin_colour = read_colour(reader, "skin_color").value_or(out.skin_colour);
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);

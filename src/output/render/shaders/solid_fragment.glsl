@@ -16,6 +16,7 @@ uniform vec4 solids[3 * kMaxOccluders];
 uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
 out vec4 pixel;
 
+const float kSkinLift = 0.004;  // [m]
 // What comes out of skin in the shade is redder than what falls in.
 const vec3 kUnderSkin = vec3(1.22, 0.95, 0.86);
 
@@ -27,15 +28,17 @@ void main() {
   float key = 1.0;
   float sky = 1.0;
   float facing = max(dot(n, to_key), 0.0);
+  // Shapes reach out of skin where a palm is hollow: their shadows are those on a surface above it.
+  vec3 above = world_point + flesh * kSkinLift * n;
   // Where a whole block of pixels faces away from the light, llvmpipe leaves out the loop.
   int lit = facing > 0.0 ? 1 : 0;
   for (int i = 0; i < lit * capsule_key_end; ++i)
-    key = min(key, key_past_capsule(world_point, capsules[2 * i], capsules[2 * i + 1].xyz));
+    key = min(key, key_past_capsule(above, capsules[2 * i], capsules[2 * i + 1].xyz));
   for (int i = capsule_sky_begin; i < capsule_count; ++i)
     sky *= sky_past_capsule(world_point, n, capsules[2 * i], capsules[2 * i + 1].xyz);
 #ifdef WITH_SOLIDS
   for (int i = 0; i < lit * solid_key_end; ++i)
-    key = min(key, key_past_solid(world_point, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]));
+    key = min(key, key_past_solid(above, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]));
   for (int i = solid_sky_begin; i < solid_count; ++i)
     sky *= sky_past_solid(world_point, n, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]);
 #endif
