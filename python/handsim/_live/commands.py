@@ -67,9 +67,9 @@ def poses_of(scene: Scene) -> dict[str, list[float]]:
 
 def number(of: Mapping[str, Any], key: str, low: float, high: float, default: Optional[float] = None) -> float:
     value = of.get(key, default)
-    if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:  # type: ignore[arg-type]
+    if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
         raise input_error(key, repr(value)[:60], f"a number, {low:g} to {high:g}")
-    return float(value)  # type: ignore[arg-type]
+    return float(value)
 
 
 def whole(of: Mapping[str, Any], key: str, low: int, high: int, default: Optional[int] = None) -> int:

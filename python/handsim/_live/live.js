@@ -81,6 +81,8 @@
     view.moving(state.playing);
     legend3d.textContent = view.forceScale ? `forces: ${Table.text(1e3 * view.forceScale)} mm for 1 N` : '';
     layers.replaceChildren(...layerBoxes());
+    lookBox.hidden = !view.hasSkin;
+    if (view.hasSkin) lookBox.value = view.look();
   }
 
   /** After the scene was built anew: the camera stays. */
@@ -99,7 +101,9 @@
   }
   let restore = null;
 
-  const toggles = [['points', 'contact points', 'c'], ['forces', 'forces', 'f'], ['axes', 'joint axes', 'a'], ['floor', 'floor', null]];
+  const toggles = [['points', 'contact points', 'c'], ['forces', 'forces', 'f'], ['axes', 'joint axes', 'a'], ['floor', 'floor', null], ['colours', 'colours of fingers', 'n']];
+  const looks = ['skin', 'shapes', 'both'];
+  function setLook(look) { if (view && view.hasSkin) { view.setLook(look); lookBox.value = view.look(); } }
   const boxes = {};
   function layerBoxes() {
     const check = (text, on, change) => {
@@ -109,13 +113,33 @@
     };
     const out = [];
     for (const [layer, text, key] of toggles) {
-      if ((layer === 'points' || layer === 'forces') && !view.hasContacts || layer === 'axes' && !data.scene.axes.length) continue;
+      if ((layer === 'points' || layer === 'forces') && !view.hasContacts || layer === 'axes' && !data.scene.axes.length || layer === 'colours' && !view.hasSkin) continue;
       const [line, box] = check(key ? `${text} (${key})` : text, view.isShown(layer), on => view.show(layer, on));
       boxes[layer] = box;
       out.push(line);
     }
+    if (palms().length) out.push(check('follow the hands', follow.on, on => { follow.on = on; follow.last = null; })[0]);
     out.push(check('follow the picked body', false, on => view.follow(on))[0]);
     return out;
+  }
+
+  // The camera goes with the hands, a quarter of a second behind them.
+  const follow = {on: true, last: null};
+  const palms = () => data.scene.bodies.map((body, i) => body.name.endsWith('.palm') ? i : 0).filter(i => i);
+  function resetCamera() {
+    if (!view) return;
+    view.reset();
+    if (follow.start) follow.last = follow.start.clone();
+  }
+  function followHands() {
+    const of = palms();
+    if (!follow.on || !of.length) return;
+    const now = new THREE.Vector3();
+    for (const body of of) now.addScaledVector(view.bodies[body].position, 1 / of.length);
+    if (!follow.last) { follow.last = now; follow.start = follow.start || now.clone(); return; }
+    const by = now.sub(follow.last).multiplyScalar(1 - Math.exp(-(performance.now() - follow.time) / 250));
+    follow.last.add(by);
+    if (by.length() > 1e-6) view.orbit.shift(by);
   }
 
   function tick() {
@@ -128,6 +152,8 @@
         tellPicked();
         shownViews = views;
       }
+      if (pull.body === null) followHands();
+      follow.time = performance.now();
       view.render();
       if (pull.since !== null && springs.length) {
         latency.push(performance.now() - pull.since);
@@ -199,10 +225,11 @@
 
   function drawSprings() {
     while (pull.lines.length < springs.length) {
-      const line = new THREE.Line(new THREE.BufferGeometry().setFromPoints([new THREE.Vector3(), new THREE.Vector3()]), new THREE.LineBasicMaterial({color: 0xbf0059, depthTest: false}));
-      line.frustumCulled = false;
+      const rod = new THREE.CylinderBufferGeometry(0.0011, 0.0011, 1, 8);
+      rod.translate(0, 0.5, 0);
+      const line = new THREE.Mesh(rod, new THREE.MeshBasicMaterial({color: 0x0b57a4, depthTest: false}));
       line.renderOrder = 9;
-      const dot = new THREE.Mesh(new THREE.SphereBufferGeometry(0.003, 12, 8), new THREE.MeshBasicMaterial({color: 0xbf0059, depthTest: false}));
+      const dot = new THREE.Mesh(new THREE.SphereBufferGeometry(0.003, 12, 8), new THREE.MeshBasicMaterial({color: 0x0b57a4, depthTest: false}));
       dot.renderOrder = 9;
       view.world.add(line, dot);
       pull.lines.push({line, dot});
@@ -211,10 +238,11 @@
       line.visible = dot.visible = i < springs.length;
       if (!line.visible) return;
       const [body, x, y, z, gx, gy, gz] = springs[i], at = view.bodies[body].localToWorld(new THREE.Vector3(x, y, z));
-      line.geometry.attributes.position.setXYZ(0, at.x, at.y, at.z);
-      line.geometry.attributes.position.setXYZ(1, gx, gy, gz);
-      line.geometry.attributes.position.needsUpdate = true;
       dot.position.set(gx, gy, gz);
+      const along = dot.position.clone().sub(at), length = along.length();
+      line.position.copy(at);
+      line.scale.set(1, Math.max(1e-6, length), 1);
+      if (length > 1e-9) line.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), along.normalize());
     });
     pull.force = springs.reduce((sum, s) => sum + Math.hypot(s[7], s[8], s[9]), 0);
     view.changed();
@@ -391,6 +419,7 @@
     const number = name => state.numbers[name] === undefined ? data.numbers[name] : state.numbers[name];
     const setNumber = (name, value) => send('number', {name, value});
     const gravity = () => { const g = number('gravity'); return g ? g[2] : undefined; };
+    const order = name => ['right', 'left', 'thumb', 'index', 'middle', 'ring', 'little', 'wrist', 'extrinsic', 'intrinsic', 'median', 'ulnar', 'radial'].indexOf(name) + (data.hands.includes(name) ? 0 : 1);
     const persons = data.hands.length > 0;
     const override = key => { const found = Object.entries(state.overrides).find(([name]) => name.endsWith(`person.${key}`)); return found ? +found[1] : (data.persons[0] || {})[key]; };
     panel.replaceChildren(...[
@@ -400,7 +429,7 @@
         button('the scene\'s program', () => send('targets', {release: true})))) : null,
       data.axes.length ? part('Targets of joints', false, ...vector(data.axes, i => bound(data.axis_coordinates[i], 0, -1.6), i => bound(data.axis_coordinates[i], 1, 1.6), '°', 180 / Math.PI, targets, (i, v) => set('targets', targets, i, v)),
         button('the scene\'s program', () => { state.targets = null; send('targets', {release: true}); })) : null,
-      data.muscles.length ? part('Excitations of muscles, by group', true, ...Object.entries(data.muscle_groups).map(([name, of]) =>
+      data.muscles.length ? part('Excitations of muscles, by group', true, ...Object.entries(data.muscle_groups).sort(([a], [b]) => order(a) - order(b)).map(([name, of]) =>
         range(name, 0, 1, '', () => of.reduce((sum, i) => sum + excitations()[i], 0) / of.length, v => { const values = [...excitations()]; for (const i of of) values[i] = v; state.excitations = values; send('excitations', {values}); })),
       button('the scene\'s excitations', () => { state.excitations = null; send('excitations', {release: true}); })) : null,
       data.coordinates.length ? part('Torques on joints', false, ...vector(data.coordinates, () => -1, () => 1, 'N m', 1, torques, (i, v) => set('torques', torques, i, v)),
@@ -438,18 +467,19 @@
   const slider = element('input', {type: 'range', id: 'time', step: 'any', 'aria-label': 'time: the last minute', input: () => send('seek', {time: +slider.value})});
   const mode = element('select', {'aria-label': 'mouse on a body'}, [['pull', 'pulls it by a spring'], ['push', 'pushes it'], ['orbit', 'turns the camera']].map(([value, text]) => element('option', {value}, text)));
   const strength = element('input', {type: 'range', min: 1, max: 50, step: 1, value: 20, 'aria-label': 'largest force', input: () => { strength.nextSibling.textContent = `${strength.value} N`; }});
+  const lookBox = element('select', {'aria-label': 'hands as skin, shapes or both (s)', hidden: true, change: () => setLook(lookBox.value)}, looks.map(look => element('option', {}, look)));
   const engine = element('select', {'aria-label': 'engine', change: () => send('scene', {engine: engine.value})}, ['articulated', 'ode', 'dae'].map(name => element('option', {}, name)));
   const stepBox = element('select', {'aria-label': 'step', change: () => send('scene', {step: 1e-3 * +stepBox.value})}, [0.1, 0.25, 0.5, 1, 2, 5].map(value => element('option', {value}, String(value))));
   const seek = t => send('seek', {time: Math.max(state.start, t)});
   const keys = {' ': () => send('play', {on: !state.playing}), ArrowRight: () => state.past ? seek(time + 1 / 60) : send('step', {steps: 1}), ArrowLeft: () => seek(time - 1 / 60),
-    Home: () => seek(state.start), End: () => send('present'), r: () => view && view.reset(), '+': () => view && view.orbit.zoom(0.9), '-': () => view && view.orbit.zoom(1.1), Escape: () => pull.end()};
+    Home: () => seek(state.start), End: () => send('present'), r: resetCamera, s: () => view && view.hasSkin && setLook(looks[(looks.indexOf(view.look()) + 1) % 3]), '+': () => view && view.orbit.zoom(0.9), '-': () => view && view.orbit.zoom(1.1), Escape: () => pull.end()};
   const help = [['Space', 'play, pause'], ['→', 'one step (in the past: a frame)'], ['←', 'a frame back'], ['Home End', 'a minute back, the present'], ['c f a', 'contact points, forces, joint axes'], ['r', 'camera of the pictures'], ['+ −', 'zoom']];
   document.body.append(
     element('header', {}, element('h1', {}, data.title), element('p', {class: 'dim'}, status, ' ', past), notice),
     element('main', {class: 'live'},
       element('div', {}, screen, element('div', {class: 'track'}, slider),
         element('div', {class: 'bar'}, playButton, button('|▸ step', () => send('step', {steps: 1}), {id: 'step'}), speedBox, button('present', () => send('present'), {id: 'present'}),
-          button('reset', () => send('reset'), {id: 'reset'}), button('reset camera', () => view && view.reset())), layers,
+          button('reset', () => send('reset'), {id: 'reset'}), button('reset camera', resetCamera), lookBox), layers,
         part('Keys and mouse', false, element('table', {}, element('tbody', {}, help.map(([key, text]) => element('tr', {}, element('td', {}, element('kbd', {}, key)), element('td', {}, text))))),
           element('p', {class: 'dim'}, 'A drag on a body pulls it, or moves a driven wrist; beside bodies it turns the camera. Shift-drag, right button or two fingers: pan. Wheel: zoom.')),
         curves),

@@ -118,7 +118,7 @@ class Replay:
         self.name = "recording" if isinstance(path, bytes) else str(path)
         source: BinaryIO = io.BytesIO(path) if isinstance(path, bytes) else Path(path).open("rb")
         self._lines = lines_of(source, self.name)
-        _, head = next(self._lines, (0, {}))
+        head: dict[str, Any] = next((line for _, line in self._lines), {})
         if head.get("handsim_live") != FORMAT or not isinstance(head.get("files"), dict) or "resolved.yaml" not in head["files"]:
             raise input_error(self.name, "another file", "a recording of handsim live")
         self.version = f"{head.get('version')} ({head.get('commit')})"

@@ -33,8 +33,12 @@ def turned(by: Array, q: Array) -> Array:
     angle = float(np.linalg.norm(by))
     half = 0.5 * np.sinc(angle / (2 * np.pi))
     w, v = np.cos(angle / 2), half * by
-    out = np.array([w * q[0] - v @ q[1:], *(w * q[1:] + q[0] * v + np.cross(v, q[1:]))])
-    return out / np.linalg.norm(out)
+    a, b, c, d = q
+    x, y, z = v
+    out: Array = np.array([w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b,
+                           w * d + x * c - y * b + z * a])
+    out /= np.sqrt(out @ out)
+    return out
 
 
 def _quaternion(turn: Array) -> Array:
@@ -76,7 +80,7 @@ class HandFilter:
 
     def _points(self, angles: Array) -> Array:
         """The 21 points of the scene's hand at the origin."""
-        pose = np.concatenate(([0, 0, 0, 1, 0, 0, 0], angles))
+        pose = np.concatenate((np.array([0.0, 0, 0, 1, 0, 0, 0]), angles))
         return self._fit.rows(np.zeros((21, 3)), pose)[0].reshape(21, 3)
 
     def points(self, pose: Array) -> Array:
@@ -188,17 +192,16 @@ class HandFilter:
             return False
         use = np.repeat(near, 3)
         r, J = r[use], J[use]
-        # One number after the other: their noises are independent, and small arrays do not wake the threads of BLAS.
-        P, change, variance, informed = self._spread, np.zeros(len(self._spread)), self.noise**2, 0.0
-        for value, row in zip(r, J):
-            column = P[:, :n] @ row
-            total = variance + float(row @ column[:n])
-            informed += float(row @ column[:n]) / total
-            gain = column / total
-            change -= gain * (value + float(row @ change[:n]))
-            P -= gain[:, None] * column
+        # Small products, of two arrays each: BLAS takes threads for larger ones, and for those of an array with itself.
+        P = self._spread
+        turned_J = J.T.copy() / self.noise**2
+        W = turned_J @ J
+        gain = np.linalg.solve(np.eye(n) + P[:n, :n] @ W, P[:n]).T  # P (1 + W P)^-1, rows of all, columns of the pose
+        change = gain @ (turned_J @ -r)
+        P -= gain @ (W @ P[:n])
         P += P.T
         P *= 0.5
+        informed = float(np.sum(W * P[:n, :n]))
         self.pose = self.pose.copy()
         self.pose[:3] += change[:3]
         self.pose[3:7] = turned(change[3:6], self.pose[3:7])
