@@ -327,6 +327,31 @@ TEST(Turning, IsFoundOnBothSidesOfTheLeastFriction) {
   EXPECT_EQ(turning(scene, true), "");
 }
 
+class GraspsOfAge : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(, GraspsOfAge,
+                         testing::Values("girl_4_years", "boy_7_years", "girl_10_years", "boy_14_years",
+                                         "elder_woman"),
+                         [](const auto& of) { return std::string(of.param); });
+
+// Oracle: the limits of a held grasp, and the other engine: what is left of the nearest limit is the same within
+// a tenth. Children of four and seven years let the card move, on both.
+TEST_P(GraspsOfAge, HoldAGolfBallAndACardOnBothEnginesAlike) {
+  for (const char* name : {"grasp_tripod", "grasp_pinch"}) {
+    std::vector<double> margins;
+    for (const char* solver : {"solver.engine=articulated", "solver.engine=ode"}) {
+      const simulation::GraspFigures figures =
+          simulate(shortened(name, {kBrief, solver,
+                                    "hands.0.person=" HANDSIM_SOURCE_DIR "/config/persons/" +
+                                        std::string(GetParam()) + ".yaml"}))
+              .front();
+      ASSERT_TRUE(figures.margin_measured()) << name << ", " << solver << ": " << figures.told();
+      margins.push_back(figures.margin());
+    }
+    EXPECT_NEAR(margins[0], margins[1], 0.1) << name;
+    if (std::string(name) == "grasp_tripod") EXPECT_GT(margins[0], 0.5);
+  }
+}
+
 // Oracle: the run of each drawn hand by itself; the bits of one thread.
 TEST(UncertainGrasps, HoldInTheShareOfTheirOwnRuns) {
   const test::TemporaryFolder folder;
