@@ -1,4 +1,5 @@
 // Contact points of two shapes as functions of how these lie to each other, by differences.
+#include <algorithm>
 #include <cmath>
 
 #include "handsim/core/index.h"
@@ -10,6 +11,7 @@ namespace {
 
 /// Steps of the differences: an error of (step / radius)^2 beside rounding [rad], [m].
 constexpr double kTurn = 2e-5, kShift = 2e-7;
+constexpr double kFarthest = 1e-5;  ///< A point further away is another one [m].
 
 /// A pose after a twist about a point.
 Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
@@ -50,17 +52,22 @@ void ContactSlopes::find_responses(const Touch& touch, const model::State& start
 void ContactSlopes::difference(const Touch& touch, const Pose& x_WA, const Pose& x_WB, int direction) {
   const Contact& any = contact_.contacts()[touch.first];
   const double size = direction < 3 ? kTurn : kShift;
+  // What turns as a rigid body: exact.
+  const double span = direction < 3 ? std::sin(size) : size;
   const auto add = [&](double by, double weight, double whole) {
     const std::span<const Contact> found = contact_.collider_.touch_at(
         at(any.shape_a), twisted(x_WA, about_, direction, by * size), at(any.shape_b), x_WB);
-    if (found.size() != at(touch.count)) return false;
-    for (std::size_t k = 0; k < found.size(); ++k) {
+    for (std::size_t k = 0; k < at(touch.count); ++k) {
       const Contact& here = contact_.contacts()[touch.first + k];
+      // The same point: lists of points change their order.
+      const auto apart = [&](const Contact& point) { return (point.position - here.position).squaredNorm(); };
+      const auto there = std::ranges::min_element(found, {}, apart);
+      if (there == found.end() || apart(*there) > kFarthest * kFarthest) return false;
       ContactResponse& to = responses_[k];
-      const double scale = weight / (whole * size);
-      to.place.col(direction) += scale * (found[k].position - here.position);
-      to.normal.col(direction) += scale * (found[k].normal - here.normal);
-      to.depth[direction] += scale * (found[k].depth - here.depth);
+      const double scale = weight / (whole * span);
+      to.place.col(direction) += scale * (there->position - here.position);
+      to.normal.col(direction) += scale * (there->normal - here.normal);
+      to.depth[direction] += scale * (there->depth - here.depth);
     }
     return true;
   };
