@@ -88,6 +88,8 @@ class ReportedTorque : public testing::TestWithParam<Method> {};
 // Oracle: Newton-Euler equations of the recorded motion. The axes move during a step, so the difference is of
 // first order in the step: it decreases with the step, and is small at the finer one.
 TEST_P(ReportedTorque, IsTheTorqueOfInverseDynamics) {
+  if (GetParam() == DaeMethod::stabilised_gear)
+    HANDSIM_SKIP_WITH_SANITIZER("other tests of this method take fewer steps");
   const Outcome coarse = drive({.method = GetParam(), .step = 4e-4}),
                 fine = drive({.method = GetParam(), .step = 1e-4});
   EXPECT_LT(fine.error, 0.02);

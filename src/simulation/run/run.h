@@ -40,7 +40,7 @@ struct RunOptions {
   std::optional<std::uint64_t> expected_hash;  ///< Expected hash of the states (state_hash.h).
   std::optional<VideoSpec> video;              ///< of the run
   std::optional<output::Gl> gl;  ///< with which pictures are drawn; absent: the default of this build
-  /// Draws in a child process, by threads on all cores (output/child.h): lack of memory ends only the drawing.
+  /// Draws in a child process, by threads on all cores (output/child.h): without memory only drawing ends.
   bool draw_apart = false;
   std::function<void(double)> progress;  ///< Called repeatedly with the finished share, 0..1.
   /// Called before the run with a message for the user, if the run writes much.

@@ -114,6 +114,7 @@ TEST(Phases, OfAShakeShowItsExtremes) {
   const scene::Scene scene = test::shipped_scene(
       "grasp_power_can",
       {"grasps.0.approach.time=0.1", "grasps.0.close=0.2", "grasps.0.lift.time=0.2", "grasps.0.hold=0.1",
+       "solver.step=2 ms",
        "grasps.0.shake.levels=[{acceleration: 9.8, frequency: 10}, {acceleration: 19.6, frequency: 10}, "
        "{acceleration: 29.4, frequency: 10}]"});
   Simulation simulation(scene);

@@ -87,7 +87,7 @@ TEST(WrenchSpace, EpsilonIsTheLeastSupport) {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
   double least = 1e9;
-  for (int start = 0; start < 300; ++start) {
+  for (int start = 0; start < 60; ++start) {
     Eigen::Matrix<double, 6, 1> direction;
     for (int k = 0; k < 6; ++k) direction[k] = normal(random);
     direction.normalize();
