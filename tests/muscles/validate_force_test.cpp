@@ -130,7 +130,8 @@ TEST(Validate, PredictionsCountApart) {
 }
 
 TEST(Validate, NamesWhatAGripCannotHave) {
-  const std::string text = problems({"kind: grip_force, shares: {index_distal: 0.5, middle_dstal: 0.4}",
+  const std::string text = problems({"kind: grip_force, shares: {index_distal: 0.5, middle_dstal: 0.5}",
+                                     "kind: grip_force, shares: {index_distal: 0.5, middle_distal: 0.4}",
                                      "kind: joint_moment, axis: wrist.flexion, direction: positive, muscles: "
                                      "[FCR], balanced: [wrist.deviaton]",
                                      "kind: excursion, muscles: [FCR], over_pose: {wrist.flexion: 10 deg}"});
