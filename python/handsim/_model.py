@@ -203,7 +203,7 @@ def _rings(outline: Array, normals: Array) -> Surface:
 
     def turn(rows: Array) -> Array:
         flat = rows[:, None, :1] * around[None]
-        return np.concatenate([flat, np.broadcast_to(rows[:, None, 1:], (len(rows), SIDES + 1, 1))], axis=2).reshape(-1, 3)
+        return np.asarray(np.concatenate([flat, np.broadcast_to(rows[:, None, 1:], (len(rows), SIDES + 1, 1))], axis=2).reshape(-1, 3))
 
     i, k = (each.ravel() for each in np.meshgrid(np.arange(len(outline) - 1), np.arange(SIDES), indexing="ij"))
     first = i * (SIDES + 1) + k

@@ -47,7 +47,7 @@ def main():
              **{name: of_hand("median_man", angles(hand, poses, name), "three_quarter" if "count" in name else "radial") for name in poses},
              **{name: of_grasp(name) for name in grasps}}
     pictures = [np.hstack(pair) for pair in pairs.values()]
-    sheet = contact_sheet(pictures, [name.replace("_", " ") for name in pairs], "hands in their skin, and their shapes", 1800)
+    sheet = contact_sheet(pictures, [name.replace("_", " ") for name in pairs], "hands in their skin, and their shapes", 1200)
     hs.save_png(sheet, Path(sys.argv[1]))
 
 
