@@ -69,11 +69,14 @@ TEST(Deviations, MeasuredValuesReplacePredictionsAndHaveASmallSpreadOfTheirOwn) 
     for (std::size_t i = 0; i < spec.segments.size(); ++i) {
       const double ratio = hand.segments[i].length / stated.segments[i].length;
       const std::string& name = spec.segments[i].name;
-      if (name == "thumb_distal" || name == "middle_proximal" || name == "ring_proximal")
+      if (name == "thumb_distal" || name == "middle_proximal" || name == "ring_proximal") {
         EXPECT_NEAR(ratio, factor, 1e-12) << name;
-      if (name == "ring_distal" || name == "thumb_metacarpal")
+      } else if (name == "ring_distal" || name == "thumb_metacarpal") {
         EXPECT_NEAR(ratio, std::exp(spec.spread.at("segments") * z), 1e-12) << name << ": is not measured";
-      if (name == "ring_proximal") EXPECT_NEAR(hand.segments[i].radius, 0.008 * factor, 1e-12);
+      }
+      if (name == "ring_proximal") {
+        EXPECT_NEAR(hand.segments[i].radius, 0.008 * factor, 1e-12);
+      }
     }
   }
   one.deviations = {{"hand_length", 1.0}};

@@ -306,8 +306,7 @@ class Pages(unittest.TestCase):
         with open(folder / 'bands/bands.csv') as file:
             row = dict(zip(file.readline().strip().split(','), map(float, file.readline().split(','))))
         low, middle, high = (row[f'right.index_pip.flexion.torque.p{p}[N_m]'] for p in (5, 50, 95))
-        key = next(text for text in self.script("return [...document.querySelectorAll('#bands .plot')].find(p => "
-                   "p.querySelector('h3').textContent.startsWith('right index')).innerText.split('\\n')") if text.startswith('index_pip'))
+        key = self.script("return [...document.querySelectorAll('#bands .keys button')].map(b => b.textContent).find(t => t.startsWith('index_pip'))")
         shown = [float(word.strip('()')) for word in key.replace('index_pip.flexion', '').replace(' to ', ' ').split()]
         for found, value in zip(shown, (middle, low, high), strict=True):
             self.assertAlmostEqual(found, value, delta=5e-3 * abs(value))

@@ -336,8 +336,8 @@ INSTANTIATE_TEST_SUITE_P(, GraspsOfAge,
                                          "elder_woman"),
                          [](const auto& of) { return std::string(of.param); });
 
-// Oracle: the limits of a held grasp, and the other engine: what is left of the nearest limit is the same within
-// a tenth. Children of four and seven years let the card move, on both.
+// Oracle: the limits of a held grasp, and the other engine: what is left of the nearest limit is the same
+// within a tenth. Children of four and seven years let the card move, on both.
 TEST_P(GraspsOfAge, HoldAGolfBallAndACardOnBothEnginesAlike) {
   for (const char* name : {"grasp_tripod", "grasp_pinch"}) {
     std::vector<double> margins;
@@ -351,7 +351,7 @@ TEST_P(GraspsOfAge, HoldAGolfBallAndACardOnBothEnginesAlike) {
       margins.push_back(figures.margin());
     }
     EXPECT_NEAR(margins[0], margins[1], 0.1) << name;
-    if (std::string(name) == "grasp_tripod") EXPECT_GT(margins[0], 0.5);
+    EXPECT_GT(margins[0], name == std::string("grasp_tripod") ? 0.5 : -1);
   }
 }
 
