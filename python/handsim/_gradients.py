@@ -116,15 +116,21 @@ def _end(simulation: "Simulation", free: Sequence[int]) -> _End:
                 np.concatenate([simulation.u, moving, simulation.muscles.activation]))
 
 
-def _state(simulation: "Simulation") -> Array:
+def _state(simulation: "Simulation", free: Sequence[int]) -> Array:
     """Turns of free bodies as zeros, their shifts as positions."""
-    end = _end(simulation, _free(simulation))
+    end = _end(simulation, free)
     return np.concatenate([end.joints, np.hstack([0 * end.position, end.position]).ravel(), end.rates])
 
 
 def _free(simulation: "Simulation") -> list[int]:
-    """Bodies without a joint, of a scene with derivatives: its objects."""
-    return [simulation.scene.bodies.index(name) for name in simulation.scene.objects]
+    """Bodies without a joint; the simulation stays."""
+    before, muscles = simulation.motion(), len(simulation.scene.muscles)
+    try:
+        found = simulation._core.step_with_derivatives(
+            None, None, np.full(muscles, 0.1) if muscles else None, None, None, [], False)
+    finally:
+        simulation.reset(before)
+    return [simulation.scene.bodies.index(name) for name in found["free_bodies"]]
 
 
 class Parameters:
@@ -219,12 +225,13 @@ class Rollout:
         self.motions: list[Motion] = []
         self.size = 0
         states: list[Array] = []
+        free = _free(simulation) if keep else []
         for i, action in enumerate(self.actions):
             if i % self.every == 0:
                 self.motions.append(simulation.motion())
             exact_step(simulation, {kind: action})
             if keep:
-                states.append(_state(simulation))
+                states.append(_state(simulation, free))
         self.states: Array = np.array(states)
         """With ``keep``: shape (steps, s), turns of free bodies 0 and their shifts as positions in the world."""
         self.end: Motion = simulation.motion()

@@ -88,6 +88,26 @@ def test_by_stature_as_differences_of_scenes_that_are_compiled_anew():
     np.testing.assert_allclose(found, (sides[1] - sides[0]) / (2 * change), rtol=1e-5, atol=1e-9)
 
 
+def test_identify_finds_the_friction_of_a_recording_within_its_interval():
+    from handsim.identify import identify
+
+    scene = {"objects": [{"name": "block", "shape": "box", "edges": [0.04, 0.05, 0.03], "mass": 0.2,
+                          "position": [0, 0, 0.01499], "friction": 0.2}],
+             "ground": {"friction": 0.2}, "gravity": [4, 0, -8], "effects": ["gravity", "ground_contact", "friction"],
+             "solver": {"engine": "articulated", "step": 1e-3}, "duration": 1}
+    sim, place = hs.Simulation(scene), []
+    for _ in range(150):
+        sim.step()
+        place.append(sim.bodies.position[1, 0])
+    noisy = np.array(place) + 1e-4 * np.random.default_rng(0).normal(size=150)
+    found = identify(scene, {"objects.0.friction": 0.3}, np.zeros((150, 0)), {"block.shift.x": noisy}, deviation=1e-4,
+                     kind="torques")
+    assert abs(found.values[0] - 0.2) < 1.5 * found.interval[0] < 0.004
+    assert 0.8 < found.residual < 1.2
+    with pytest.raises(hs.Error, match="recorded: got 'nose'"):
+        identify(scene, {"objects.0.friction": 0.3}, np.zeros((150, 0)), {"nose": noisy}, deviation=1e-4, kind="torques")
+
+
 def test_products_of_a_run_are_those_of_differences_and_of_each_other(held):
     random = np.random.default_rng(1)
     actions = 1e-3 * random.normal(size=(7, len(held.q)))

@@ -13,7 +13,7 @@ namespace handsim::engine::articulated {
 /// How a controller's drive of each coordinate, torque or servo, changes with the state; by
 /// Model::dof_count() or empty. Derivatives of a servo's stiffness x error + feed.
 struct Feedback {
-  std::vector<double> by_q, by_u;
+  std::vector<double> by_q;
   std::vector<char> compensated;  ///< coordinates whose drive carries the weight
   Vec3 gravity = Vec3::Zero();    ///< that it carries
 };

@@ -101,7 +101,7 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
     if (mechanism_.is_lone(at(node))) add_lone(node);
   add_singles(out);
   for (const Single& each : singles_)
-    if (load.size() > 0 && out.feedback.compensated[each.coordinate] && (out.driven[each.coordinate]))
+    if (load.size() > 0 && out.feedback.compensated[each.coordinate] && out.driven[each.coordinate])
       by_q_.row(each.dof) -= h * load.row(each.dof);
   if (!input.forces.empty()) add_forces(input);
   if (muscles_) add_muscles(input, start, out);
@@ -112,7 +112,7 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
     contacts_->add_stiffness(K_);
     contacts_->add_slopes(start, h, by_q_, bounces);
     by_u_ -= bounces;
-    out.notes = contacts_->notes();
+    out.notes.insert(out.notes.end(), contacts_->notes().begin(), contacts_->notes().end());
   }
   solve(out);
 }
@@ -121,9 +121,6 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
 void StepSlopes::add_singles(StepDerivatives& out) {
   const double h = settings_.step;
   out.driven.assign(dof_of_.size(), 1);
-  const auto of = [](const std::vector<double>& values, std::size_t i) {
-    return values.empty() ? 0 : values[i];
-  };
   for (const Single& each : singles_) {
     const int i = each.dof;
     by_q_(i, i) += h * each.stiffness;
@@ -138,8 +135,7 @@ void StepSlopes::add_singles(StepDerivatives& out) {
       K_(i, i) += h * law.slope(h);
       by_u_(i, i) += h * law.slope(h);
     }
-    by_q_(i, i) -= h * of(out.feedback.by_q, each.coordinate);
-    by_u_(i, i) -= h * of(out.feedback.by_u, each.coordinate);
+    if (!out.feedback.by_q.empty()) by_q_(i, i) -= h * out.feedback.by_q[each.coordinate];
   }
 }
 
