@@ -7,7 +7,7 @@ namespace handsim::python {
 namespace {
 
 /// In the order of columns, as they are.
-py::array_t<double> array(const Eigen::MatrixXd& of) {
+py::array_t<double> in_columns(const Eigen::MatrixXd& of) {
   return py::array_t<double, py::array::f_style>({of.rows(), of.cols()}, of.data());
 }
 
@@ -19,13 +19,13 @@ py::dict arrays_of(const environment::Derivatives& found, const model::Model& mo
   std::vector<std::string> free;
   for (const int body : found.free_bodies) free.push_back(model.bodies[at(body)].name);
   py::dict out;
-  out["state"] = array(found.by_state);
-  out["torques"] = array(found.by_torque.leftCols(model.dof_count()));
-  out["targets"] = array(found.by_target);
-  out["forces"] = array(found.by_force);
-  out["gravity"] = array(found.by_gravity);
-  out["excitations"] = array(found.by_excitation);
-  out["activations"] = array(found.by_activation);
+  out["state"] = in_columns(found.by_state);
+  out["torques"] = in_columns(found.by_torque.leftCols(model.dof_count()));
+  out["targets"] = in_columns(found.by_target);
+  out["forces"] = in_columns(found.by_force);
+  out["gravity"] = in_columns(found.by_gravity);
+  out["excitations"] = in_columns(found.by_excitation);
+  out["activations"] = in_columns(found.by_activation);
   out["activation_by_excitation"] = numbers(found.activation_by_excitation);
   out["activation_by_activation"] = numbers(found.activation_by_activation);
   out["free_bodies"] = free;

@@ -628,7 +628,7 @@ def test_a_lost_hand_relaxes_slowly(can):
     assert session.course.controls["targets"].ends[1][session.facts.axes.index("right.index_mcp.flexion")] == pytest.approx(0.35)
 
 
-PERSONS = [(1.755, 84.5, "male"), (1.63, 69, "female"), (1.9, 95, "male"), (1.70, 70, "male"), (1.82, 80, "male")]
+PERSONS = [(1.5, 54, "female"), (1.62, 63, "male"), (1.68, 60, "female"), (1.78, 76, "male"), (1.9, 87, "female")]
 
 
 def test_a_streamed_grasp_lifts_the_can_in_9_of_10():
