@@ -188,7 +188,10 @@ class Batch:
         :param kind: torques, targets or excitations
         :param every: steps from one kept motion to the next; None: the root of their number
         """
-        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(np.asarray(end)[i]))
+        rows = np.asarray(end, dtype=float)
+        if rows.ndim != 2 or len(rows) != len(self):
+            raise input_error("end", f"shape {rows.shape}", f"shape ({len(self)}, s)")
+        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(rows[i]))
 
     def jvp(self, actions: ArrayLike, start: Optional[ArrayLike] = None, changes: Optional[ArrayLike] = None,
             kind: str = "torques") -> Array:

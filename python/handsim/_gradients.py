@@ -187,6 +187,16 @@ class Parameters:
         return np.array(columns).T
 
 
+def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    try:
+        out: Array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise input_error(name, type(values).__name__, f"numbers of shape {shape}") from None
+    if out.shape != shape:
+        raise input_error(name, f"shape {out.shape}", f"shape {shape}")
+    return out
+
+
 class Product(NamedTuple):
     """Of `Rollout.vjp`."""
 
@@ -218,7 +228,10 @@ class Rollout:
         if kind not in ACTIONS:
             raise input_error("kind", repr(kind), ", ".join(ACTIONS))
         self.simulation, self.kind = simulation, kind
-        self.actions: Array = np.array(actions, dtype=float)
+        try:
+            self.actions: Array = np.array(actions, dtype=float)
+        except (TypeError, ValueError):
+            raise input_error("actions", type(actions).__name__, "numbers, shape (steps, numbers)") from None
         if self.actions.ndim != 2 or len(self.actions) == 0:
             raise input_error("actions", f"shape {self.actions.shape}", "shape (steps, numbers), one step or more")
         self.every = math.isqrt(len(self.actions) - 1) + 1 if every is None else whole("every", every, 1)
@@ -247,6 +260,16 @@ class Rollout:
         return (f"{len(self.motions)} motions and {min(self.every, len(self))} pairs of Jacobians "
                 f"({8e-6 * numbers:.3g} MB)")
 
+    def _measured(self) -> int:
+        """Size of the state."""
+        if self.size == 0:
+            self.simulation.reset(self.motions[0])
+            try:
+                self._pairs(0, 1, [])
+            finally:
+                self.simulation.reset(self.end)
+        return self.size
+
     def _pairs(self, first: int, last: int, notes: list[str]) -> list[tuple[Array, Array]]:
         out = []
         for action in self.actions[first:last]:
@@ -262,36 +285,38 @@ class Rollout:
         :param end: its gradient by the state at the end, shape (s,)
         :param along: by the state after each step, shape (steps, s); the last is added to `end`
         """
-        gradient, notes = np.array(end, dtype=float), list[str]()
+        size = self._measured()
+        gradient, notes = _shaped("end", end, (size,)), list[str]()
+        extra = None if along is None else _shaped("along", along, (len(self), size))
         out = np.zeros(self.actions.shape)
-        extra = None if along is None else np.asarray(along, dtype=float)
-        for i in reversed(range(len(self.motions))):
-            first, last = i * self.every, min(len(self), (i + 1) * self.every)
-            self.simulation.reset(self.motions[i])
-            for step, (by_state, by_action) in reversed(list(enumerate(self._pairs(first, last, notes), first))):
-                if extra is not None:
-                    gradient = gradient + extra[step]
-                if gradient.shape != (len(by_state),):
-                    raise input_error("end", f"shape {gradient.shape}", f"shape ({len(by_state)},)")
-                out[step] = gradient @ by_action
-                gradient = gradient @ by_state
-        self.simulation.reset(self.end)
+        try:
+            for i in reversed(range(len(self.motions))):
+                first, last = i * self.every, min(len(self), (i + 1) * self.every)
+                self.simulation.reset(self.motions[i])
+                for step, (by_state, by_action) in reversed(list(enumerate(self._pairs(first, last, notes), first))):
+                    if extra is not None:
+                        gradient = gradient + extra[step]
+                    out[step] = gradient @ by_action
+                    gradient = gradient @ by_state
+        finally:
+            self.simulation.reset(self.end)
         return Product(gradient, out, notes)
 
     def jvp(self, start: Optional[ArrayLike] = None, actions: Optional[ArrayLike] = None) -> Array:
         """Changes of the state after each step, shape (steps, s), with changes of the start's state, shape (s,), and of
         the actions, shape (steps, numbers); None: no change."""
-        changed = None if start is None else np.array(start, dtype=float)
-        given = np.zeros(self.actions.shape) if actions is None else np.asarray(actions, dtype=float)
-        self.simulation.reset(self.motions[0])
+        size = self._measured()
+        changed = np.zeros(size) if start is None else _shaped("start", start, (size,))
+        given = np.zeros(self.actions.shape) if actions is None else _shaped("actions", actions, self.actions.shape)
         out = []
-        for i, action in enumerate(self.actions):
-            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
-            changed = np.zeros(len(found.state)) if changed is None else changed
-            changed = found.state @ changed + getattr(found, self.kind) @ given[i]
-            out.append(changed)
-        self.size = len(out[0])
-        self.simulation.reset(self.end)
+        self.simulation.reset(self.motions[0])
+        try:
+            for action, change in zip(self.actions, given):
+                found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+                changed = found.state @ changed + getattr(found, self.kind) @ change
+                out.append(changed)
+        finally:
+            self.simulation.reset(self.end)
         return np.array(out)
 
     def sensitivities(self, parameters: Parameters) -> Array:
