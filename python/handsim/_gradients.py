@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._errors import input_error, whole
+from ._errors import input_error, real, whole
 
 if TYPE_CHECKING:
     from ._core import Motion
@@ -73,7 +73,8 @@ def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], b
                    else np.zeros((len(state), 0)))
     forces = {body: whole_rows(found["forces"][:, 6 * i:6 * i + 6]) for i, body in enumerate(bodies)}
     return Derivatives(state_names(simulation, found["free_bodies"]), state, whole_rows(found["torques"]),
-                       whole_rows(found["targets"]), excitations, forces, whole_rows(found["gravity"]), found["notes"])
+                       whole_rows(found["targets"]), excitations, forces, whole_rows(found["gravity"]),
+                       list(dict.fromkeys(found["notes"])))
 
 
 def exact_step(simulation: "Simulation", action: Mapping[str, Any]) -> None:
@@ -160,7 +161,8 @@ class Parameters:
 
         for key, value in numbers.items():
             if value is not None:
-                add(key, value, lambda by: Simulation(with_value(simulation.scene, key, value + by)))
+                number = real(key, value)
+                add(key, number, lambda by: Simulation(with_value(simulation.scene, key, number + by)))
                 continue
             if not key.endswith(SET):
                 raise input_error(key, "no value", "the value that the scene has")
