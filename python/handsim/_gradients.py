@@ -53,10 +53,14 @@ def stacked(moving: Array, activation: Array) -> Array:
     return np.vstack([moving, activation])
 
 
+def _made(simulation: "Simulation", action: Mapping[str, Any], bodies: list[str], step_only: bool) -> dict[str, Any]:
+    given = [action.get(name) for name in (*ACTIONS, "wrists", "forces")]
+    return simulation._core.step_with_derivatives(given[0], given[1], given[2], given[3], given[4], bodies, step_only)
+
+
 def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], bodies: Sequence[str]) -> Derivatives:
     """Makes the step."""
-    found = simulation._core.step_with_derivatives(
-        *[action.get(name) for name in (*ACTIONS, "wrists", "forces")], list(bodies), False)
+    found = _made(simulation, action, list(bodies), False)
     muscles = len(found["activation_by_activation"])
     own = np.diag(found["activation_by_activation"])
     moving = found["state"]
@@ -79,7 +83,7 @@ def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], b
 
 def exact_step(simulation: "Simulation", action: Mapping[str, Any]) -> None:
     """A step with contacts solved to rounding, which the derivatives are of."""
-    simulation._core.step_with_derivatives(*[action.get(name) for name in (*ACTIONS, "wrists", "forces")], [], True)
+    _made(simulation, action, [], True)
 
 
 SET = ("gravity", "gains", "torque_limits", ".mass", ".friction")
@@ -99,7 +103,8 @@ class _End(NamedTuple):
     def against(self, other: "_End") -> Array:
         turns = np.array([rotation_vector(a, b) for a, b in zip(self.quaternion, other.quaternion)]).reshape(-1, 3)
         free = np.hstack([turns, self.position - other.position]).ravel()
-        return np.concatenate([self.joints - other.joints, free, self.rates - other.rates])
+        out: Array = np.concatenate([self.joints - other.joints, free, self.rates - other.rates])
+        return out
 
 
 def rotation_vector(to: Array, start: Array) -> Array:
@@ -107,7 +112,8 @@ def rotation_vector(to: Array, start: Array) -> Array:
     w = float(to @ start)
     v = start[0] * to[1:] - to[0] * start[1:] - np.cross(to[1:], start[1:])
     size = float(np.linalg.norm(v))
-    return 2 * v if size < 1e-12 else 2 * math.atan2(size, w) / size * v
+    out: Array = (2 if size < 1e-12 else 2 * math.atan2(size, w) / size) * v
+    return out
 
 
 def _end(simulation: "Simulation", free: Sequence[int]) -> _End:
