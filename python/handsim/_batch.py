@@ -168,14 +168,14 @@ class Batch:
         return self._core.motion(self._index(environment))
 
     def _rollouts(self, actions: ArrayLike, kind: str, every: Optional[int], work: Any) -> list[Any]:
-        actions = np.asarray(actions, dtype=float)
-        if actions.ndim != 3 or len(actions) != len(self):
-            raise input_error("actions", f"shape {actions.shape}", f"shape ({len(self)}, steps, numbers)")
+        all_actions: Array = np.asarray(actions, dtype=float)
+        if all_actions.ndim != 3 or len(all_actions) != len(self):
+            raise input_error("actions", f"shape {all_actions.shape}", f"shape ({len(self)}, steps, numbers)")
 
         def one(i: int) -> Any:
             simulation = Simulation(self.scene_of(i))
             simulation.reset(self.motion(i))
-            return work(i, Rollout(simulation, actions[i], kind, every=every))
+            return work(i, Rollout(simulation, all_actions[i], kind, every=every))
         return each(one, len(self), self._threads)
 
     def vjp(self, actions: ArrayLike, end: ArrayLike, kind: str = "torques", *,
@@ -188,7 +188,10 @@ class Batch:
         :param kind: torques, targets or excitations
         :param every: steps from one kept motion to the next; None: the root of their number
         """
-        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(np.asarray(end)[i]))
+        rows: Array = np.asarray(end, dtype=float)
+        if rows.ndim != 2 or len(rows) != len(self):
+            raise input_error("end", f"shape {rows.shape}", f"shape ({len(self)}, s)")
+        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(rows[i]))
 
     def jvp(self, actions: ArrayLike, start: Optional[ArrayLike] = None, changes: Optional[ArrayLike] = None,
             kind: str = "torques") -> Array:

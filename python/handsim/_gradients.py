@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._errors import input_error, whole
+from ._errors import input_error, real, whole
 
 if TYPE_CHECKING:
     from ._core import Motion
@@ -53,10 +53,14 @@ def stacked(moving: Array, activation: Array) -> Array:
     return np.vstack([moving, activation])
 
 
+def _made(simulation: "Simulation", action: Mapping[str, Any], bodies: list[str], step_only: bool) -> dict[str, Any]:
+    given = [action.get(name) for name in (*ACTIONS, "wrists", "forces")]
+    return simulation._core.step_with_derivatives(given[0], given[1], given[2], given[3], given[4], bodies, step_only)
+
+
 def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], bodies: Sequence[str]) -> Derivatives:
     """Makes the step."""
-    found = simulation._core.step_with_derivatives(
-        *[action.get(name) for name in (*ACTIONS, "wrists", "forces")], list(bodies), False)
+    found = _made(simulation, action, list(bodies), False)
     muscles = len(found["activation_by_activation"])
     own = np.diag(found["activation_by_activation"])
     moving = found["state"]
@@ -73,12 +77,13 @@ def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], b
                    else np.zeros((len(state), 0)))
     forces = {body: whole_rows(found["forces"][:, 6 * i:6 * i + 6]) for i, body in enumerate(bodies)}
     return Derivatives(state_names(simulation, found["free_bodies"]), state, whole_rows(found["torques"]),
-                       whole_rows(found["targets"]), excitations, forces, whole_rows(found["gravity"]), found["notes"])
+                       whole_rows(found["targets"]), excitations, forces, whole_rows(found["gravity"]),
+                       list(dict.fromkeys(found["notes"])))
 
 
 def exact_step(simulation: "Simulation", action: Mapping[str, Any]) -> None:
     """A step with contacts solved to rounding, which the derivatives are of."""
-    simulation._core.step_with_derivatives(*[action.get(name) for name in (*ACTIONS, "wrists", "forces")], [], True)
+    _made(simulation, action, [], True)
 
 
 SET = ("gravity", "gains", "torque_limits", ".mass", ".friction")
@@ -98,7 +103,8 @@ class _End(NamedTuple):
     def against(self, other: "_End") -> Array:
         turns = np.array([rotation_vector(a, b) for a, b in zip(self.quaternion, other.quaternion)]).reshape(-1, 3)
         free = np.hstack([turns, self.position - other.position]).ravel()
-        return np.concatenate([self.joints - other.joints, free, self.rates - other.rates])
+        out: Array = np.concatenate([self.joints - other.joints, free, self.rates - other.rates])
+        return out
 
 
 def rotation_vector(to: Array, start: Array) -> Array:
@@ -106,7 +112,8 @@ def rotation_vector(to: Array, start: Array) -> Array:
     w = float(to @ start)
     v = start[0] * to[1:] - to[0] * start[1:] - np.cross(to[1:], start[1:])
     size = float(np.linalg.norm(v))
-    return 2 * v if size < 1e-12 else 2 * math.atan2(size, w) / size * v
+    out: Array = (2 if size < 1e-12 else 2 * math.atan2(size, w) / size) * v
+    return out
 
 
 def _end(simulation: "Simulation", free: Sequence[int]) -> _End:
@@ -160,7 +167,8 @@ class Parameters:
 
         for key, value in numbers.items():
             if value is not None:
-                add(key, value, lambda by: Simulation(with_value(simulation.scene, key, value + by)))
+                number = real(key, value)
+                add(key, number, lambda by: Simulation(with_value(simulation.scene, key, number + by)))
                 continue
             if not key.endswith(SET):
                 raise input_error(key, "no value", "the value that the scene has")
@@ -185,6 +193,16 @@ class Parameters:
                 ends.append(_end(other, self.free))
             columns.append(sum(weight * end.against(ends[0]) for end, (_, weight) in zip(ends, beside)))
         return np.array(columns).T
+
+
+def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    try:
+        out: Array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise input_error(name, type(values).__name__, f"numbers of shape {shape}") from None
+    if out.shape != shape:
+        raise input_error(name, f"shape {out.shape}", f"shape {shape}")
+    return out
 
 
 class Product(NamedTuple):
@@ -218,7 +236,10 @@ class Rollout:
         if kind not in ACTIONS:
             raise input_error("kind", repr(kind), ", ".join(ACTIONS))
         self.simulation, self.kind = simulation, kind
-        self.actions: Array = np.array(actions, dtype=float)
+        try:
+            self.actions: Array = np.array(actions, dtype=float)
+        except (TypeError, ValueError):
+            raise input_error("actions", type(actions).__name__, "numbers, shape (steps, numbers)") from None
         if self.actions.ndim != 2 or len(self.actions) == 0:
             raise input_error("actions", f"shape {self.actions.shape}", "shape (steps, numbers), one step or more")
         self.every = math.isqrt(len(self.actions) - 1) + 1 if every is None else whole("every", every, 1)
@@ -247,6 +268,16 @@ class Rollout:
         return (f"{len(self.motions)} motions and {min(self.every, len(self))} pairs of Jacobians "
                 f"({8e-6 * numbers:.3g} MB)")
 
+    def _measured(self) -> int:
+        """Size of the state."""
+        if self.size == 0:
+            self.simulation.reset(self.motions[0])
+            try:
+                self._pairs(0, 1, [])
+            finally:
+                self.simulation.reset(self.end)
+        return self.size
+
     def _pairs(self, first: int, last: int, notes: list[str]) -> list[tuple[Array, Array]]:
         out = []
         for action in self.actions[first:last]:
@@ -262,36 +293,38 @@ class Rollout:
         :param end: its gradient by the state at the end, shape (s,)
         :param along: by the state after each step, shape (steps, s); the last is added to `end`
         """
-        gradient, notes = np.array(end, dtype=float), list[str]()
+        size = self._measured()
+        gradient, notes = _shaped("end", end, (size,)), list[str]()
+        extra = None if along is None else _shaped("along", along, (len(self), size))
         out = np.zeros(self.actions.shape)
-        extra = None if along is None else np.asarray(along, dtype=float)
-        for i in reversed(range(len(self.motions))):
-            first, last = i * self.every, min(len(self), (i + 1) * self.every)
-            self.simulation.reset(self.motions[i])
-            for step, (by_state, by_action) in reversed(list(enumerate(self._pairs(first, last, notes), first))):
-                if extra is not None:
-                    gradient = gradient + extra[step]
-                if gradient.shape != (len(by_state),):
-                    raise input_error("end", f"shape {gradient.shape}", f"shape ({len(by_state)},)")
-                out[step] = gradient @ by_action
-                gradient = gradient @ by_state
-        self.simulation.reset(self.end)
+        try:
+            for i in reversed(range(len(self.motions))):
+                first, last = i * self.every, min(len(self), (i + 1) * self.every)
+                self.simulation.reset(self.motions[i])
+                for step, (by_state, by_action) in reversed(list(enumerate(self._pairs(first, last, notes), first))):
+                    if extra is not None:
+                        gradient = gradient + extra[step]
+                    out[step] = gradient @ by_action
+                    gradient = gradient @ by_state
+        finally:
+            self.simulation.reset(self.end)
         return Product(gradient, out, notes)
 
     def jvp(self, start: Optional[ArrayLike] = None, actions: Optional[ArrayLike] = None) -> Array:
         """Changes of the state after each step, shape (steps, s), with changes of the start's state, shape (s,), and of
         the actions, shape (steps, numbers); None: no change."""
-        changed = None if start is None else np.array(start, dtype=float)
-        given = np.zeros(self.actions.shape) if actions is None else np.asarray(actions, dtype=float)
-        self.simulation.reset(self.motions[0])
+        size = self._measured()
+        changed = np.zeros(size) if start is None else _shaped("start", start, (size,))
+        given = np.zeros(self.actions.shape) if actions is None else _shaped("actions", actions, self.actions.shape)
         out = []
-        for i, action in enumerate(self.actions):
-            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
-            changed = np.zeros(len(found.state)) if changed is None else changed
-            changed = found.state @ changed + getattr(found, self.kind) @ given[i]
-            out.append(changed)
-        self.size = len(out[0])
-        self.simulation.reset(self.end)
+        self.simulation.reset(self.motions[0])
+        try:
+            for action, change in zip(self.actions, given):
+                found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+                changed = found.state @ changed + getattr(found, self.kind) @ change
+                out.append(changed)
+        finally:
+            self.simulation.reset(self.end)
         return np.array(out)
 
     def sensitivities(self, parameters: Parameters) -> Array:

@@ -129,7 +129,7 @@ class Simulation:
         before = self.motion()
         made = False
         try:
-            found = step_with_derivatives(self, action, bodies)
+            found = step_with_derivatives(self, action, [bodies] if isinstance(bodies, str) else list(bodies))
             made = advance
             return found
         finally:
