@@ -127,6 +127,8 @@ class Page(unittest.TestCase):
         self.until(lambda: self.state()[0] == at[0] + 1)
 
     def test_drags_pauses_rewinds_and_repeats_to_the_bit(self):
+        # The camera stands, so that pictures can be compared.
+        next(label for label in self.driver.find_elements(By.CSS_SELECTOR, '#layers label') if label.text == 'follow the hands').click()
         self.script("handsimLive.send('pose', {name: 'flat'})")
         self.click('play')
         self.until(lambda: self.script('return handsimLive.time') > 0.3)
@@ -151,7 +153,7 @@ class Page(unittest.TestCase):
         ActionChains(self.driver).move_to_element_with_offset(slider, -slider.size['width'] // 4, 0).click().perform()
         self.until(lambda: self.session.state['past'])
         self.assertLess(self.state()[0], present[0])
-        self.assertIn('before the present', self.driver.find_element(By.CLASS_NAME, 'past').text)
+        self.until(lambda: 'before the present' in self.driver.find_element(By.CLASS_NAME, 'past').text)
         self.click('present')
         self.until(lambda: not self.session.state['past'])
         self.assertEqual(self.state(), present)

@@ -538,12 +538,17 @@ def test_a_stream_over_udp_moves_the_hand(can, kind):
     filter_, port = HandFilter(can, 0), free_port()
     angles = np.clip([0.6 if axis.endswith("flexion") else 0.0 for axis in filter_.axes], filter_._low, filter_._high)
     points = filter_.points(np.concatenate(([0, 0, 0.3, 1, 0, 0, 0], angles)))
-    with hs.live(can, page=False, play=True, stream=[f"udp://127.0.0.1:{port}"]) as live, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as to:
+    with hs.live(can, page=False, stream=[f"udp://127.0.0.1:{port}"]) as live, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as to:
         wrist = live.session.view.wrists[0, :3].copy()
         for k in range(60):
             data = packed(0, points, k / 90) if kind == "packed" else json.dumps({"t": k / 90, "hands": {"right": {
                 "joints": points.tolist() if kind == "json" else dict(zip(OPENXR, points.tolist()))}}}).encode()
             to.sendto(data, ("127.0.0.1", port))
+            if k == 0:  # before the scene's own motion moves the wrist
+                end = time.monotonic() + 20
+                while live.session.call(lambda s: s.course.controls["wrists"]).result(20) is None and time.monotonic() < end:
+                    time.sleep(0.01)
+                live.do("play", on=True)
             time.sleep(1 / 90)
         found = live.session.call(lambda s: (s.course.controls["targets"], s.course.core.wrists()[0, :3])).result(20)
         follower = live._follower

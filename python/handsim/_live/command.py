@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import signal
 import sys
 import threading
@@ -87,6 +88,7 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         print(f"live: {missing}", file=sys.stderr)
         return 2
+    one_thread()
     scene = load(find_file(options.scene), overrides_of(options.set), engine=options.engine)
     if options.measure:
         from .measure import measure
@@ -107,6 +109,18 @@ def run(options: argparse.Namespace) -> int:
     if options.record:
         print(f"recorded: {options.record}")
     return 0
+
+
+def one_thread() -> None:
+    """Keeps OpenBLAS from waking threads for the small matrices of tracked hands; in this process alone."""
+    import ctypes
+    from pathlib import Path
+
+    maps = Path("/proc/self/maps")
+    for path in {line.split()[-1] for line in maps.read_text().splitlines() if "openblas" in line} if maps.exists() else ():
+        for name in ("openblas_set_num_threads", "openblas_set_num_threads64_", "scipy_openblas_set_num_threads64_"):
+            with contextlib.suppress(OSError, AttributeError):
+                getattr(ctypes.CDLL(path), name)(1)
 
 
 def _wait(event: Optional[threading.Event] = None) -> None:

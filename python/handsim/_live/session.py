@@ -185,7 +185,7 @@ class Session:
             self.log.add(course.tick, {"hash": course.state_hash()})
         now = time.monotonic()
         self._measure(now)
-        if now - self._told >= 0.9 * FRAME or course.failed:
+        if now - self._told >= 0.55 * FRAME or course.failed:
             self._publish(now)
             for each in list(self.on_step):
                 each(self)
