@@ -5,10 +5,13 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "handsim/scene/compile/scene.h"
+#include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/rollouts.h"
@@ -138,5 +141,22 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
 
 /// Extension of a file's name in lower case: `.png`; may be empty.
 std::string ending_of(const std::filesystem::path& path);
+
+/// Sets what the report of a run shows beside its poses: contacts, where an effect of contact is on.
+void record_contacts(scene::Scene& scene);
+
+/// Writes the page of a run or study, or of two runs in comparison; returns its path. @param out absent:
+/// report.html in the first folder. @throws Error (input) for other folders, and for more than two
+std::filesystem::path write_report(const std::vector<std::filesystem::path>& folders,
+                                   const std::optional<std::filesystem::path>& out = {});
+
+/// A reader of YAML files, for `handsim check` and `handsim schema`.
+struct FileReader {
+  std::string_view word;  ///< of the command line
+  scene::FileKind kind;
+  void (*read)(YamlNode& root, Diagnostics& diagnostics);
+};
+
+std::span<const FileReader> file_readers();
 
 }  // namespace handsim::app

@@ -1,4 +1,4 @@
-#include "handsim/app/file_readers.h"
+#include "handsim/app/commands.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/control/gains.h"
 #include "handsim/control/motion_file.h"

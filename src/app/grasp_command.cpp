@@ -6,7 +6,6 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
-#include "handsim/app/report_command.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"
 #include "handsim/study/grasp/grasp_study.h"

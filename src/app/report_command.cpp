@@ -1,4 +1,4 @@
-#include "handsim/app/report_command.h"
+#include "handsim/app/commands.h"
 
 #include <sys/stat.h>
 #include <unistd.h>

@@ -7,7 +7,6 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
-#include "handsim/app/file_readers.h"
 #include "handsim/simulation/watch/state_hash.h"
 
 namespace handsim::app {

@@ -63,11 +63,9 @@ std::vector<std::string> names(const List& list) {
 }
 
 void bind_description(py::module_& module);
-void bind_errors(py::module_& module);
 void bind_scene(py::module_& module);
 void bind_hand(py::module_& module);
 void bind_pictures(py::module_& module);
-void bind_reports(py::module_& module);
 void bind_run(py::module_& module);
 void bind_fit(py::module_& module);
 void bind_simulation(py::module_& module);

@@ -2,6 +2,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/core/data_folder.h"
+#include "handsim/core/error.h"
 #include "handsim/core/version.h"
 #include "handsim/output/render/image.h"
 #include "handsim/python/signals.h"
@@ -9,6 +10,38 @@
 namespace handsim::python {
 
 namespace {
+
+py::tuple problem_tuple(const Problem& problem) {
+  if (!problem.place || problem.place->file.empty())
+    return py::make_tuple(py::none(), py::none(), py::none(), problem.key, problem.got, problem.need);
+  return py::make_tuple(problem.place->file, problem.place->line, problem.place->column, problem.key,
+                        problem.got, problem.need);
+}
+
+void raise(const Error& error) {
+  const char* kind = error.kind() == ErrorKind::input     ? "input"
+                     : error.kind() == ErrorKind::physics ? "physics"
+                                                          : "output";
+  py::list problems;
+  for (const Problem& problem : error.problems()) problems.append(problem_tuple(problem));
+  py::object fault = py::none();
+  if (error.fault())
+    fault = py::make_tuple(error.fault()->time, error.fault()->where, error.fault()->quantity,
+                           error.fault()->detail);
+  const py::object make = py::module_::import("handsim._errors").attr("from_core");
+  const py::object raised = make(error.what(), kind, problems, fault);
+  PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(raised.ptr())), raised.ptr());
+}
+
+void translate_errors() {
+  py::register_exception_translator([](std::exception_ptr thrown) {
+    try {
+      if (thrown) std::rethrow_exception(thrown);
+    } catch (const Error& error) {
+      raise(error);
+    }
+  });
+}
 
 bool has_pictures() {
   try {
@@ -49,11 +82,10 @@ PYBIND11_MODULE(_core, module) {
   module.def("data_folder", [] { return handsim::data_folder().string(); });
   module.def("command_line", &command_line, py::arg("words"));
   bind_description(module);
-  bind_errors(module);
+  translate_errors();
   bind_scene(module);
   bind_hand(module);
   bind_pictures(module);
-  bind_reports(module);
   bind_run(module);
   bind_fit(module);
   bind_simulation(module);

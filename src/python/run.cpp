@@ -2,7 +2,7 @@
 
 #include <chrono>
 
-#include "handsim/app/report_command.h"
+#include "handsim/app/commands.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/report/page.h"
 #include "handsim/output/table/csv_rows.h"

@@ -1,15 +1,216 @@
 #include "handsim/scene/compile/scene.h"
 
+#include <algorithm>
 #include <set>
 
 #include <fmt/format.h>
 
-#include "handsim/scene/compile/model_builder.h"
 #include "handsim/scene/compile/overruled.h"
+#include "handsim/scene/read/contact_groups.h"
+#include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
 
 namespace {
+
+/// @returns the ground's group.
+int add_ground(model::Model& model, const GroundSpec& ground) {
+  model::Shape plane;
+  plane.name = "ground";
+  plane.kind = model::ShapeKind::plane;
+  plane.pose.p.z() = ground.height;
+  plane.part = model::Part::ground;
+  plane.group = model.add_group("ground");
+  plane.material = static_cast<int>(model.materials.size());
+  model.materials.push_back(ground.material);
+  model.shapes.push_back(std::move(plane));
+  return model.shapes.back().group;
+}
+
+int body_index(const model::Model& model, const std::string& name) {
+  for (std::size_t i = 0; i < model.bodies.size(); ++i)
+    if (model.bodies[i].name == name) return static_cast<int>(i);
+  throw input_error("joints", "an unknown body " + name, "world or one of bodies");
+}
+
+void add_body(model::Model& model, const BodySpec& spec, int group) {
+  model::Body body;
+  body.name = spec.name;
+  body.mass = spec.mass;
+  body.inertia = spec.inertia.asDiagonal();
+  body.zero_pose = spec.pose;
+  body.initial_velocity = spec.velocity;
+  body.initial_angular_velocity = spec.angular_velocity;
+  if (spec.shape) {
+    model::Shape shape = *spec.shape;
+    shape.name = spec.name;
+    shape.body = static_cast<int>(model.bodies.size());
+    shape.group = group;
+    shape.material = static_cast<int>(model.materials.size());
+    model.materials.push_back(spec.material);
+    model.shapes.push_back(std::move(shape));
+  }
+  model.bodies.push_back(std::move(body));
+}
+
+void add_joint(model::Model& model, const MechanismJointSpec& spec) {
+  model::Joint joint;
+  joint.name = spec.name;
+  joint.kind = spec.kind;
+  joint.parent = body_index(model, spec.parent);
+  joint.child = body_index(model, spec.child);
+  joint.axes = spec.axes;
+  // Frames F and M are parallel to the world at the start.
+  const Pose x_WF{spec.position, Quat::Identity()};
+  joint.parent_frame = model.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * x_WF;
+  joint.child_frame = model.bodies[static_cast<std::size_t>(joint.child)].zero_pose.inverse() * x_WF;
+  joint.closes_loop = std::ranges::any_of(
+      model.joints, [&](const model::Joint& other) { return other.child == joint.child; });
+  joint.first_dof = model.dof_count();
+  model.joints.push_back(std::move(joint));
+}
+
+/// Problems: joints that start beyond their stops. ODE would correct a share of the angle, erp = 0.2, in the
+/// first step: 1 rad at 1 ms gives 200 rad/s. Up to 1e-3 is rounding in the file.
+std::vector<Problem> start_defects(const model::Model& model, const model::Effects& effects,
+                                   const model::Origins& origins) {
+  constexpr double kRounding = 1e-3;
+  std::vector<Problem> problems;
+  if (!effects.has(model::Effect::joint_stops)) return problems;
+  for (std::size_t i = 0; i < model.joints.size(); ++i)
+    for (const model::JointAxis& axis : model.joints[i].axes) {
+      const model::Joint& joint = model.joints[i];
+      if (!axis.stop) continue;
+      if (axis.initial >= axis.stop->low - kRounding && axis.initial <= axis.stop->high + kRounding) continue;
+      const char* unit = joint.kind == model::JointKind::slider ? "m" : "rad";
+      problems.push_back(
+          {origins.joints[i], joint.name + "." + axis.name,
+           fmt::format("a start at {:.4g} {}", axis.initial, unit),
+           fmt::format("{:.4g} to {:.4g} {}, within its stops", axis.stop->low, axis.stop->high, unit)});
+    }
+  return problems;
+}
+
+/// Adds problems of a hand, which have keys of its own files, with the path of this hand in the scene.
+void add_hand_problems(const Error& error, std::size_t i, const HandEntry& hand, Diagnostics& diagnostics) {
+  for (Problem problem : error.problems()) {
+    if (!problem.place) problem.place = hand.place;
+    problem.key = fmt::format("hands.{}.{}", i, problem.key);
+    diagnostics.problems.push_back(std::move(problem));
+  }
+}
+
+bool same_hand(const HandEntry& a, const HandEntry& b) {
+  return a.model == b.model && hand::same_body(a.person, b.person);
+}
+
+/// Adds the parts one after the other, and records their contact groups and places in the file.
+class Builder {
+ public:
+  Builder(const SceneSpec& scene, const Plans& plans)
+      : scene_(scene), plans_(plans), effects_(scene.solver.effects), model_(model::make_model()) {
+    model_.gravity = scene.gravity;
+    origins_.add(model_, std::nullopt);
+  }
+
+  model::Model build(const std::vector<hand::BuiltHand>& hands) {
+    add_hands(hands);
+    keep_tendons_in_effect();
+    if (!plans_.objects.empty()) add_objects();
+    if (scene_.ground) groups_.add({add_ground(model_, *scene_.ground), Owner::ground}, {"ground"});
+    origins_.add(model_, std::nullopt);
+    if (!scene_.mechanism.bodies.empty()) add_mechanism();
+    diagnostics_.throw_if_any();
+    add_contact_rules(model_, scene_.contacts, groups_, effects_, &origins_);
+    diagnostics_.problems = model::defects(model_, origins_);
+    if (diagnostics_.problems.empty()) diagnostics_.problems = start_defects(model_, effects_, origins_);
+    diagnostics_.throw_if_any();
+    return std::move(model_);
+  }
+
+ private:
+  using Owner = ContactGroups::Owner;
+
+  void add_hands(const std::vector<hand::BuiltHand>& hands) {
+    for (std::size_t i = 0; i < hands.size(); ++i) {
+      const hand::Placement& placement = plans_.hands[i];
+      try {
+        groups_.add_hand(placement.name, hand::add_hand(model_, hands[i], placement));
+      } catch (const Error& error) {
+        add_hand_problems(error, i, scene_.hands[i], diagnostics_);
+      }
+      origins_.add(model_, scene_.hands[i].place);
+    }
+  }
+
+  /// A model has only the muscles and bands that its scene asks for: its state has their activations.
+  void keep_tendons_in_effect() {
+    if (!effects_.has(model::Effect::muscles)) {
+      model_.muscles.clear();
+      for (model::HandIndex& hand : model_.hands) hand.muscles.clear();
+    }
+    if (effects_.has(model::Effect::tendon_coupling)) return;
+    model_.ligaments.clear();
+    for (model::HandIndex& hand : model_.hands) hand.ligaments.clear();
+  }
+
+  void add_objects() {
+    const int all = model_.add_group("objects");
+    groups_.add({all, Owner::object}, {"objects"});
+    for (const ObjectSpec& object : plans_.objects) {
+      int group = all;
+      if (names_object(scene_.contacts, object.name)) {
+        group = model_.add_group(object.name);
+        groups_.add({group, Owner::object}, {"objects", object.name});
+      }
+      add_object(model_, object, group);
+      origins_.add(model_, object.place);
+    }
+  }
+
+  void add_mechanism() {
+    const int touching = model_.add_group("mechanism"), drawn = model_.add_group("drawn");
+    groups_.add({touching, Owner::mechanism}, {"mechanism"});
+    for (const BodySpec& body : scene_.mechanism.bodies) {
+      add_body(model_, body, body.collides ? touching : drawn);
+      origins_.add(model_, body.place);
+    }
+    for (const MechanismJointSpec& joint : scene_.mechanism.joints) {
+      add_joint(model_, joint);
+      origins_.add(model_, joint.place);
+    }
+  }
+
+  const SceneSpec& scene_;
+  const Plans& plans_;
+  const model::Effects& effects_;
+  model::Model model_;
+  model::Origins origins_;
+  ContactGroups groups_;
+  Diagnostics diagnostics_;
+};
+
+/// @throws Error (input) if a person and a hand model do not give a valid hand.
+std::vector<hand::BuiltHand> build_hands(const std::vector<HandEntry>& hands) {
+  Diagnostics diagnostics;
+  std::vector<hand::BuiltHand> out(hands.size());
+  for (std::size_t i = 0; i < hands.size(); ++i) try {
+      // The two hands of a person are built once.
+      std::size_t same = 0;
+      while (same < i && (out[same].bodies.empty() || !same_hand(hands[same], hands[i]))) ++same;
+      out[i] = same < i ? out[same] : hand::build_hand(*hands[i].model, hands[i].person);
+    } catch (const Error& error) {
+      add_hand_problems(error, i, hands[i], diagnostics);
+    }
+  diagnostics.throw_if_any();
+  return out;
+}
+
+/// @throws Error (input) with all defects of the model, each with the place of its part in the file.
+model::Model build_model(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands,
+                         const Plans& plans) {
+  return Builder(scene, plans).build(hands);
+}
 
 /// Factors on the torque limits of the hands: a person's strength, if a task knows it, over the controller's.
 std::vector<double> strengths(const Scene& scene, const control::ControllerSpec& controller) {
