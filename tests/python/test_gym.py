@@ -340,5 +340,5 @@ def test_a_played_episode_is_a_run(tmp_path, drive):
     play(lambda x: 0.3 * np.sin(x[:, :task.actions]), episodes, "pose", tmp_path, 3)
     end = hs.study.read_csv(tmp_path / "trajectory.csv")
     last = [end[name][-1] for name in task.scene.coordinates]
-    assert np.allclose(last, episodes.batch.q[0], atol=1e-5)
+    assert np.allclose(last, episodes.batch.q[0], atol=1e-9)
     assert (tmp_path / "report.html").exists() == hs.has_reports

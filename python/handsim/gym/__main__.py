@@ -52,7 +52,8 @@ def run_again(episodes: Episodes, driven: list[dict[str, Any]], out: Path) -> No
     scene, step = episodes.batch.scene_of(0), episodes.task.scene.step * episodes.task.substeps
     muscles = "excitations" in driven[0]
     names = [muscle.name for muscle in scene.muscles] if muscles else [f"{name}[rad]" for name in scene.axes]
-    times = np.sort(np.concatenate([np.arange(len(driven)) * step, np.arange(1, len(driven) + 1) * step - 1e-9]))
+    # A step takes what a table has at its end.
+    times = np.sort(np.concatenate([np.arange(len(driven)) * step + 2e-9, np.arange(1, len(driven) + 1) * step + 1e-9]))
     rows = np.repeat([next(iter(each.values()))[0] for each in driven], 2, axis=0)
     table = (out / "actions.csv").resolve()
     np.savetxt(table, np.column_stack([times, rows]), "%.17g", ",", header=",".join(["time[s]", *names]), comments="")
