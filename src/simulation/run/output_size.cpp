@@ -82,8 +82,9 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
   const double trajectory = kNumberBytes * (1 + 2 * dofs + 7 * (bodies - 1));
   const double contacts = scene.spec.record_contacts ? kContactBytes * contacts_of(scene) : 0;
   out.rows = record_rows(first, last, record_steps(scene.spec));
+  constexpr double kMuscleBytes = 17;  // of a number: many are 0
   const double muscles =
-      kNumberBytes * static_cast<double>(kMuscleColumns.size() * scene.model.muscles.size());
+      kMuscleBytes * static_cast<double>(kMuscleColumns.size() * scene.model.muscles.size());
   out.largest_row = std::max({trajectory, contacts, muscles});
   out.row = trajectory + contacts + muscles + kNumberBytes * (dofs + 3 * axes) +
             extra_row_bytes(scene, kNumberBytes);
