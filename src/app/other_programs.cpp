@@ -31,9 +31,10 @@ constexpr std::array<std::string_view, 4> kPythonFormats = {"glb", "usda", "obj"
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it.
-constexpr const char* kStart = R"(import sys
+constexpr const char* kStart = R"(import os, sys
 own = sys.argv.pop(1)
 sys.path[0:1] = [own + "/../python", own + "/../lib/python3/dist-packages"]
+os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 try:
     from handsim.__main__ import main
 except ImportError as error:
