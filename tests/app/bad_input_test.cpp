@@ -70,7 +70,7 @@ TEST_P(BadFile, IsRefusedWithEveryProblemAndNothingWritten) {
   const fs::path out = folder.path() / "out";
   const Outcome outcome = expected.kind == "check"
                               ? run_program({"check", file.string()})
-                              : run_program({"run", file.string(), "--out", out.string()});
+                              : run_program({expected.kind, file.string(), "--out", out.string()});
   EXPECT_EQ(outcome.status, 2) << outcome.err;
   EXPECT_EQ(outcome.out, "");
   EXPECT_TRUE(empty_or_missing(out));
