@@ -636,7 +636,6 @@ def test_a_lost_hand_relaxes_slowly(can):
 PERSONS = [(1.5, 54, "female"), (1.62, 63, "male"), (1.68, 60, "female"), (1.78, 76, "male"), (1.9, 87, "female")]
 
 
-@pytest.mark.xfail(reason="4 of 10 since tracking has its own fit; 9 of 10 with the fit before", strict=False)
 def test_a_streamed_grasp_lifts_the_can_in_9_of_10():
     lifted = []
     for trial in range(10):

@@ -266,12 +266,13 @@ class Follower:
     def _follow(self, tracked: Tracked, points: Array, moment: float, born: float) -> None:
         if self.up == "y":
             points = np.stack((points[:, 0], -points[:, 2], points[:, 1]), axis=1)
-        gap = born - tracked.heard
+        gap, before = born - tracked.heard, tracked.filter.time
         if not tracked.filter.update(points, moment):
             return
         if 1e-3 < gap < 0.1:
             tracked.period += 0.1 * (gap - tracked.period)
-        self._press(tracked, min(gap, 0.1))
+        # By the frames' own time: frames that come late press no longer than they show.
+        self._press(tracked, 0.0 if before is None else min(max(moment - before, 0.0), 0.1))
         tracked.heard, tracked.lost = born, False
         pose = tracked.filter.pose.copy()
         pose[7:] = tracked.filter.late_angles() + tracked.share * self.press * tracked.press
