@@ -1,4 +1,4 @@
-"""Arms of the long extensors of handmodels/muscles.yaml from a network of slips (docs/muscles.md#the-extensor-hood): prints them.
+"""Arms of the index's long extensors of handmodels/muscles.yaml from a network of slips (docs/muscles.md#the-extensor-hood): prints them.
 
 A long extensor ends in a central slip on the middle phalanx and two lateral bands, which meet on the last one. To the angles q of
 MCP, PIP and DIP belong paths of both, and the tendon follows the longer one, with the shares of both changing smoothly:
@@ -10,13 +10,11 @@ Polynomials are the least squares to the derivatives over postures in which the 
 """
 import numpy as np
 
-# c, a, b, t, w, s, l: fitted to tip forces under EDC alone (Synek 2019); of the index also to its largest dorsal force and what EDC
-# turns.
-MIDDLE = (3.570, 1.761, 2.530, 2.784, 0.399, 1.591, 0.372)
+# c, a, b, t, w, s, l: fitted to tip forces under EDC alone (Synek 2019), to the largest dorsal force and to what EDC turns.
 INDEX = (4.37, 2.79, 1.53, 2.96, 0.379, 1.54, 0.217)
 PRODUCTS = ((1, 2), (0, 2), (0, 1))  # axes
 JOINTS = ("mcp", "pip", "dip")
-ROWS = (("EDC2", "index", INDEX, 1), ("EDC3", "middle", MIDDLE, 1), ("EDC4", "ring", MIDDLE, 0.8557), ("EDC5", "little", MIDDLE, 0.7217))
+ROWS = (("EDC2 and EIP", "index", INDEX, 1),)
 
 
 def slips(p, q):

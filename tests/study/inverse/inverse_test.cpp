@@ -87,19 +87,13 @@ TEST(Inverse, ActivationsGiveTheTorquesAndReservesTheRest) {
     EXPECT_TRUE(result.agrees());
     ASSERT_TRUE(result.rms_error);
     EXPECT_LT(*result.rms_error, 0.01 * kDegree);
-    double torque = 0, reserve = 0, known = 0;
+    double torque = 0, reserve = 0;
     for (const InverseAxis& axis : result.axes) {
       reserve += *axis.rms_reserve * *axis.rms_reserve;
       torque += axis.rms_torque * axis.rms_torque;
     }
-    // A known weakness: the extensor slips of the long fingers give half of what holds a straight middle PIP
-    // against its flexors at rest (docs/muscles.md); the other axes together leave 6 % of all torques.
-    for (const InverseAxis& axis : result.axes)
-      if (least == 0 && (axis.name.ends_with("pip.flexion") || axis.name.ends_with("dip.flexion")))
-        known += *axis.rms_reserve * *axis.rms_reserve;
     if (least == 0) {
-      EXPECT_LT(std::sqrt(reserve / torque), 0.25);
-      EXPECT_LT(std::sqrt((reserve - known) / torque), 0.07);
+      EXPECT_LT(std::sqrt(reserve / torque), 0.1);
     }
     for (std::size_t n = 1; n < result.rows.size(); n += 50)
       for (std::size_t m = 0; m < scene.model.muscles.size(); ++m) {
