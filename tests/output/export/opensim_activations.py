@@ -64,7 +64,7 @@ def optimised(folder, question):
     analysis.setUseModelForceSet(True)
     analysis.setActivationExponent(2)
     analysis.setUseMusclePhysiology(True)
-    analysis.setConvergenceCriterion(1e-6)
+    analysis.setConvergenceCriterion(1e-7)
     analysis.setMaxIterations(2000)
     tool = opensim.AnalyzeTool()
     tool.setName("asked")
