@@ -126,7 +126,7 @@ TEST(LittleMemory, PreventsOnlyPictures) {
   const Words frames = {"--frames", "2", "--quiet", "--set", small};
   ASSERT_EQ(run_program(run_into(plenty, frames)).status, 0);
   int missing = 0, drawn = 0;
-  for (rlim_t megabytes = 250; megabytes <= 1000; megabytes += 50) {
+  for (rlim_t megabytes = 250; megabytes <= 1000; megabytes += 75) {
     const auto limited = [&] {
       const rlimit limit{megabytes << 20U, megabytes << 20U};
       setrlimit(RLIMIT_AS, &limit);
