@@ -140,7 +140,7 @@ StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
   std::optional<PhysicsFault> fault;
   for (const Rung rung : {Rung::none, Rung::softer, Rung::half_steps, Rung::quick_step}) {
     if (rung != Rung::none) restore();
-    fault = climb(rung, input, end, report);
+    fault = on_rung(rung, input, end, report);
     report.rung = rung;
     if (!fault) return report;
   }
@@ -152,8 +152,8 @@ StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
 }
 
 /// Tries the step in one way. @return what is wrong with it
-std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, double end,
-                                             StepReport& report) {
+std::optional<PhysicsFault> OdeEngine::on_rung(Rung rung, const StepInput& input, double end,
+                                               StepReport& report) {
   const OdeSettings& ode = settings_.ode();
   const auto iterate = [&](int count) { dWorldSetQuickStepNumIterations(ids_.world.get(), count); };
   std::optional<PhysicsFault> fault;

@@ -60,7 +60,7 @@ class OdeEngine final : public Engine {
   void solve(const StepInput& input, double step, OdeMethod method, StepReport& report);
   [[nodiscard]] bool solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report);
   StepReport guarded_step(const StepInput& input, double end);
-  std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
+  std::optional<PhysicsFault> on_rung(Rung rung, const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> read_bodies(double time);
   std::optional<PhysicsFault> guard_fault(const StepReport& report) const;

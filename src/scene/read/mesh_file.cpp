@@ -8,12 +8,10 @@
 #include <unordered_map>
 
 #include <fmt/format.h>
-#include <libqhull_r/qhull_ra.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/qhull.h"
 #include "handsim/core/text.h"
-
-extern "C" {}
 
 namespace handsim::scene {
 
@@ -139,15 +137,6 @@ void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, d
            "a closed surface");
 }
 
-struct Release {
-  void operator()(qhT* qh) const {
-    qh_freeqhull(qh, !qh_ALL);
-    int left = 0, blocks = 0;
-    qh_memfreeshort(qh, &left, &blocks);
-    delete qh;
-  }
-};
-
 }  // namespace
 
 LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
@@ -173,16 +162,12 @@ LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
 }
 
 Surface convex_hull(const std::vector<Vec3>& points) {
-  std::unique_ptr<qhT, Release> owner(new qhT{});
-  qhT* qh = owner.get();
-  qh_zero(qh, nullptr);
-  std::vector<Vec3> input = points;
-  // Qhull merges coplanar facets into polygons. Its messages about bad input are discarded.
-  char options[] = "qhull Pp";
-  const std::unique_ptr<FILE, int (*)(FILE*)> silence(std::fopen("/dev/null", "w"), &std::fclose);
-  const int status = qh_new_qhull(qh, 3, static_cast<int>(input.size()), input.front().data(), False, options,
-                                  silence.get(), silence.get());
-  if (status != 0) throw input_error("", "points that span no volume", "points of a solid body");
+  std::vector<double> input;
+  for (const Vec3& point : points) input.insert(input.end(), point.begin(), point.end());
+  // Qhull merges coplanar facets into polygons.
+  const std::unique_ptr<QhullState> state = run_qhull(input, 3, "qhull Pp");
+  if (!state) throw input_error("", "points that span no volume", "points of a solid body");
+  qhT* qh = state.get();
 
   Surface hull;
   std::map<int, int> index;

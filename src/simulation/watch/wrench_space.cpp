@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <memory>
-#include <string>
 #include <vector>
 
-#include <libqhull_r/qhull_ra.h>
 #include <Eigen/Dense>
+
+#include "handsim/core/qhull.h"
 
 namespace handsim::simulation {
 
@@ -48,30 +47,6 @@ bool flat(const std::vector<Wrench>& points) {
   return svd.singularValues().size() < kDimension || svd.singularValues()[kDimension - 1] < kFlat;
 }
 
-/// Qhull's state, freed with all that it holds.
-struct Hull {
-  qhT qh;
-  Hull() { qh_zero(&qh, nullptr); }
-  ~Hull() {
-    qh_freeqhull(&qh, !qh_ALL);
-    int long_blocks = 0, long_bytes = 0;
-    qh_memfreeshort(&qh, &long_blocks, &long_bytes);
-  }
-  Hull(const Hull&) = delete;
-  Hull& operator=(const Hull&) = delete;
-};
-
-/// The hull of points in six dimensions; null where Qhull fails. Qx merges coplanar facets and is exact to
-/// rounding; QJ moves the points by some 1e-11, for nearly coplanar ones that defeat the merging.
-std::unique_ptr<Hull> hull_of(std::vector<double>& coordinates, std::string options) {
-  auto hull = std::make_unique<Hull>();
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> quiet(std::fopen("/dev/null", "w"), &std::fclose);
-  const int failed = qh_new_qhull(&hull->qh, kDimension, static_cast<int>(coordinates.size()) / kDimension,
-                                  coordinates.data(), False, options.data(), nullptr, quiet.get());
-  if (failed != 0) return nullptr;
-  return hull;
-}
-
 }  // namespace
 
 WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length) {
@@ -81,15 +56,16 @@ WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length)
   if (points.size() <= kDimension || flat(points)) return out;
   std::vector<double> coordinates;
   for (const Wrench& point : points) coordinates.insert(coordinates.end(), point.begin(), point.end());
-  std::unique_ptr<Hull> hull = hull_of(coordinates, "qhull Qx Pp");
-  if (!hull) hull = hull_of(coordinates, "qhull QJ Pp");
+  // Qx merges coplanar facets and is exact to rounding; QJ moves the points by some 1e-11, for nearly
+  // coplanar ones that defeat the merging.
+  std::unique_ptr<QhullState> hull = run_qhull(coordinates, kDimension, "qhull Qx Pp");
+  if (!hull) hull = run_qhull(coordinates, kDimension, "qhull QJ Pp");
   if (!hull) return out;
   double nearest = std::numeric_limits<double>::infinity();
-  const facetT* facet = nullptr;
-  for (facet = hull->qh.facet_list; facet && facet->next; facet = facet->next)
+  for (const facetT* facet = hull->facet_list; facet && facet->next; facet = facet->next)
     nearest = std::min(nearest, -facet->offset);
-  qh_getarea(&hull->qh, hull->qh.facet_list);
-  out.volume = hull->qh.totvol;
+  qh_getarea(hull.get(), hull->facet_list);
+  out.volume = hull->totvol;
   out.force_closure = nearest > kFlat;
   out.epsilon = std::max(0.0, nearest);
   return out;
