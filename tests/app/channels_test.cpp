@@ -7,15 +7,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
-#include <thread>
 
 #include "app/short_run.h"
 #include "support/sanitized.h"
 
 namespace handsim::test {
 namespace {
-
-using namespace std::chrono_literals;
 
 void to_full_disk(int stream) { dup2(open("/dev/full", O_WRONLY), stream); }
 
@@ -94,9 +91,7 @@ TEST(Terminal, ThatIsClosedEndsNoRunAndLosesNoFile) {
       close(terminal);
     });
     close(terminal);
-    // The run has begun as soon as its folder is there.
-    while (!fs::exists(out) && kill(child, 0) == 0) std::this_thread::sleep_for(5ms);
-    std::this_thread::sleep_for(50ms);
+    EXPECT_TRUE(wait_for_lock(child));
     close(master);
     // The table went to the terminal, too.
     EXPECT_EQ(wait_for(child), 1) << controlling;

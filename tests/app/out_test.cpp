@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <thread>
 
 #include "app/short_run.h"
 #include "handsim/output/export/export.h"
@@ -17,14 +16,11 @@
 namespace handsim::test {
 namespace {
 
-using namespace std::chrono_literals;
-
 TEST(OneFolder, IsForOneRunAtATime) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out", link = folder.path() / "link";
   const pid_t first = start(run_into(out, {"--set", "duration=200"}), folder.path(), [] {});
-  while (!fs::exists(out)) std::this_thread::sleep_for(5ms);
-  std::this_thread::sleep_for(50ms);
+  ASSERT_TRUE(wait_for_lock(first));
   fs::create_directory_symlink(out, link);
   for (const fs::path& name : {out, link, folder.path() / "." / "out"}) {
     const Outcome second = run_program(run_into(name));

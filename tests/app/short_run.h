@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <csignal>
 #include <functional>
+#include <thread>
 
 #include <nlohmann/json.hpp>
 
@@ -22,6 +24,16 @@ inline Words run_into(const fs::path& out, const Words& more = {}) {
   Words words = {"run", kScene, "--out", out.string(), "--set", "duration=0.1"};
   words.insert(words.end(), more.begin(), more.end());
   return words;
+}
+
+/// Waits until a run holds the lock of its output folder: then it has begun. @return false if it ended before
+inline bool wait_for_lock(pid_t run) {
+  const std::string holder = " WRITE " + std::to_string(run) + " ";
+  for (siginfo_t ended{}; ended.si_pid == 0; std::this_thread::sleep_for(std::chrono::milliseconds(2))) {
+    if (text_of("/proc/locks").find(holder) != std::string::npos) return true;
+    if (waitid(P_PID, static_cast<id_t>(run), &ended, WEXITED | WNOHANG | WNOWAIT) != 0) return false;
+  }
+  return false;
 }
 
 /// Starts the program; `prepare` runs in the child, after standard error and output have gone to files.
