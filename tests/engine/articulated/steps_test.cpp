@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "engine/contact_scenes.h"
 #include "engine/models.h"
 
 namespace handsim::engine {
@@ -100,6 +101,31 @@ TEST(ArticulatedStop, BouncesAsItsRestitutionSays) {
     test::run(*engine, 100);
     EXPECT_NEAR(rate(*engine), -7 * bounce, 1e-9) << bounce;
   }
+}
+
+// Oracle: the stops, which a hinge reaches at a constant rate, as it would go on without them, in a range so
+// narrow that a rebound would cross it in one step. With a ball on the ground the contact solver has the
+// stops.
+TEST(ArticulatedStop, IsNotPassedAtAConstantRateNorByARebound) {
+  for (const bool contact : {false, true})
+    for (const double bounce : {0.0, 0.8}) {
+      model::Model model = hinge(model::Stop{-0.1, 0.1, bounce});
+      model.bodies[1].initial_angular_velocity = Vec3(0, 20, 0);
+      if (contact) {
+        test::add_ground(model);
+        test::add_solid(model, test::sized("ball", model::ShapeKind::sphere, 0.02, 0), 0.1,
+                        {Vec3(1, 0, 0.02), Quat::Identity()});
+      }
+      const auto engine = make_engine(
+          model, settings({Effect::gravity, Effect::joint_stops, Effect::ground_contact}, 2e-2, kEuler));
+      double furthest = 0;
+      for (int i = 0; i < 40; ++i) {
+        engine->step({});
+        furthest = std::max(furthest, std::abs(angle(*engine)));
+      }
+      EXPECT_EQ(engine->contacts().size(), contact ? 1U : 0U);
+      EXPECT_NEAR(furthest, 0.1, 1e-12) << contact << ", " << bounce;
+    }
 }
 
 // Oracle: what a servo does without the stop, in its first step away from it.

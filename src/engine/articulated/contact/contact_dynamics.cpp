@@ -307,9 +307,12 @@ bool ContactDynamics::apply_restitution(Problem& p) {
     const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
     if (!(bounced < now)) continue;
     each.bounced = any = true;
-    bound.low = -HUGE_VAL;
-    bound.high = HUGE_VAL;
-    (side < 0 ? bound.low : bound.high) = side * (bounced - speed);
+    // The opposite stop stays, and the rebound ends there at the latest.
+    if (side < 0) {
+      bound.low = std::min(speed - bounced, bound.high);
+    } else {
+      bound.high = std::max(bounced - speed, bound.low);
+    }
   }
   return any;
 }
@@ -346,8 +349,11 @@ NewtonReport ContactDynamics::solve(double step) {
   int stiffened = 0;
   while (apply_restitution(p) || (stiffened < kTuning.stiffenings && stiffen(p) && ++stiffened > 0)) {
     const NewtonReport again = articulated::solve(system_, w, tolerance);
-    report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
-              again.residual, again.solved, again.iterative};
+    report = {.iterations = report.iterations + again.iterations,
+              .limit_updates = report.limit_updates + again.limit_updates,
+              .residual = again.residual,
+              .solved = again.solved,
+              .iterative = again.iterative};
   }
   take_over(p, step);
   return report;

@@ -80,7 +80,8 @@ class ContactDynamics {
     Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
     Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
   };
-  /// Inverse mass [1/kg] and mean inverse moment of inertia [1/(kg m2)]; zero of a body that cannot move.
+  /// Inverse mass [1/kg] and inverse of the mean moment of inertia [1/(kg m2)]; zero of a body that cannot
+  /// move.
   struct Mobility {
     double linear = 0, angular = 0;
   };
@@ -142,7 +143,7 @@ class ContactDynamics {
   /// By roots: whether contacts, stops or torque limits change the free step of the tree.
   std::vector<char> involved_;
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
-  std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, by place
+  std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, with servos, by place
   std::vector<double> change_;              ///< of each dof's rate in the free step
   TouchingPair pair_;
   std::vector<MovingDofs> moving_dofs_;  ///< of each pair that touches; mostly those of the last step

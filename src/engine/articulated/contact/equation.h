@@ -29,7 +29,7 @@ struct Workspace {
   // The residual.
   Law law = Law::coulomb;        ///< of the last evaluation
   std::vector<double> F, r;      ///< residual; row velocities, kMostRows a contact
-  std::vector<double> rounding;  ///< sums of the magnitudes of F's terms
+  std::vector<double> rounding;  ///< sums of the magnitudes of F's terms but A x
   bool rounding_known = false;   ///< these are of the last evaluation
   std::vector<double> carried;   ///< motions of, or wrenches on, what the unknowns carry
 

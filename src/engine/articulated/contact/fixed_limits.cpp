@@ -4,7 +4,7 @@
 // problems in solid mechanics", section 9). With limits held, the step is the minimum of a strictly convex
 // energy
 //   x A x / 2 - g x + sum of max(0, -r_n)^2 / (2 R) + sum of Huber functions of r_t + servos + stops,
-// which Newton's method with a line search always finds. Every such step is physically sound: contacts push
+// which Newton's method with a line search finds. Every such step is physically sound: contacts push
 // and do not pull, and friction dissipates.
 #include <algorithm>
 #include <cmath>
@@ -109,7 +109,8 @@ void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, 
   }
 }
 
-/// Aitken's relaxation of the limits (Irons and Tuck 1969), faster while updates grow. @returns its factor
+/// Aitken's relaxation of the limits (Irons and Tuck 1969), faster while updates grow; the first after a
+/// start is as careful as any, since it has none to compare with. @returns its factor
 double update_limits(Problem& p, double relaxation, double most) {
   double product = 0, square = 0;
   each_disc(p.contacts, [&](const ContactRows& contact, Disc& disc) {
@@ -184,10 +185,9 @@ void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double t
     p.iterate() = w.latest;
     const bool restart = i % kTuning.restart == kTuning.restart - 1;
     if (restart) restart_limits(p, kTuning.restart_at[at(i / kTuning.restart) % kTuning.restart_at.size()]);
-    relaxation =
-        restart || predicted
-            ? 1
-            : update_limits(p, relaxation, i % 4 == 3 ? kTuning.long_relaxation : kTuning.short_relaxation);
+    if (!restart && !predicted)
+      relaxation =
+          update_limits(p, relaxation, i % 4 == 3 ? kTuning.long_relaxation : kTuning.short_relaxation);
   }
   p.iterate() = w.best;
   report.residual = least;

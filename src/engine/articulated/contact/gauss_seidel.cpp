@@ -1,7 +1,7 @@
 // Heaps: block Gauss-Seidel with projection, contact by contact (Jourdan, Alart and Jean 1998, "A
 // Gauss-Seidel like algorithm to solve frictional contact problems", CMAME 155), instead of Newton's method,
-// whose linear systems grow with the square of the island. Impulses start from those of the last step. Rates
-// and impulses agree at any time; after the last sweep the contact law holds to the residual.
+// whose linear systems grow with the square of the island. Contacts start from the impulses of the last step.
+// Rates and impulses agree at any time; after the last sweep the contact law holds to the residual.
 #include <algorithm>
 #include <cmath>
 
@@ -42,12 +42,15 @@ class Sweeps {
         apply(block, row, p.contacts[block.index].impulse[row]);
   }
 
-  /// @returns the largest change of velocity [m/s, rad/s]
+  /// @returns the largest change of velocity [m/s, rad/s], infinite where one is no number
   double sweep(bool backwards) {
     double most = 0;
     const std::size_t count = blocks_.size();
-    for (std::size_t i = 0; i < count; ++i)
-      most = std::max(most, solve(blocks_[backwards ? count - 1 - i : i]));
+    for (std::size_t i = 0; i < count; ++i) {
+      const double change = solve(blocks_[backwards ? count - 1 - i : i]);
+      if (!std::isfinite(change)) return HUGE_VAL;
+      most = std::max(most, change);
+    }
     return most;
   }
 
@@ -204,7 +207,7 @@ void solve_gauss_seidel(Problem& p, SparseFactor& factor, Workspace& w, double t
     converged = report.residual <= tolerance;
     ++report.iterations;
   }
-  report.solved = true;
+  report.solved = std::isfinite(report.residual);
 }
 
 }  // namespace handsim::engine::articulated

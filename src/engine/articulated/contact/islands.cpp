@@ -106,6 +106,7 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
     } else {
       if (!last || last->pair != from.pair) {
         Pair& pair = to.pairs.emplace_back(whole.pairs[at(from.pair)]);
+        static_cast<Dofs&>(pair) = contact;
         for (int* body : {&pair.a, &pair.b})
           if (*body != kNone) *body = w.place[at(*body)];
       }

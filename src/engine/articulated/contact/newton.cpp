@@ -89,13 +89,22 @@ bool keeps_active_set(const Problem& p, const Workspace& w) {
                     [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
 }
 
+/// Whether the start passes no stop, which steps are projected on.
+bool keeps_bounds(const Problem& p) {
+  for (int i = 0; i < p.size(); ++i)
+    if (const Bound& bound = p.bounds[at(i)];
+        bound.side == Side::within && (p.x[at(i)] < bound.low - kBeyond || p.x[at(i)] > bound.high + kBeyond))
+      return false;
+  return true;
+}
+
 /// Evaluates the start; by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip bends
 /// along the cone, away from the active set's straight continuation. @returns whether it solves the problem
 bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
   const double enough = kTuning.at_rest * tolerance;
   keep_start(p, w);
   evaluate(p, w, Law::coulomb);
-  if (largest_residual(p, w) <= enough && solved(p, w, enough, report)) return true;
+  if (largest_residual(p, w) <= enough && keeps_bounds(p) && solved(p, w, enough, report)) return true;
   if (!keeps_active_set(p, w)) restart(p, w);
   return false;
 }

@@ -18,8 +18,8 @@ namespace handsim::engine::articulated {
 struct NewtonReport {
   int iterations = 0;      ///< linear systems solved
   int limit_updates = 0;   ///< of friction's limits, where Newton's method alone did not converge
-  double residual = 0;     ///< largest error of a rate [rad/s or m/s]
-  bool solved = false;     ///< the residual is within the tolerance; always true if `iterative`
+  double residual = 0;     ///< largest |F_i| / A_ii; relaxed: change in the last sweep [rad/s, m/s]
+  bool solved = false;     ///< the residual is within the tolerance; if `iterative`, is a number
   bool iterative = false;  ///< by block Gauss-Seidel: too large for Newton's method
 };
 
@@ -29,7 +29,7 @@ struct ContactSystem {
   Unknowns chosen;           ///< those that they have now
   Unknowns island;           ///< those of the last island that was solved, where there were several
   SparseFactor factor;       ///< of the last problem, where it was one island
-  SparseFactor part_factor;  ///< of the last island of several
+  SparseFactor part_factor;  ///< of the last island of several, which it serves in turn
 
   /// @param first as for Unknowns::assign
   void assign(std::span<const int> first, Workspace& w);

@@ -33,7 +33,7 @@ void SparseFactor::reserve(const Unknowns& most) {
   const std::size_t rows = std::min(n, at(kTuning.heap));
   M_.reserve(rows * (rows + 1) / 2);
   reserve_each(n, chains_, last_, start_, column_range_);
-  runs_.reserve(chains * chains);
+  runs_.reserve(std::min(chains * chains, at(kTuning.heap * kTuning.heap)));
   reserve_each(kUsualSliding * n, C_, G_);
   K_.reserve(kUsualSliding * kUsualSliding);
   reserve_each(kUsualContacts, pivots_, columns_, h_);

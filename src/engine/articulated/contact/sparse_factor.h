@@ -20,7 +20,7 @@ class SparseFactor {
   /// Factors the derivative of the residual that the workspace has.
   void factor(Problem& p, Workspace& w);
   void factor_inertia(const Problem& p, Workspace& w);
-  /// x becomes the solution for the right side x. @param w its `law` is that of the factor
+  /// x becomes the solution for the right side x. @param w for its kernel
   void solve(const Workspace& w, double* x);
   /// The same for a tree that no entry joins to others.
   void solve_tree(const Workspace& w, double* x, const Unknowns& unknowns, const Run& tree);

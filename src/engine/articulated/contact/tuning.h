@@ -28,7 +28,8 @@ struct Tuning {
   int stiffenings = 12;
 
   // Newton's method (newton.cpp).
-  /// Error of accelerations [m/s^2, rad/s^2]. Too large: "contact_residual"; too small: rounding, fallbacks.
+  /// Largest |F_i| / (A_ii step) [m/s^2, rad/s^2], no bound of an error. Too large: "contact_residual"; too
+  /// small: rounding, fallbacks.
   double tolerance = 1e-4;
   /// A start with a residual within this share of the tolerance is the solution: 1e-5 m/s^2, as steps with an
   /// earlier factor leave. Larger: what is held creeps; smaller: holds take more steps.
@@ -60,7 +61,7 @@ struct Tuning {
   int restart = 40;
   std::array<double, 5> restart_at = {10, 0.3, 2, 0.05, 1};
   /// Largest relaxation factor of an update, and that of every fourth: small ones end limit cycles, large
-  /// ones speed up slow convergence; its growth while updates grow.
+  /// ones speed up slow convergence; its growth while updates grow, to 100 times the largest.
   double short_relaxation = 0.7, long_relaxation = 1000, growth = 2;
   /// From this update on every fourth moves limits by this share to a Newton step's for Coulomb's law.
   int predicted_updates = 80;

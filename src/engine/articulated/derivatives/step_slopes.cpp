@@ -191,7 +191,9 @@ void StepSlopes::hold(const Single& each, StepDerivatives& out) {
   const double h = settings_.step, side = *a.side, room = side < 0 ? *each.q - *a.low : *a.high - *each.q;
   const double share = room < -kOnStop ? settings_.erp() : 1, target = share * room / h,
                speed = side * *each.u;
-  const bool bounced = speed > 0 && *a.bounce > 0 && -*a.bounce * speed < target;
+  // A rebound ends on the opposite stop at the latest.
+  const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.bounce * speed;
+  const bool bounces = speed > 0 && *a.bounce > 0 && rebound < target, free = bounces && rebound > across;
   if (std::abs(room) <= kOnStop)
     out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
   const int i = each.dof;
@@ -199,8 +201,8 @@ void StepSlopes::hold(const Single& each, StepDerivatives& out) {
   by_q_.row(i).setZero();
   by_u_.row(i).setZero();
   K_(i, i) = 1;
-  by_q_(i, i) = bounced ? 0 : share / h;
-  by_u_(i, i) = bounced ? -*a.bounce : 0;
+  by_q_(i, i) = free ? 0 : (bounces ? 1 : share) / h;
+  by_u_(i, i) = free ? -*a.bounce : 0;
 }
 
 /// How positions turn with the step: dq' = exp(h w') dq + h J(h w') du'.

@@ -152,7 +152,10 @@ struct Forces : Lanes<V> {
     const V room = articulated::select(side < zero, V(q - end), V(end - q));
     const V speed = side * u;
     V target = articulated::select(room < zero, V(tree.erp * room / h), V(room / h));
-    const V bounced = V(zero - load(a.bounce)) * speed;
+    // A rebound ends on the opposite stop at the latest.
+    const V across = (room - (load(a.high) - load(a.low))) / h;
+    V bounced = V(zero - load(a.bounce)) * speed;
+    bounced = articulated::select(bounced < across, across, bounced);
     target = articulated::select(speed > zero && bounced < target && load(a.bounce) > zero, bounced, target);
     store(a.locked, articulated::select(on, V(1.0), V(1.0 - load(a.present))));
     store(a.given, articulated::select(on, V((side * target - u) / h), zero));

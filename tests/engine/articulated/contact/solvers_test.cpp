@@ -205,8 +205,8 @@ TEST(ContactSolver, IslandsAreSolvedAsIfAlone) {
 }
 
 // Problems that wedge: friction of 1.5 with rows that have nothing to do with a body's shape. Oracle:
-// contacts push and friction keeps to its limit; a step that is not Coulomb's is still one of friction with
-// fixed limits, whose own equation holds: A x = J^T p.
+// contacts push and friction works against the slip; a step that is not Coulomb's is still one of friction
+// with fixed limits, whose own equation holds: A x = J^T p.
 TEST(ContactSolver, EveryStepIsASoundOneHoweverHard) {
   int by_updates = 0, unsolved = 0;
   for (int seed = 0; seed < 300; ++seed) {
@@ -235,8 +235,18 @@ TEST(ContactSolver, EveryStepIsASoundOneHoweverHard) {
   EXPECT_LE(unsolved, 15);
 }
 
-// Oracle: Newton's method for the same problem, on a chain just below the size of a heap; and the law's
-// conditions, which hold to what twenty sweeps leave.
+// Oracle: a force that is no number has no solution, whichever solver the size of the problem takes.
+TEST(ContactSolver, WhatIsNoNumberIsNotSolved) {
+  for (const int trees : {2, 20}) {
+    const RandomProblem problem(4, trees, 6, 3 * trees, true);
+    Solver solver;
+    problem.load(solver, 0.5);
+    solver.problem.g[1] = NAN;
+    EXPECT_FALSE(solver.solve(1e-7).solved) << trees;
+  }
+}
+
+// Oracle: the law's conditions, which hold to what twenty sweeps leave, on a chain larger than a heap.
 TEST(ContactSolver, HeapsAreRelaxedTowardsTheLaw) {
   const RandomProblem problem(4, 20, 6, 57, true);
   Solver solver;
