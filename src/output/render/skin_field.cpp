@@ -15,8 +15,8 @@ namespace {
 constexpr double kSpread = 11 * M_PI / 180;
 /// Radii of blending over half the palm's thickness: of the palm's shapes, of the wrist, of fingers on the
 /// palm, the thumb on the palm, neighbouring fingers at their roots, the thumb's web.
-constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbBlend = 0.5,
-                 kFingerBlend = 0.4, kWebBlend = 0.3;
+constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kWebBlend = 0.3;
+constexpr float kRootBlend = 0.6F, kThumbBlend = 0.5F, kFingerBlend = 0.4F;
 /// Of segments, over the radius.
 constexpr double kJointBlend = 0.15;
 /// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
@@ -43,23 +43,37 @@ double ramp(double x, double from, double to) {
 }
 
 /// The least of both, rounded where they differ by less than k (quadratic; Quilez, "smooth minimum").
-Sample joined(const Sample& a, const Sample& b, double k) {
-  const bool first = a.d < b.d;
-  const Sample &near = first ? a : b, &far = first ? b : a;
-  const double h = k > 0 ? std::max(1 - (far.d - near.d) / k, 0.0) : 0;
-  return {near.d - h * h * k / 4, (1 - h / 2) * near.gradient + h / 2 * far.gradient};
+Lanes joined(const Lanes& a, const Lanes& b, const Lanes& k) {
+  const Lanes h = (1 - (a - b).abs() / k.max(1e-9F)).max(0);
+  return a.min(b) - h * h * k / 4;
+}
+Lanes joined(const Lanes& a, const Lanes& b, double k) {
+  return joined(a, b, Lanes::Constant(static_cast<float>(k)).eval());
 }
 
+constexpr float kFar = 1e3;
+
 /// Smooth union of flesh; what is further than `limit` is left out.
-Sample united(const std::vector<Flesh>& flesh, const Vec3& x, double k, double limit = 1e9) {
-  Sample out;
+Lanes united(const std::vector<Flesh>& flesh, const Points& x, double k, float limit = kFar) {
+  Lanes out = Lanes::Constant(kFar);
   for (const Flesh& each : flesh)
-    if (each.bound(x) < std::min(out.d + k, limit)) out = joined(out, each.distance(x), k);
+    if (each.may_be_within(std::min(out.maxCoeff() + static_cast<float>(k), limit), x))
+      out = joined(out, each.distance(x), k);
   return out;
 }
 
-Flesh nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
-  return *std::ranges::min_element(flesh, {}, [&](const Flesh& each) { return each.distance(x).d; });
+/// For each point, of the flesh nearest to it.
+std::array<int, kLanes> nearest(const std::vector<Flesh>& flesh, const Points& x, int Flesh::*what) {
+  std::array<int, kLanes> out{};
+  Lanes least = Lanes::Constant(kFar);
+  for (const Flesh& each : flesh) {
+    if (!each.may_be_within(least.maxCoeff(), x)) continue;
+    const Lanes distance = each.distance(x);
+    for (int i = 0; i < kLanes; ++i)
+      if (distance[i] < least[i]) out[at(i)] = each.*what;
+    least = least.min(distance);
+  }
+  return out;
 }
 
 /// A shape at pose X_HB of its body; a box is as round as it can be.
@@ -72,13 +86,37 @@ Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB)
 
 }  // namespace
 
-Sample Flesh::distance(const Vec3& x) const {
-  const Vec3 local = axes.transpose() * (x - pose.p);
-  const Vec3 away = local - local.cwiseMax(-half).cwiseMin(half);
-  const double share = half.z() > 0 ? std::clamp(0.5 + 0.5 * local.z() / half.z(), 0.0, 1.0) : 0;
-  const double radius = near + share * (far - near), out = away.norm();
-  if (out > 1e-9) return {out - radius, axes * (away / out)};
-  return {(local.cwiseAbs() - half).maxCoeff() - radius, axes.col(1)};
+Points points_about(const Vec3& centre, double reach, const std::array<Vec3, kLanes>& offsets) {
+  Points out;
+  double spread = 0;
+  for (std::size_t i = 0; i < kLanes; ++i) {
+    out.rows.row(static_cast<long>(i)) = (centre + reach * offsets[i]).transpose().array().cast<float>();
+    spread = std::max(spread, (offsets[i] - offsets[0]).squaredNorm());
+  }
+  out.spread = static_cast<float>(reach * std::sqrt(spread));
+  return out;
+}
+
+Lanes Flesh::distance(const Points& points) const {
+  const Eigen::Vector3f p = pose.p.cast<float>();
+  Lanes x = points.rows.col(0) - p.x(), y = points.rows.col(1) - p.y(), z = points.rows.col(2) - p.z();
+  Lanes radius = Lanes::Constant(static_cast<float>(near));
+  for (int k = 0; k < 3; ++k)
+    if (const auto most = static_cast<float>(half[k]); most > 0) {
+      const Eigen::Vector3f axis = axes.col(k);
+      const Lanes within = (x * axis.x() + y * axis.y() + z * axis.z()).max(-most).min(most);
+      x -= within * axis.x();
+      y -= within * axis.y();
+      z -= within * axis.z();
+      if (k == 2) radius += (0.5F + 0.5F / most * within) * static_cast<float>(far - near);
+    }
+  return (x * x + y * y + z * z).sqrt() - radius;
+}
+
+bool Flesh::may_be_within(float d, const Points& x) const {
+  const float reach = d + x.spread + size;
+  const Eigen::Vector3f p = pose.p.cast<float>();
+  return reach > 0 && (x.rows.row(0).matrix().transpose() - p).squaredNorm() < reach * reach;
 }
 
 SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
@@ -92,23 +130,26 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
   add_wrist(hand.forearm.has_value());
   add_web();
   const auto set_axes = [](std::vector<Flesh>& flesh) {
-    for (Flesh& each : flesh) each.axes = each.pose.q.toRotationMatrix();
+    for (Flesh& each : flesh) {
+      each.axes = each.pose.q.toRotationMatrix().cast<float>();
+      each.size = static_cast<float>(each.half.norm() + std::max(each.near, each.far));
+    }
   };
+  palm_.push_back(stump_);
   for (std::vector<Flesh>* flesh : {&palm_, &web_}) set_axes(*flesh);
-  for (Ray& ray : rays_) set_axes(ray.flesh);
+  all_ = palm_;
+  stump_ = palm_.back();
+  palm_.pop_back();
+  for (Ray& ray : rays_) {
+    set_axes(ray.flesh);
+    all_.insert(all_.end(), ray.flesh.begin(), ray.flesh.end());
+  }
   set_hinges();
-  for (const Flesh& each : all()) {
+  for (const Flesh& each : all_) {
     low = low.cwiseMin(each.pose.p - each.reach());
     high = high.cwiseMax(each.pose.p + each.reach());
   }
   low.y() = std::max(low.y(), cut_);
-}
-
-std::vector<Flesh> SkinField::all() const {
-  std::vector<Flesh> out = palm_;
-  out.push_back(stump_);
-  for (const Ray& ray : rays_) out.insert(out.end(), ray.flesh.begin(), ray.flesh.end());
-  return out;
 }
 
 void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand) {
@@ -236,56 +277,61 @@ void SkinField::add_web() {
 
 void SkinField::set_hinges() {
   for (Ray& ray : rays_) {
-    ray.embedded = -palm(ray.hinges[0].centre).d - ray.radius;
+    ray.embedded = -palm(points_about(ray.hinges[0].centre, 0, {}))[0] - ray.radius;
     const auto distal = [&](const Hinge& hinge) {
       return Vec3(std::ranges::find(ray.flesh, hinge.body, &Flesh::body)->pose.q * Vec3::UnitZ());
     };
     for (std::size_t i = 0; i < ray.hinges.size(); ++i) {
       Hinge& hinge = ray.hinges[i];
       hinge.along = (distal(hinge) + distal(ray.hinges[i > 0 ? i - 1 : 0])).normalized();
-      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(-(*this)(hinge.centre).d, 0.5 * ray.radius);
+      const double depth = -(*this)(points_about(hinge.centre, 0, {}))[0];
+      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(depth, 0.5 * ray.radius);
     }
   }
 }
 
-Sample SkinField::palm(const Vec3& x) const {
-  Sample out = united(palm_, x, kPalmBlend * scale_);
-  out = joined(out, stump_.distance(x), kWristBlend * scale_);
-  out.d += kInset * scale_;
+Lanes SkinField::palm(const Points& x) const {
+  const Lanes out = united(palm_, x, kPalmBlend * scale_);
+  return joined(out, stump_.distance(x), kWristBlend * scale_) + static_cast<float>(kInset * scale_);
+}
+
+Lanes SkinField::operator()(const Points& x) const {
+  const Lanes of_palm = palm(x);
+  const auto scale = static_cast<float>(scale_);
+  // Beyond their roots fingers do not melt, nor the thumb with the hand.
+  const Lanes at_root = (1.5F - of_palm / scale).max(0).min(1) * scale;
+  const float limit = std::max(of_palm.maxCoeff(), 0.0F) + 2 * scale;
+  Lanes fingers = Lanes::Constant(kFar), thumb = fingers;
+  for (const Ray& ray : rays_) {
+    Lanes& group = ray.thumb ? thumb : fingers;
+    const Lanes each =
+        united(ray.flesh, x, kJointBlend * ray.radius, std::min(limit, group.maxCoeff() + scale));
+    group = joined(group, each, (at_root * kFingerBlend).eval());
+  }
+  if (!web_.empty()) thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
+  const Lanes of_hand =
+      joined(joined(of_palm, fingers, (at_root * kRootBlend).eval()), thumb, (at_root * kThumbBlend).eval());
+  return -joined(-of_hand, x.rows.col(1) - static_cast<float>(cut_), 0.3 * scale_);
+}
+
+Eigen::Array<float, kLanes, Eigen::Dynamic> SkinField::distances(const Points& x) const {
+  Eigen::Array<float, kLanes, Eigen::Dynamic> out(kLanes, static_cast<long>(rays_.size()) + 1);
+  out.col(0) = palm(x);
+  for (std::size_t i = 0; i < rays_.size(); ++i)
+    out.col(static_cast<long>(i) + 1) = united(rays_[i].flesh, x, kJointBlend * rays_[i].radius);
   return out;
 }
 
-Sample SkinField::operator()(const Vec3& x) const {
-  Sample out = palm(x);
-  // Beyond their roots fingers do not melt, nor the thumb with the hand.
-  const double at_root = std::clamp(1.5 - out.d / scale_, 0.0, 1.0);
-  const double limit = std::max(out.d, 0.0) + 2 * scale_;
-  Sample fingers, thumb;
-  for (const Ray& ray : rays_) {
-    Sample& group = ray.thumb ? thumb : fingers;
-    group = joined(group, united(ray.flesh, x, kJointBlend * ray.radius, std::min(limit, group.d + scale_)),
-                   at_root * kFingerBlend * scale_);
-  }
-  if (!web_.empty()) thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
-  out = joined(out, fingers, at_root * kRootBlend * scale_);
-  out = joined(out, thumb, at_root * kThumbBlend * scale_);
-  Sample inside = {-out.d, -out.gradient};
-  inside = joined(inside, {x.y() - cut_, Vec3::UnitY()}, 0.3 * scale_);
-  return {-inside.d, -inside.gradient};
-}
-
-Eigen::RowVectorXf SkinField::shares(const Vec3& x) const {
-  const double palm_distance = palm(x).d;
-  std::vector<double> distances;
-  for (const Ray& ray : rays_) distances.push_back(united(ray.flesh, x, kJointBlend * ray.radius).d);
+Eigen::RowVectorXf SkinField::shares(const Eigen::RowVectorXf& distances) const {
+  const float* to_ray = distances.data() + 1;
   Eigen::RowVectorXf out(static_cast<long>(rays_.size()));
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     const Ray& ray = rays_[i];
-    double share = ramp(palm_distance - distances[i] + ray.embedded, kFree * ray.radius,
+    double share = ramp(distances[0] - to_ray[i] + ray.embedded, kFree * ray.radius,
                         (ray.thumb ? kThumbFree : 0) * ray.radius);
     for (std::size_t k = 0; k < rays_.size(); ++k) {
       const double width = kShare * (ray.radius + rays_[k].radius) / 2;
-      if (k != i) share *= ramp(distances[k] - distances[i], -width, width);
+      if (k != i) share *= ramp(to_ray[k] - to_ray[i], -width, width);
     }
     out[static_cast<long>(i)] = static_cast<float>(share);
   }
@@ -294,7 +340,8 @@ Eigen::RowVectorXf SkinField::shares(const Vec3& x) const {
 
 Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& shares) const {
   Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
-  const int palm_body = nearest(palm_, x).body;
+  const bool one = rays_.empty() || rays_[0].hinges[0].body == 1;
+  const int palm_body = one ? 0 : nearest(palm_, points_about(x, 0, {}), &Flesh::body)[0];
   out[palm_body] = 1;
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     auto share = static_cast<double>(shares[static_cast<long>(i)]);
@@ -309,12 +356,13 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& s
   return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
 }
 
-double SkinField::beyond_palm(const Vec3& x) const {
-  Sample fingers;
-  for (const Ray& ray : rays_) fingers = joined(fingers, united(ray.flesh, x, kJointBlend * ray.radius), 0);
-  return std::clamp((palm(x).d - fingers.d) / scale_, -9.0, 9.0);
+double SkinField::beyond_palm(const Eigen::RowVectorXf& distances) const {
+  const auto fingers = distances.tail(distances.size() - 1);
+  return std::clamp((distances[0] - (fingers.size() > 0 ? fingers.minCoeff() : kFar)) / scale_, -9.0, 9.0);
 }
 
-int SkinField::nearest_shape(const Vec3& x) const { return nearest(all(), x).shape; }
+std::array<int, kLanes> SkinField::nearest_shapes(const Points& x) const {
+  return nearest(all_, x, &Flesh::shape);
+}
 
 }  // namespace handsim::output
