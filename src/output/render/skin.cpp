@@ -14,8 +14,8 @@ namespace handsim::output {
 
 namespace {
 
-/// Cells of the grid over the hand's length: 8,500 to 11,500 triangles.
-constexpr double kCells = 56;
+/// Cells of the grid over the hand's length: 8,500 to 11,000 triangles.
+constexpr double kCells = 54;
 /// Samples of the edge of the largest block; blocks far from the skin are not sampled.
 constexpr int kBlock = 8;
 constexpr int kRelaxations = 4, kShareRelaxations = 12, kWeightRelaxations = 3;
@@ -70,24 +70,17 @@ Grid::Grid(const SkinField& field, double cell) : field_(field), cell_(cell) {
 }
 
 /// The field grows no faster than the distance: one sample excludes a block whose samples are all further
-/// than a cell from the surface. Samples the eight halves of a block.
+/// than a cell from the surface.
 void Grid::sample(const Corner& first, int size) {
-  std::array<Vec3, kLanes> offsets;
-  const int step = size / 2;
-  for (int i = 0; i < kLanes; ++i) offsets[at(i)] = (step * corner_of(i)).cast<double>();
-  const double half = 0.5 * (step - 1);
-  const Lanes middles = field_(points_about(place(first) + Vec3::Constant(half * cell_), cell_, offsets));
-  for (int i = 0; i < kLanes; ++i) {
-    const Corner low = first + step * corner_of(i);
-    if (step == 1) {
-      values_[index(low)] = middles[i];
-      for (int k = 0; k < 8; ++k) near_[index((low - corner_of(k)).cwiseMax(0))] = 1;
-    } else if (std::abs(middles[i]) < (half * std::sqrt(3) + 1) * cell_) {
-      sample(low, step);
-    } else {
-      for (int k = 0; k < step * step * step; ++k)
-        values_[index(low + Corner(k % step, k / step % step, k / (step * step)))] = middles[i];
-    }
+  const double half = 0.5 * (size - 1), d = field_(place(first) + Vec3::Constant(half * cell_));
+  if (size == 1) {
+    values_[index(first)] = d;
+    for (int k = 0; k < 8; ++k) near_[index((first - corner_of(k)).cwiseMax(0))] = 1;
+  } else if (std::abs(d) < (half * std::sqrt(3) + 1) * cell_) {
+    for (int k = 0; k < 8; ++k) sample(first + size / 2 * corner_of(k), size / 2);
+  } else {
+    for (int k = 0; k < size * size * size; ++k)
+      values_[index(first + Corner(k % size, k / size % size, k / (size * size)))] = d;
   }
 }
 
@@ -164,13 +157,6 @@ void Grid::polygonise(Skin& skin) const {
     }
 }
 
-/// Eight points of the skin from the i-th on; the last one fills up.
-Points eight(const Skin& skin, std::size_t i) {
-  std::array<Vec3, kLanes> out;
-  for (std::size_t k = 0; k < kLanes; ++k) out[k] = skin.points[std::min(i + k, skin.points.size() - 1)];
-  return points_about(Vec3::Zero(), 1, out);
-}
-
 /// The mean of a quantity over the neighbours of each vertex, by edge.
 template <class Rows>
 Rows mean_of_neighbours(const Skin& skin, const Rows& rows) {
@@ -185,17 +171,14 @@ Rows mean_of_neighbours(const Skin& skin, const Rows& rows) {
   return sum;
 }
 
-/// Evens out the triangles along the surface, by steps of at most so much. The gradient is about the normal.
-void relax(Skin& skin, const SkinField& field, float most) {
+/// Evens out the triangles along the surface. Its normals are about the field's gradients.
+void relax(Skin& skin, const SkinField& field, double cell) {
   Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(static_cast<long>(skin.points.size()), 3);
   for (int k = 0; k <= kRelaxations; ++k) {
     const std::vector<Vec3> normals = normals_of(skin, skin.points);
-    for (std::size_t i = 0; i < skin.points.size(); i += kLanes) {
-      const Lanes distances = field(eight(skin, i)).max(-most).min(most);
-      for (std::size_t j = i; j < std::min(i + kLanes, skin.points.size()); ++j) {
-        skin.points[j] -= distances[static_cast<long>(j - i)] * normals[j];
-        rows.row(static_cast<long>(j)) = skin.points[j];
-      }
+    for (std::size_t i = 0; i < skin.points.size(); ++i) {
+      skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
+      rows.row(static_cast<long>(i)) = skin.points[i];
     }
     if (k == kRelaxations) return;
     const auto mean = mean_of_neighbours(skin, rows);
@@ -222,19 +205,13 @@ void smooth(const Skin& skin, Rows& rows, int times) {
 
 void set_weights(Skin& skin, const SkinField& field) {
   const auto count = static_cast<long>(skin.points.size());
-  Rows shares(count, 0);
+  Rows shares(count, field.distances(skin.points[0]).size() - 1);
   std::vector<int> nearest;
-  for (long i = 0; i < count; i += kLanes) {
-    const Points some = eight(skin, at(i));
-    const auto distances = field.distances(some);
-    const auto shapes = field.nearest_shapes(some);
-    shares.conservativeResize(count, distances.cols() - 1);
-    for (long k = 0; k < kLanes && i + k < count; ++k) {
-      const Eigen::RowVectorXf row = distances.row(k);
-      shares.row(i + k) = field.shares(row);
-      skin.finger.push_back(static_cast<float>(field.beyond_palm(row)));
-      nearest.push_back(shapes[at(k)]);
-    }
+  for (long i = 0; i < count; ++i) {
+    const Eigen::VectorXd distances = field.distances(skin.points[at(i)]);
+    shares.row(i) = field.shares(distances);
+    skin.finger.push_back(static_cast<float>(field.beyond_palm(distances)));
+    nearest.push_back(field.nearest_shape(skin.points[at(i)]));
   }
   for (const auto& face : skin.faces) skin.shapes.push_back(nearest[face[0]]);
   // A web between a bent and a straight finger turns over unless it is wide.
@@ -342,7 +319,7 @@ Skin make_skin(const model::Model& model, const model::HandIndex& hand) {
   Grid grid(field, cell);
   grid.separate();
   grid.polygonise(skin);
-  relax(skin, field, static_cast<float>(cell));
+  relax(skin, field, cell);
   set_weights(skin, field);
   return skin;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "handsim/core/error.h"
 #include "handsim/core/index.h"
@@ -15,10 +16,12 @@ namespace {
 constexpr double kSpread = 11 * M_PI / 180;
 /// Radii of blending over half the palm's thickness: of the palm's shapes, of the wrist, of fingers on the
 /// palm, the thumb on the palm, neighbouring fingers at their roots, the thumb's web.
-constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kWebBlend = 0.3;
-constexpr float kRootBlend = 0.6F, kThumbBlend = 0.5F, kFingerBlend = 0.4F;
+constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbBlend = 0.5,
+                 kFingerBlend = 0.4, kWebBlend = 0.3;
 /// Of segments, over the radius.
 constexpr double kJointBlend = 0.15;
+/// A palm that is a box is narrower at the wrist by this share.
+constexpr double kPalmTaper = 0.3;
 /// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
 constexpr double kInset = 0.04;
 /// Of the thumb's web at its ends, over that of thumb and palm.
@@ -34,7 +37,7 @@ constexpr double kHingeWidth = 1.25, kRootWidth = 1.4;
 constexpr double kShare = 0.7;
 /// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the
 /// skin; and where it alone moves that of the thumb, whose muscles are in the palm.
-constexpr double kFree = -1.2, kThumbFree = 1.8;
+constexpr double kFree = -1.2, kThumbFree = 1.2;
 
 /// Rises from 0 at `from` to 1 at `to`, with a slope of at most 1.25 / (to - from).
 double ramp(double x, double from, double to) {
@@ -42,38 +45,28 @@ double ramp(double x, double from, double to) {
   return 0.5 * (t + t * t * (3 - 2 * t));
 }
 
-/// The least of both, rounded where they differ by less than k (quadratic; Quilez, "smooth minimum").
-Lanes joined(const Lanes& a, const Lanes& b, const Lanes& k) {
-  const Lanes h = (1 - (a - b).abs() / k.max(1e-9F)).max(0);
-  return a.min(b) - h * h * k / 4;
-}
-Lanes joined(const Lanes& a, const Lanes& b, double k) {
-  return joined(a, b, Lanes::Constant(static_cast<float>(k)).eval());
-}
+constexpr double kFar = 1e3;
 
-constexpr float kFar = 1e3;
+/// The least of both, rounded where they differ by less than k (quadratic; Quilez, "smooth minimum").
+double joined(double a, double b, double k) {
+  const double h = std::max(k - std::abs(a - b), 0.0);
+  return std::min(a, b) - (k > 0 ? h * h / (4 * k) : 0);
+}
 
 /// Smooth union of flesh; what is further than `limit` is left out.
-Lanes united(const std::vector<Flesh>& flesh, const Points& x, double k, float limit = kFar) {
-  Lanes out = Lanes::Constant(kFar);
+double united(const std::vector<Flesh>& flesh, const Vec3& x, double k, double limit = kFar) {
+  double out = kFar;
   for (const Flesh& each : flesh)
-    if (each.may_be_within(std::min(out.maxCoeff() + static_cast<float>(k), limit), x))
-      out = joined(out, each.distance(x), k);
+    if (each.may_be_within(std::min(out + k, limit), x)) out = joined(out, each.distance(x), k);
   return out;
 }
 
-/// For each point, of the flesh nearest to it.
-std::array<int, kLanes> nearest(const std::vector<Flesh>& flesh, const Points& x, int Flesh::*what) {
-  std::array<int, kLanes> out{};
-  Lanes least = Lanes::Constant(kFar);
-  for (const Flesh& each : flesh) {
-    if (!each.may_be_within(least.maxCoeff(), x)) continue;
-    const Lanes distance = each.distance(x);
-    for (int i = 0; i < kLanes; ++i)
-      if (distance[i] < least[i]) out[at(i)] = each.*what;
-    least = least.min(distance);
-  }
-  return out;
+const Flesh& nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
+  const Flesh* out = &flesh[0];
+  for (double least = kFar; const Flesh& each : flesh)
+    if (each.may_be_within(least, x))
+      if (const double d = each.distance(x); d < least) std::tie(out, least) = std::tuple(&each, d);
+  return *out;
 }
 
 /// A shape at pose X_HB of its body; a box is as round as it can be.
@@ -86,37 +79,18 @@ Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB)
 
 }  // namespace
 
-Points points_about(const Vec3& centre, double reach, const std::array<Vec3, kLanes>& offsets) {
-  Points out;
-  double spread = 0;
-  for (std::size_t i = 0; i < kLanes; ++i) {
-    out.rows.row(static_cast<long>(i)) = (centre + reach * offsets[i]).transpose().array().cast<float>();
-    spread = std::max(spread, (offsets[i] - offsets[0]).squaredNorm());
-  }
-  out.spread = static_cast<float>(reach * std::sqrt(spread));
-  return out;
-}
-
-Lanes Flesh::distance(const Points& points) const {
-  const Eigen::Vector3f p = pose.p.cast<float>();
-  Lanes x = points.rows.col(0) - p.x(), y = points.rows.col(1) - p.y(), z = points.rows.col(2) - p.z();
-  Lanes radius = Lanes::Constant(static_cast<float>(near));
-  for (int k = 0; k < 3; ++k)
-    if (const auto most = static_cast<float>(half[k]); most > 0) {
-      const Eigen::Vector3f axis = axes.col(k);
-      const Lanes within = (x * axis.x() + y * axis.y() + z * axis.z()).max(-most).min(most);
-      x -= within * axis.x();
-      y -= within * axis.y();
-      z -= within * axis.z();
-      if (k == 2) radius += (0.5F + 0.5F / most * within) * static_cast<float>(far - near);
+double Flesh::distance(const Vec3& x) const {
+  Vec3 away = x - pose.p;
+  double radius = near, breadth = 1;
+  for (const int k : {2, 1, 0})
+    if (half[k] > 0) {
+      const double within = std::clamp(axes.col(k).dot(away), -breadth * half[k], breadth * half[k]);
+      const double rise = 0.5 + 0.5 * within / half[k];
+      away -= within * axes.col(k);
+      if (k == 2) radius += rise * (far - near);
+      if (k == 1) breadth -= taper * (1 - rise);
     }
-  return (x * x + y * y + z * z).sqrt() - radius;
-}
-
-bool Flesh::may_be_within(float d, const Points& x) const {
-  const float reach = d + x.spread + size;
-  const Eigen::Vector3f p = pose.p.cast<float>();
-  return reach > 0 && (x.rows.row(0).matrix().transpose() - p).squaredNorm() < reach * reach;
+  return away.norm() - radius;
 }
 
 SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
@@ -131,8 +105,8 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
   add_web();
   const auto set_axes = [](std::vector<Flesh>& flesh) {
     for (Flesh& each : flesh) {
-      each.axes = each.pose.q.toRotationMatrix().cast<float>();
-      each.size = static_cast<float>(each.half.norm() + std::max(each.near, each.far));
+      each.axes = each.pose.q.toRotationMatrix();
+      each.size = each.half.norm() + std::max(each.near, each.far);
     }
   };
   palm_.push_back(stump_);
@@ -161,6 +135,7 @@ void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand
     if (found == bodies.end()) continue;
     const auto body = static_cast<int>(found - bodies.begin());
     palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[at(body)]));
+    if (palm_.back().half.x() > 0) palm_.back().taper = kPalmTaper;
     scale_ += palm_.back().near;
   }
   if (palm_.empty()) throw input_error(hand.name, "a palm without shapes", "one or more, for a skin");
@@ -277,53 +252,49 @@ void SkinField::add_web() {
 
 void SkinField::set_hinges() {
   for (Ray& ray : rays_) {
-    ray.embedded = -palm(points_about(ray.hinges[0].centre, 0, {}))[0] - ray.radius;
+    ray.embedded = -palm(ray.hinges[0].centre) - ray.radius;
     const auto distal = [&](const Hinge& hinge) {
       return Vec3(std::ranges::find(ray.flesh, hinge.body, &Flesh::body)->pose.q * Vec3::UnitZ());
     };
     for (std::size_t i = 0; i < ray.hinges.size(); ++i) {
       Hinge& hinge = ray.hinges[i];
       hinge.along = (distal(hinge) + distal(ray.hinges[i > 0 ? i - 1 : 0])).normalized();
-      const double depth = -(*this)(points_about(hinge.centre, 0, {}))[0];
-      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(depth, 0.5 * ray.radius);
+      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(-(*this)(hinge.centre), 0.5 * ray.radius);
     }
   }
 }
 
-Lanes SkinField::palm(const Points& x) const {
-  const Lanes out = united(palm_, x, kPalmBlend * scale_);
-  return joined(out, stump_.distance(x), kWristBlend * scale_) + static_cast<float>(kInset * scale_);
+double SkinField::palm(const Vec3& x) const {
+  return joined(united(palm_, x, kPalmBlend * scale_), stump_.distance(x), kWristBlend * scale_) +
+         kInset * scale_;
 }
 
-Lanes SkinField::operator()(const Points& x) const {
-  const Lanes of_palm = palm(x);
-  const auto scale = static_cast<float>(scale_);
+double SkinField::operator()(const Vec3& x) const {
+  const double of_palm = palm(x);
   // Beyond their roots fingers do not melt, nor the thumb with the hand.
-  const Lanes at_root = (1.5F - of_palm / scale).max(0).min(1) * scale;
-  const float limit = std::max(of_palm.maxCoeff(), 0.0F) + 2 * scale;
-  Lanes fingers = Lanes::Constant(kFar), thumb = fingers;
+  const double at_root = std::clamp(1.5 - of_palm / scale_, 0.0, 1.0) * scale_;
+  const double limit = std::max(of_palm, 0.0) + 2 * scale_;
+  double fingers = kFar, thumb = kFar;
   for (const Ray& ray : rays_) {
-    Lanes& group = ray.thumb ? thumb : fingers;
-    const Lanes each =
-        united(ray.flesh, x, kJointBlend * ray.radius, std::min(limit, group.maxCoeff() + scale));
-    group = joined(group, each, (at_root * kFingerBlend).eval());
+    double& group = ray.thumb ? thumb : fingers;
+    const double near = std::min(limit, group + scale_);
+    group = joined(group, united(ray.flesh, x, kJointBlend * ray.radius, near), at_root * kFingerBlend);
   }
-  if (!web_.empty()) thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
-  const Lanes of_hand =
-      joined(joined(of_palm, fingers, (at_root * kRootBlend).eval()), thumb, (at_root * kThumbBlend).eval());
-  return -joined(-of_hand, x.rows.col(1) - static_cast<float>(cut_), 0.3 * scale_);
+  thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
+  const double out = joined(joined(of_palm, fingers, at_root * kRootBlend), thumb, at_root * kThumbBlend);
+  return -joined(-out, x.y() - cut_, 0.3 * scale_);
 }
 
-Eigen::Array<float, kLanes, Eigen::Dynamic> SkinField::distances(const Points& x) const {
-  Eigen::Array<float, kLanes, Eigen::Dynamic> out(kLanes, static_cast<long>(rays_.size()) + 1);
-  out.col(0) = palm(x);
+Eigen::VectorXd SkinField::distances(const Vec3& x) const {
+  Eigen::VectorXd out(static_cast<long>(rays_.size()) + 1);
+  out[0] = palm(x);
   for (std::size_t i = 0; i < rays_.size(); ++i)
-    out.col(static_cast<long>(i) + 1) = united(rays_[i].flesh, x, kJointBlend * rays_[i].radius);
+    out[static_cast<long>(i) + 1] = united(rays_[i].flesh, x, kJointBlend * rays_[i].radius);
   return out;
 }
 
-Eigen::RowVectorXf SkinField::shares(const Eigen::RowVectorXf& distances) const {
-  const float* to_ray = distances.data() + 1;
+Eigen::RowVectorXf SkinField::shares(const Eigen::VectorXd& distances) const {
+  const double* to_ray = distances.data() + 1;
   Eigen::RowVectorXf out(static_cast<long>(rays_.size()));
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     const Ray& ray = rays_[i];
@@ -340,8 +311,7 @@ Eigen::RowVectorXf SkinField::shares(const Eigen::RowVectorXf& distances) const 
 
 Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& shares) const {
   Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
-  const bool one = rays_.empty() || rays_[0].hinges[0].body == 1;
-  const int palm_body = one ? 0 : nearest(palm_, points_about(x, 0, {}), &Flesh::body)[0];
+  const int palm_body = nearest(palm_, x).body;
   out[palm_body] = 1;
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     auto share = static_cast<double>(shares[static_cast<long>(i)]);
@@ -356,13 +326,11 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& s
   return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
 }
 
-double SkinField::beyond_palm(const Eigen::RowVectorXf& distances) const {
+double SkinField::beyond_palm(const Eigen::VectorXd& distances) const {
   const auto fingers = distances.tail(distances.size() - 1);
   return std::clamp((distances[0] - (fingers.size() > 0 ? fingers.minCoeff() : kFar)) / scale_, -9.0, 9.0);
 }
 
-std::array<int, kLanes> SkinField::nearest_shapes(const Points& x) const {
-  return nearest(all_, x, &Flesh::shape);
-}
+int SkinField::nearest_shape(const Vec3& x) const { return nearest(all_, x).shape; }
 
 }  // namespace handsim::output

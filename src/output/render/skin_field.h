@@ -1,37 +1,29 @@
 // The distance field that a hand's skin is the zero of.
 #pragma once
 
-#include <array>
 #include <vector>
 
 #include "handsim/model/model.h"
 
 namespace handsim::output {
 
-/// Of several points at once, side by side in the vector unit.
-inline constexpr int kLanes = 8;
-using Lanes = Eigen::Array<float, kLanes, 1>;
-
-struct Points {
-  Eigen::Array<float, kLanes, 3> rows;  ///< [m]
-  float spread = 1;                     ///< of all from the first, at most [m]
-};
-/// Points centre + reach offsets.
-Points points_about(const Vec3& centre, double reach, const std::array<Vec3, kLanes>& offsets);
-
-/// All points within a radius of a box, which has no width in a capsule; the radius may change along z.
+/// All points within a radius of a box, which has no width in a capsule; the radius may change along z, the
+/// width along y.
 struct Flesh {
-  Pose pose;                                           ///< X_HS in the spread hand
-  Vec3 half = Vec3::Zero();                            ///< of the box [m]
-  double near = 0, far = 0;                            ///< radius at the box's lower and upper end [m]
-  int shape = 0;                                       ///< index into Model::shapes
-  int body = 0;                                        ///< index into SkinField::bodies
-  Eigen::Matrix3f axes = Eigen::Matrix3f::Identity();  ///< its rotation, once the field is made
-  float size = 0;                                      ///< from its centre outward [m], likewise
+  Pose pose;                     ///< X_HS in the spread hand
+  Vec3 half = Vec3::Zero();      ///< of the box [m]
+  double near = 0, far = 0;      ///< radius at the box's lower and upper end [m]
+  int shape = 0;                 ///< index into Model::shapes
+  int body = 0;                  ///< index into SkinField::bodies
+  double taper = 0;              ///< share of the box that is missing in width at its lower end along y
+  Mat3 axes = Mat3::Identity();  ///< its rotation, once the field is made
+  double size = 0;               ///< from its centre outward [m], likewise
 
-  Lanes distance(const Points& x) const;
-  /// False only where no distance is below d; cheaper.
-  bool may_be_within(float d, const Points& x) const;
+  double distance(const Vec3& x) const;
+  /// False only where the distance is not below d; cheaper.
+  bool may_be_within(double d, const Vec3& x) const {
+    return d + size > 0 && (x - pose.p).squaredNorm() < (d + size) * (d + size);
+  }
   Vec3 end() const { return pose * Vec3(0, 0, half.z()); }
   /// Half of the box about it along the axes of the hand.
   Vec3 reach() const {
@@ -62,17 +54,17 @@ class SkinField {
   SkinField(const model::Model& model, const model::HandIndex& hand);
 
   /// Negative within the skin [m].
-  Lanes operator()(const Points& x) const;
-  /// By point, to the palm and to each finger [m].
-  Eigen::Array<float, kLanes, Eigen::Dynamic> distances(const Points& x) const;
+  double operator()(const Vec3& x) const;
+  /// To the palm, then to each finger [m].
+  Eigen::VectorXd distances(const Vec3& x) const;
   /// Shares of the fingers in the motion of skin at a point with these distances, as far as it is beyond
   /// their first joints.
-  Eigen::RowVectorXf shares(const Eigen::RowVectorXf& distances) const;
+  Eigen::RowVectorXf shares(const Eigen::VectorXd& distances) const;
   /// Shares of the bodies there; they sum to 1.
   Eigen::RowVectorXf weights(const Vec3& x, const Eigen::RowVectorXf& shares) const;
-  std::array<int, kLanes> nearest_shapes(const Points& x) const;
+  int nearest_shape(const Vec3& x) const;
   /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.
-  double beyond_palm(const Eigen::RowVectorXf& distances) const;
+  double beyond_palm(const Eigen::VectorXd& distances) const;
 
   std::vector<int> bodies;                       ///< indices into Model::bodies, the palm first
   std::vector<Pose> rest;                        ///< X_HB, spread
@@ -87,7 +79,7 @@ class SkinField {
   void shape_rays();
   void add_web();
   void set_hinges();
-  Lanes palm(const Points& x) const;
+  double palm(const Vec3& x) const;
 
   Pose x_HW_;  ///< with all coordinates at zero
   std::vector<Flesh> palm_, web_, all_;
