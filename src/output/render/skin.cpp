@@ -17,7 +17,7 @@ namespace {
 /// Cells of the grid over the hand's length: 8,500 to 11,000 triangles.
 constexpr double kCells = 54;
 /// Samples of the edge of the largest block; blocks far from the skin are not sampled.
-constexpr int kBlock = 8;
+constexpr int kBlock = 4;
 constexpr int kRelaxations = 4, kShareRelaxations = 12, kWeightRelaxations = 3;
 
 using Corner = Eigen::Vector3i;
@@ -228,43 +228,11 @@ constexpr std::size_t kKept = 16;
 
 /// A skin that was made, and what it is of: a left hand's is the mirror image of a right hand's.
 struct Kept {
-  std::vector<std::int64_t> key;  ///< of all that a skin follows from, of the right hand
+  std::vector<std::int64_t> key;
   model::Side side;
   std::vector<int> bodies, shapes;  ///< indices into the model's
   std::shared_ptr<const Skin> skin = nullptr;
 };
-
-/// Places are compared to a nanometre: hands of one person differ by rounding.
-Kept kept_of(const model::Model& model, const model::HandIndex& hand) {
-  Kept out = {{hand.forearm.has_value(), static_cast<std::int64_t>(hand.palm_parts.size())},
-              hand.side,
-              hand.bodies,
-              {}};
-  const auto add = [&](std::initializer_list<double> values) {
-    for (const double x : values) out.key.push_back(std::llround(1e9 * x));
-  };
-  const auto add_pose = [&](const Pose& pose) {
-    const Pose x = hand.side == model::Side::left ? mirrored(pose) : pose;
-    const double sign = std::copysign(1, x.q.w());
-    add({x.p.x(), x.p.y(), x.p.z(), sign * x.q.w(), sign * x.q.x(), sign * x.q.y(), sign * x.q.z()});
-  };
-  const Pose x_HA = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
-  for (std::size_t i = 0; i < model.shapes.size(); ++i) {
-    const model::Shape& shape = model.shapes[i];
-    const auto body = std::ranges::find(hand.bodies, shape.body);
-    if (body == hand.bodies.end()) continue;
-    out.shapes.push_back(static_cast<int>(i));
-    add_pose(x_HA * model.bodies[at(shape.body)].zero_pose * shape.pose);
-    const auto place = static_cast<double>(body - hand.bodies.begin());
-    add({shape.radius, shape.length, shape.edges[0], shape.edges[1], shape.edges[2],
-         static_cast<double>(shape.part), place});
-  }
-  for (const int joint : hand.joints) {
-    const model::Joint& of = model.joints[at(joint)];
-    add_pose(x_HA * model.bodies[at(of.child)].zero_pose * of.child_frame);
-  }
-  return out;
-}
 
 /// The skin of `like` for another hand of the same key.
 Skin renamed(const Kept& like, const Kept& now) {
@@ -280,6 +248,19 @@ Skin renamed(const Kept& like, const Kept& now) {
   for (Vec3& point : out.points) point.x() *= -1;
   for (auto& face : out.faces) std::swap(face[1], face[2]);
   return out;
+}
+
+Skin make_skin(const SkinField& field) {
+  const double cell = field.length / kCells;
+  Skin skin;
+  skin.bodies = field.bodies;
+  skin.rest = field.rest;
+  Grid grid(field, cell);
+  grid.separate();
+  grid.polygonise(skin);
+  relax(skin, field, cell);
+  set_weights(skin, field);
+  return skin;
 }
 
 /// The faces nearest to each shape as a mesh, by shape.
@@ -311,17 +292,7 @@ std::vector<std::shared_ptr<Mesh>> pieces(const Skin& skin, const std::vector<Ve
 }  // namespace
 
 Skin make_skin(const model::Model& model, const model::HandIndex& hand) {
-  const SkinField field(model, hand);
-  const double cell = field.length / kCells;
-  Skin skin;
-  skin.bodies = field.bodies;
-  skin.rest = field.rest;
-  Grid grid(field, cell);
-  grid.separate();
-  grid.polygonise(skin);
-  relax(skin, field, cell);
-  set_weights(skin, field);
-  return skin;
+  return make_skin(SkinField(model, hand));
 }
 
 std::vector<std::shared_ptr<const Skin>> skins_of(const model::Model& model) {
@@ -330,7 +301,8 @@ std::vector<std::shared_ptr<const Skin>> skins_of(const model::Model& model) {
   const std::lock_guard lock(mutex);
   std::vector<std::shared_ptr<const Skin>> out;
   for (const model::HandIndex& hand : model.hands) {
-    Kept now = kept_of(model, hand);
+    const SkinField field(model, hand);
+    Kept now = {field.key(hand.side == model::Side::left), hand.side, field.bodies, field.shapes()};
     const Kept* like = nullptr;
     for (const Kept& each : kept) {
       if (each.key != now.key) continue;
@@ -339,7 +311,7 @@ std::vector<std::shared_ptr<const Skin>> skins_of(const model::Model& model) {
         now.skin = each.skin;
     }
     if (!now.skin) {
-      now.skin = std::make_shared<const Skin>(like ? renamed(*like, now) : make_skin(model, hand));
+      now.skin = std::make_shared<const Skin>(like ? renamed(*like, now) : make_skin(field));
       kept.push_back(now);
       if (kept.size() > kKept) kept.pop_front();
     }

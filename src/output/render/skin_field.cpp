@@ -252,7 +252,7 @@ void SkinField::add_web() {
 
 void SkinField::set_hinges() {
   for (Ray& ray : rays_) {
-    ray.embedded = -palm(ray.hinges[0].centre) - ray.radius;
+    ray.embedded = -palm(ray.hinges[0].centre, kFar) - ray.radius;
     const auto distal = [&](const Hinge& hinge) {
       return Vec3(std::ranges::find(ray.flesh, hinge.body, &Flesh::body)->pose.q * Vec3::UnitZ());
     };
@@ -264,16 +264,42 @@ void SkinField::set_hinges() {
   }
 }
 
-double SkinField::palm(const Vec3& x) const {
-  return joined(united(palm_, x, kPalmBlend * scale_), stump_.distance(x), kWristBlend * scale_) +
+std::vector<std::int64_t> SkinField::key(bool of_left) const {
+  std::vector<std::int64_t> out;
+  const auto add = [&](const auto& values) {
+    for (const double x : values) out.push_back(std::llround(1e9 * x));
+  };
+  const auto add_pose = [&](const Pose& given) {
+    const Pose x = of_left ? mirrored(given) : given;
+    add(x.p);
+    add(x.q.toRotationMatrix().reshaped());
+  };
+  for (const Flesh& each : all_) {
+    add_pose(each.pose);
+    add(each.half);
+    add(std::array{each.near, each.far, 1.0 * each.body});
+  }
+  for (const Pose& pose : rest) add_pose(pose);
+  for (const Ray& ray : rays_)
+    for (const Hinge& hinge : ray.hinges) add_pose({hinge.centre, Quat::Identity()});
+  return out;
+}
+
+std::vector<int> SkinField::shapes() const {
+  std::vector<int> out;
+  for (const Flesh& each : all_) out.push_back(each.shape);
+  return out;
+}
+
+double SkinField::palm(const Vec3& x, double limit) const {
+  return joined(united(palm_, x, kPalmBlend * scale_, limit), stump_.distance(x), kWristBlend * scale_) +
          kInset * scale_;
 }
 
 double SkinField::operator()(const Vec3& x) const {
-  const double of_palm = palm(x);
+  const double limit = 2 * scale_, of_palm = palm(x, limit);
   // Beyond their roots fingers do not melt, nor the thumb with the hand.
   const double at_root = std::clamp(1.5 - of_palm / scale_, 0.0, 1.0) * scale_;
-  const double limit = std::max(of_palm, 0.0) + 2 * scale_;
   double fingers = kFar, thumb = kFar;
   for (const Ray& ray : rays_) {
     double& group = ray.thumb ? thumb : fingers;
@@ -287,7 +313,7 @@ double SkinField::operator()(const Vec3& x) const {
 
 Eigen::VectorXd SkinField::distances(const Vec3& x) const {
   Eigen::VectorXd out(static_cast<long>(rays_.size()) + 1);
-  out[0] = palm(x);
+  out[0] = palm(x, kFar);
   for (std::size_t i = 0; i < rays_.size(); ++i)
     out[static_cast<long>(i) + 1] = united(rays_[i].flesh, x, kJointBlend * rays_[i].radius);
   return out;

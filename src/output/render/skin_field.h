@@ -53,7 +53,7 @@ class SkinField {
  public:
   SkinField(const model::Model& model, const model::HandIndex& hand);
 
-  /// Negative within the skin [m].
+  /// Negative within the skin; flesh further than the thickness of the palm is left out [m].
   double operator()(const Vec3& x) const;
   /// To the palm, then to each finger [m].
   Eigen::VectorXd distances(const Vec3& x) const;
@@ -63,6 +63,10 @@ class SkinField {
   /// Shares of the bodies there; they sum to 1.
   Eigen::RowVectorXf weights(const Vec3& x, const Eigen::RowVectorXf& shares) const;
   int nearest_shape(const Vec3& x) const;
+  /// All that a skin follows from, to a nanometre: hands of one person differ by rounding. A left hand's
+  /// mirror image has that of the right hand.
+  std::vector<std::int64_t> key(bool of_left) const;
+  std::vector<int> shapes() const;  ///< in the order of the key
   /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.
   double beyond_palm(const Eigen::VectorXd& distances) const;
 
@@ -79,7 +83,7 @@ class SkinField {
   void shape_rays();
   void add_web();
   void set_hinges();
-  double palm(const Vec3& x) const;
+  double palm(const Vec3& x, double limit) const;
 
   Pose x_HW_;  ///< with all coordinates at zero
   std::vector<Flesh> palm_, web_, all_;
