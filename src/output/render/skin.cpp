@@ -157,49 +157,44 @@ void Grid::polygonise(Skin& skin) const {
     }
 }
 
-/// The mean of a quantity over the neighbours of each vertex, by edge.
-template <class Rows>
-Rows mean_of_neighbours(const Skin& skin, const Rows& rows) {
-  Rows sum = Rows::Zero(rows.rows(), rows.cols());
-  Eigen::VectorXf count = Eigen::VectorXf::Zero(rows.rows());
-  for (const auto& face : skin.faces)
-    for (int i = 0; i < 3; ++i) {
-      sum.row(face[at(i)]) += rows.row(face[at((i + 1) % 3)]);
-      count[face[at(i)]] += 1;
+using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+/// Replaces rows by the mean over the neighbours of each vertex, by edge; eight columns at once.
+void smooth(const Skin& skin, Rows& rows, int times) {
+  for (long from = 0; from < rows.cols(); from += 8) {
+    const long width = std::min(rows.cols() - from, 8L);
+    Eigen::Array<float, Eigen::Dynamic, 8, Eigen::RowMajor> part(rows.rows(), 8), sum(rows.rows(), 8);
+    part.setZero();
+    part.leftCols(width) = rows.middleCols(from, width);
+    for (int k = 0; k < times; ++k) {
+      sum.setZero();
+      Eigen::ArrayXf count = Eigen::ArrayXf::Zero(rows.rows());
+      for (const auto& face : skin.faces)
+        for (int i = 0; i < 3; ++i) {
+          sum.row(face[at(i)]) += part.row(face[at((i + 1) % 3)]);
+          count[face[at(i)]] += 1;
+        }
+      part = sum.colwise() / count;
     }
-  for (long i = 0; i < rows.rows(); ++i) sum.row(i) /= count[i];
-  return sum;
+    rows.middleCols(from, width) = part.leftCols(width);
+  }
 }
 
 /// Evens out the triangles along the surface. Its normals are about the field's gradients.
 void relax(Skin& skin, const SkinField& field, double cell) {
-  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(static_cast<long>(skin.points.size()), 3);
+  Rows rows(static_cast<long>(skin.points.size()), 3);
   for (int k = 0; k <= kRelaxations; ++k) {
     const std::vector<Vec3> normals = normals_of(skin, skin.points);
     for (std::size_t i = 0; i < skin.points.size(); ++i) {
       skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
-      rows.row(static_cast<long>(i)) = skin.points[i];
+      rows.row(static_cast<long>(i)) = skin.points[i].cast<float>();
     }
     if (k == kRelaxations) return;
-    const auto mean = mean_of_neighbours(skin, rows);
+    smooth(skin, rows, 1);
     for (std::size_t i = 0; i < skin.points.size(); ++i) {
-      const Vec3 step = 0.5 * (mean.row(static_cast<long>(i)).transpose() - skin.points[i]);
+      const Vec3 mean = rows.row(static_cast<long>(i)).cast<double>(), step = 0.5 * (mean - skin.points[i]);
       skin.points[i] += k + 1 < kRelaxations ? step : step - step.dot(normals[i]) * normals[i];
     }
-  }
-}
-
-using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-/// Smooths rows along the surface, eight columns at once.
-void smooth(const Skin& skin, Rows& rows, int times) {
-  for (long from = 0; from < rows.cols(); from += 8) {
-    const long width = std::min(rows.cols() - from, 8L);
-    Eigen::Matrix<float, Eigen::Dynamic, 8, Eigen::RowMajor> part(rows.rows(), 8);
-    part.rightCols(8 - width).setZero();
-    part.leftCols(width) = rows.middleCols(from, width);
-    for (int k = 0; k < times; ++k) part = mean_of_neighbours(skin, part);
-    rows.middleCols(from, width) = part.leftCols(width);
   }
 }
 

@@ -20,14 +20,11 @@ constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbB
                  kFingerBlend = 0.4, kWebBlend = 0.3;
 /// Of segments, over the radius.
 constexpr double kJointBlend = 0.15;
-/// A palm that is a box is narrower at the wrist by this share.
-constexpr double kPalmTaper = 0.3;
 /// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
 constexpr double kInset = 0.04;
-/// Of the thumb's web at its ends, over that of thumb and palm.
-constexpr double kWebThickness = 0.5;
-/// A fingertip is narrower than its segment.
-constexpr double kTip = 0.9;
+/// Of the thumb's web at its ends, over thumb and palm; of a fingertip over its segment; what a palm that is
+/// a box lacks of its breadth at the wrist.
+constexpr double kWebThickness = 0.5, kTip = 0.9, kPalmTaper = 0.3;
 /// Of the wrist over the palm's breadth; of its end over the hand's length.
 constexpr double kWristWidth = 0.7, kWristThickness = 0.41, kWristEnd = 0.13;
 /// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre,
@@ -103,19 +100,16 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
     for (const Flesh& each : ray.flesh) length = std::max(length, each.end().norm() + each.far);
   add_wrist(hand.forearm.has_value());
   add_web();
-  const auto set_axes = [](std::vector<Flesh>& flesh) {
-    for (Flesh& each : flesh) {
-      each.axes = each.pose.q.toRotationMatrix();
-      each.size = each.half.norm() + std::max(each.near, each.far);
-    }
+  const auto finish = [](Flesh& each) {
+    each.axes = each.pose.q.toRotationMatrix();
+    each.size = each.half.norm() + std::max(each.near, each.far);
   };
-  palm_.push_back(stump_);
-  for (std::vector<Flesh>* flesh : {&palm_, &web_}) set_axes(*flesh);
+  for (std::vector<Flesh>* flesh : {&palm_, &web_}) std::ranges::for_each(*flesh, finish);
+  finish(stump_);
   all_ = palm_;
-  stump_ = palm_.back();
-  palm_.pop_back();
+  all_.push_back(stump_);
   for (Ray& ray : rays_) {
-    set_axes(ray.flesh);
+    std::ranges::for_each(ray.flesh, finish);
     all_.insert(all_.end(), ray.flesh.begin(), ray.flesh.end());
   }
   set_hinges();

@@ -63,8 +63,7 @@ class SkinField {
   /// Shares of the bodies there; they sum to 1.
   Eigen::RowVectorXf weights(const Vec3& x, const Eigen::RowVectorXf& shares) const;
   int nearest_shape(const Vec3& x) const;
-  /// All that a skin follows from, to a nanometre: hands of one person differ by rounding. A left hand's
-  /// mirror image has that of the right hand.
+  /// All that a skin follows from [nm], of a left hand mirrored: equal for the hands of one person.
   std::vector<std::int64_t> key(bool of_left) const;
   std::vector<int> shapes() const;  ///< in the order of the key
   /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.

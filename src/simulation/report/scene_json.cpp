@@ -216,16 +216,12 @@ Json skins_json(const scene::Scene& scene) {
     // The mesh of a hand that is the mirror image of an earlier one is written once.
     std::size_t like = 0;
     while (!mirror_images(*skins[i], *skins[like]) && like < i) ++like;
-    Json rest = Json::array();
-    for (const Pose& x : skins[i]->rest) rest.push_back(pose_json(x));
     out.push_back({{"bodies", skins[i]->bodies},
-                   {"rest", rest},
+                   {"rest", Json::array()},
                    {"tone", colour_json(output::from_srgb(scene.spec.pictures.skin_colour))},
                    {"hand", hand_of(scene.model, skins[i]->bodies[0])}});
-    if (like < i)
-      out.back()["mirror_of"] = like;
-    else
-      out.back().update(mesh_of_skin_json(*skins[i]));
+    for (const Pose& x : skins[i]->rest) out.back()["rest"].push_back(pose_json(x));
+    out.back().update(like < i ? Json{{"mirror_of", like}} : mesh_of_skin_json(*skins[i]));
   }
   return out;
 }
