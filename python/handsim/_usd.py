@@ -1,9 +1,9 @@
-"""A moment of a scene as USD's text form: UsdGeom, UsdPhysics (bodies, joints, collision shapes), UsdSkel (skin)."""
+"""A scene as USD's text form, a moment or its motion: UsdGeom, UsdPhysics (bodies, joints, collision shapes), UsdSkel (skin)."""
 from __future__ import annotations
 
 import math
 import re
-from typing import Any, Iterable, Sequence
+from typing import Any, Iterable, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,8 +62,26 @@ class _Prim:
         return f'{indent}def {self.kind} "{self.name}"{apis}\n{indent}{{\n{inner}{children}{indent}}}\n'
 
 
-def _placed(x: Array) -> list[str]:
-    return [f"double3 xformOp:translate = {_tuple(x[:3])}", f"quatd xformOp:orient = {_tuple(x[3:])}",
+def _samples(name: str, values: Sequence[str], codes: Optional[Array]) -> list[str]:
+    """An attribute: its first value, and its values by time code where it changes."""
+    out = [f"{name} = {values[0]}"]
+    if codes is not None and len(set(values)) > 1:
+        out.append(f"{name}.timeSamples = {{ " + ", ".join(f"{_number(code)}: {value}" for code, value in zip(codes, values)) + " }")
+    return out
+
+
+def _steady(quaternions: Array) -> Array:
+    """Of the two quaternions of each rotation the one near that of the row before; rows are times."""
+    dots = np.sum(quaternions[1:] * quaternions[:-1], axis=-1, keepdims=True)
+    signs = np.cumprod(np.where(dots < 0, -1.0, 1.0), axis=0)
+    return np.concatenate([quaternions[:1], signs * quaternions[1:]])
+
+
+def _placed(poses: Array, codes: Optional[Array] = None) -> list[str]:
+    """At poses by time, or at one."""
+    rows = np.atleast_2d(poses)
+    return [*_samples("double3 xformOp:translate", [_tuple(x[:3]) for x in rows], codes),
+            *_samples("quatd xformOp:orient", [_tuple(q) for q in _steady(rows[:, 3:])], codes),
             'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]']
 
 
@@ -157,14 +175,15 @@ def _inertia(inertia: Array) -> list[str]:
     return [f"float3 physics:diagonalInertia = {_tuple(moments)}", f"quatf physics:principalAxes = {_tuple(turn)}"]
 
 
-def _skin(model: Model, skin: SkinParts, hand: HandParts, poses: Array) -> _Prim:
-    """Mesh, skeleton and the pose, in the world."""
+def _skin(model: Model, skin: SkinParts, hand: HandParts, poses: Array, codes: Optional[Array]) -> _Prim:
+    """Mesh, skeleton and the poses by time, in the world."""
     frames, parents = rig(model), {body: model.parent(body) for body in skin.bodies}
-    at = compose(poses[skin.bodies[0]], hand.wrist)
+    at = compose(poses[0][skin.bodies[0]], hand.wrist)
     points = at[:3] + turned(at[3:], skin.points)
     bind = compose(at, compose(skin.rest, frames[skin.bodies]))
-    now = dict(zip(skin.bodies, compose(poses[skin.bodies], frames[skin.bodies])))
-    local = np.stack([compose(inverse(now[parents[b]]), now[b]) if parents[b] in now else now[b] for b in skin.bodies])
+    now = {body: compose(poses[:, body], frames[body]) for body in skin.bodies}
+    local = np.stack([compose(inverse(now[parents[b]]), now[b]) if parents[b] in now else now[b] for b in skin.bodies], axis=1)
+    turns = _steady(local[:, :, 3:])
     tokens: dict[int, str] = {}
     for body in skin.bodies:
         own = _name(model.bodies[body].name.partition(".")[2])
@@ -174,11 +193,12 @@ def _skin(model: Model, skin: SkinParts, hand: HandParts, poses: Array) -> _Prim
     path = f"/World/{root.name}"
     root.add(_Prim("Skeleton", "skeleton", ["SkelBindingAPI"], [
         joints, f"uniform matrix4d[] bindTransforms = [{', '.join(_matrix(m) for m in matrices(bind))}]",
-        f"uniform matrix4d[] restTransforms = [{', '.join(_matrix(m) for m in matrices(local))}]",
+        f"uniform matrix4d[] restTransforms = [{', '.join(_matrix(m) for m in matrices(local[0]))}]",
         f"rel skel:animationSource = <{path}/pose>"]))
     root.add(_Prim("SkelAnimation", "pose", (), [
-        joints, f"float3[] translations = {_tuples(local[:, :3])}", f"quatf[] rotations = {_tuples(local[:, 3:])}",
-        f"half3[] scales = {_tuples(np.ones((len(local), 3)))}"]))
+        joints, *_samples("float3[] translations", [_tuples(rows[:, :3]) for rows in local], codes),
+        *_samples("quatf[] rotations", [_tuples(rows) for rows in turns], codes),
+        f"half3[] scales = {_tuples(np.ones((len(skin.bodies), 3)))}"]))
     indices, shares = strongest(skin.weights)
     root.add(_Prim("Mesh", "skin", ["SkelBindingAPI"], [
         *_mesh(points, skin.faces), f"color3f[] primvars:displayColor = [{_tuple(skin.colour)}]",
@@ -190,11 +210,14 @@ def _skin(model: Model, skin: SkinParts, hand: HandParts, poses: Array) -> _Prim
     return root
 
 
-def usda_of(model: Model, skins: Sequence[SkinParts], poses: Array) -> str:
-    """The text of a .usda file: metres, z up.
+def usda_of(model: Model, skins: Sequence[SkinParts], poses: Array, times: Optional[Array] = None, fps: float = 60.0) -> str:
+    """The text of a .usda file: metres, z up. Time codes are frames.
 
-    :param poses: of all bodies, x y z and quaternion w x y z, shape (bodies, 7)
+    :param poses: of all bodies, x y z and quaternion w x y z, shape (times, bodies, 7), or of one moment (bodies, 7)
+    :param times: of a motion [s]
     """
+    poses = poses.reshape(-1, len(model.bodies), 7)
+    codes = None if times is None or len(times) < 2 else fps * times
     world = _Prim("Xform", "World")
     size = float(np.linalg.norm(model.gravity))
     down = model.gravity / size if size else np.array([0.0, 0, -1])
@@ -212,9 +235,9 @@ def usda_of(model: Model, skins: Sequence[SkinParts], poses: Array) -> str:
 
     covered = {body for skin in skins for body in skin.bodies}
     prims = [world]
-    for body, x in zip(model.bodies[1:], poses[1:]):
+    for body, x in zip(model.bodies[1:], poses.transpose(1, 0, 2)[1:]):
         prims.append(world.add(_Prim("Xform", body.name, ["PhysicsRigidBodyAPI", "PhysicsMassAPI"], [
-            *_placed(x), f"float physics:mass = {_number(body.mass)}", "point3f physics:centerOfMass = (0, 0, 0)", *_inertia(body.inertia),
+            *_placed(x, codes), f"float physics:mass = {_number(body.mass)}", "point3f physics:centerOfMass = (0, 0, 0)", *_inertia(body.inertia),
             *(["bool physics:kinematicEnabled = 1"] if body.fixed else [])])))
     for shape in model.shapes:
         prims[shape.body].add(_shape(shape, shape.body not in covered, True, material(shape)))
@@ -224,6 +247,8 @@ def usda_of(model: Model, skins: Sequence[SkinParts], poses: Array) -> str:
     for joint in model.joints:
         world.add(_joint(joint, paths))
     for skin, hand in zip(skins, model.hands):
-        world.add(_skin(model, skin, hand, poses))
-    head = ['    defaultPrim = "World"', f"    doc = {_text(model.title)}", "    kilogramsPerUnit = 1", "    metersPerUnit = 1", '    upAxis = "Z"']
+        world.add(_skin(model, skin, hand, poses, codes))
+    moves = [] if codes is None else [f"    {key} = {_number(value)}" for key, value in (
+        ("endTimeCode", codes[-1]), ("framesPerSecond", fps), ("startTimeCode", codes[0]), ("timeCodesPerSecond", fps))]
+    head = ['    defaultPrim = "World"', f"    doc = {_text(model.title)}", "    kilogramsPerUnit = 1", "    metersPerUnit = 1", '    upAxis = "Z"', *moves]
     return "#usda 1.0\n(\n" + "\n".join(head) + "\n)\n\n" + world.text()

@@ -1,6 +1,6 @@
 """Files for viewers and other programs, from a scene, a finished run or a person: ``python3 -m handsim export``.
 
-glTF (.glb) with the motion, USD as text (.usda) with physics, OBJ and STL of a moment. Other formats (MJCF, URDF, OpenSim) are the
+glTF (.glb) with the motion, USD as text (.usda) with motion and physics, OBJ and STL of a moment. Other formats (MJCF, URDF, OpenSim) are the
 program's.
 """
 from __future__ import annotations
@@ -135,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("source", nargs="?", help="scene file, name of a shipped scene, or folder of a finished run")
     parser.add_argument("--out", required=True, help="the file; its ending says the format")
     parser.add_argument("--format", help=f"one of {', '.join(FORMATS)}")
-    parser.add_argument("--time", type=float, help="the moment [s]; of glb the end of the motion; default: the start, of glb all")
+    parser.add_argument("--time", type=float, help="the moment [s]; of glb the end of the motion; default: obj and stl the start, glb and usda all")
     parser.add_argument("--hands", choices=("skin", "shapes", "both"), default="skin", help="what is seen of hands (usda has both)")
     parser.add_argument("--fps", type=float, default=FRAMES, help="frames of an animation in a second (60)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help="overrides a key of the scene")
@@ -218,7 +218,8 @@ def run(arguments: argparse.Namespace) -> str:
     scene, motion = _scene_of(arguments)
     show = sys.stderr.isatty() and not arguments.quiet
     still = arguments.source is None
-    times, poses = _motion(scene, motion, arguments.time, kind == "glb" and not still, arguments.fps, show)
+    whole = kind == "glb" or kind == "usda" and arguments.time is None
+    times, poses = _motion(scene, motion, arguments.time, whole and not still, arguments.fps, show)
     model = Model(scene)
     skins = skins_of(scene) if arguments.hands != "shapes" or kind == "usda" else []
     if kind == "glb":
@@ -226,7 +227,7 @@ def run(arguments: argparse.Namespace) -> str:
     elif kind == "usda":
         from ._usd import usda_of
 
-        content = usda_of(model, skins, poses[0]).encode()
+        content = usda_of(model, skins, poses, times, arguments.fps).encode()
     else:
         parts = pieces(model, skins, poses[0], arguments.hands)
         content = obj_of(parts) if kind == "obj" else stl_of(parts)

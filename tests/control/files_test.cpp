@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "handsim/control/motion_file.h"
-#include "handsim/output/table/motion_table.h"
+#include "handsim/output/table/table_files.h"
 #include "scene_files.h"
 
 namespace handsim::control {

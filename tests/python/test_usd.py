@@ -1,11 +1,13 @@
 """python3 -m handsim export ... .usda, read back by usd-core."""
+import csv
 import math
 
 import numpy as np
 import pytest
 
 import handsim as hs
-from handsim._model import Model, bent, compose, matrices, skins_of
+from handsim import export
+from handsim._model import Model, bent, matrices, skins_of
 from handsim._usd import usda_of
 
 try:
@@ -119,4 +121,63 @@ def test_skin_is_where_the_bodies_are(written):
         exact = bent(skin, poses[skin.bodies])
         assert np.count_nonzero(rigid) > 500 and np.abs(np.array(points) - exact)[rigid].max() < 1e-6
         assert np.abs(np.array(points) - exact).max() < 0.006
-    assert compose(poses[0], poses[0]).shape == (7,)
+
+
+def from_csv(folder):
+    """Times, and position and rotation matrix of each body by time, read without the package."""
+    with open(folder / "trajectory.csv") as file:
+        rows = [{key.partition("[")[0]: value for key, value in row.items()} for row in csv.DictReader(file)]
+    names = [key[:-3] for key in rows[0] if key.endswith(".qw")]
+    values = lambda name, keys: np.array([[float(row[f"{name}.{key}"]) for key in keys] for row in rows])
+    return np.array([float(row["time"]) for row in rows]), {name: (values(name, "xyz"), values(name, ["qw", "qx", "qy", "qz"])) for name in names}
+
+
+def joint_places(stage, root, code):
+    """Of the joints of a skin in the world, by name."""
+    cache = UsdSkel.Cache()
+    cache.Populate(root, Usd.PrimDefaultPredicate)
+    binding = cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate)[0]
+    query = cache.GetSkelQuery(binding.GetSkeleton())
+    places = query.ComputeJointWorldTransforms(UsdGeom.XformCache(code))
+    return {str(token).rpartition("/")[2]: np.array(m.ExtractTranslation()) for token, m in zip(query.GetJointOrder(), places)}
+
+
+# Oracle: the table of the run. Joints are where bodies' proximal joints are, which lie half a segment from them, as at the start.
+def test_a_run_moves_bodies_and_joints_as_its_table_says(tmp_path):
+    folder, file = tmp_path / "run", tmp_path / "run.usda"
+    assert hs._core.command_line(["run", str(hs.data_path() / "config/grasp_power_can.yaml"), "--out", str(folder), "--quiet", "--set", "duration=1.2"]) in (0, 1)
+    assert export.main([str(folder), "--out", str(file), "--quiet", "--fps", "50"]) == 0
+    times, bodies = from_csv(folder)
+    stage = Usd.Stage.Open(str(file))
+    rate = stage.GetTimeCodesPerSecond()
+    assert (rate, stage.GetStartTimeCode(), stage.GetEndTimeCode() / rate) == (50, 0, pytest.approx(times[-1] - times[0]))
+    sampled = np.array(UsdGeom.Xformable(prim(stage, "can")).GetTimeSamples()) / rate
+    assert len(sampled) == len(times) == 61 and sampled == pytest.approx(times - times[0], abs=1e-7)
+    root = UsdSkel.Root(prim(stage, "right_skin"))
+    local, moved = {}, 0.0
+    for row in range(0, len(times), 5):
+        code = Usd.TimeCode(rate * sampled[row])
+        for name, (places, turns) in bodies.items():
+            transform = UsdGeom.Xformable(prim(stage, name)).ComputeLocalToWorldTransform(code)
+            assert np.abs(np.array(transform.ExtractTranslation()) - places[row]).max() < 1e-7
+            quaternion = transform.ExtractRotationQuat()
+            dot = abs(np.dot([quaternion.GetReal(), *quaternion.GetImaginary()], turns[row]))
+            assert dot == pytest.approx(1, abs=1e-8)
+        for joint, place in joint_places(stage, root, code).items():
+            x, (w, *v) = (column[row] for column in bodies[f"right.{joint}"])
+            # The joint in the frame of its body stays where it was.
+            arm = place - x
+            cross = 2 * np.cross(arm, v)
+            inside = arm + w * cross + np.cross(cross, v)
+            start = local.setdefault(joint, (inside, place))
+            assert np.abs(inside - start[0]).max() < 2e-6, joint
+            moved = max(moved, np.linalg.norm(place - start[1]))
+    assert moved > 0.05
+
+
+def test_a_moment_of_a_run_has_no_motion(tmp_path):
+    file = tmp_path / "moment.usda"
+    assert export.main(["two_hands", "--time", "0", "--out", str(file), "--quiet"]) == 0
+    stage = Usd.Stage.Open(str(file))
+    assert not stage.HasAuthoredTimeCodeRange()
+    assert not any(attribute.GetNumTimeSamples() for of in stage.Traverse() for attribute in of.GetAttributes())

@@ -14,7 +14,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/output/report/page.h"
-#include "handsim/output/table/read_rows.h"
+#include "handsim/output/table/table_files.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/run/run.h"
 

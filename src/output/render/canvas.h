@@ -5,7 +5,7 @@
 #include <memory>
 #include <optional>
 
-#include "handsim/output/render/gl_choice.h"
+#include "handsim/output/render/image.h"
 
 namespace handsim::output {
 

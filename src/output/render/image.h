@@ -1,4 +1,4 @@
-// An 8-bit RGB picture in memory and its PNG file.
+// An 8-bit RGB picture in memory and its PNG file; the ways to draw one without a display.
 #pragma once
 
 #include <cstdint>
@@ -24,5 +24,14 @@ void require_pictures();
 /// Writes a PNG; the file appears under its name only when complete.
 /// @throws Error (input) if the path cannot be written, Error (output) if the disk is full.
 void write_png(const Image& image, const std::filesystem::path& path);
+
+/// OSMesa: Mesa's own drawing into memory, which Mesa had until version 25.0. EGL: any driver, without a
+/// surface; a machine without a graphics card has Mesa's, with the same pictures.
+enum class Gl { osmesa, egl };
+
+/// Name on the command line: `osmesa`, `egl`.
+const char* name_of(Gl gl);
+/// Those of this build, the default first.
+std::vector<Gl> built_gls();
 
 }  // namespace handsim::output

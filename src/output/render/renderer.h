@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "handsim/output/render/draw_list.h"
-#include "handsim/output/render/gl_choice.h"
 #include "handsim/output/render/image.h"
 
 namespace handsim::output {

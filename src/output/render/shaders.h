@@ -6,6 +6,8 @@
 #include <string>
 #include <string_view>
 
+#include <fmt/format.h>
+
 namespace handsim::output {
 
 /// Most capsules, and most other solids, that can shade one drawn solid; the nearest are used.
@@ -16,7 +18,10 @@ inline constexpr double kLightSize = 0.11;
 inline constexpr double kSkyReach = 1.7;
 
 /// GLSL text of the constants above; it comes after light_glsl.
-std::string shader_constants();
+inline std::string shader_constants() {
+  return fmt::format("const int kMaxOccluders = {};\nconst float kLightSize = {}, kSkyReach = {};\n",
+                     kMaxOccluders, kLightSize, kSkyReach);
+}
 
 /// Comes after light_glsl where there are occluders that are not capsules.
 inline constexpr std::string_view kWithSolids = "#define WITH_SOLIDS\n";

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <deque>
 #include <mutex>
+#include <tuple>
 
 #include "handsim/core/index.h"
 #include "handsim/output/render/mesh.h"
@@ -13,11 +14,11 @@ namespace handsim::output {
 
 namespace {
 
-/// Cells of the grid over the hand's length: 10,000 to 14,000 triangles.
-constexpr double kCells = 62;
-/// Samples of a block's edge; blocks far from the skin are not sampled.
+/// Cells of the grid over the hand's length: 8,500 to 11,000 triangles.
+constexpr double kCells = 54;
+/// Samples of the edge of the largest block; blocks far from the skin are not sampled.
 constexpr int kBlock = 4;
-constexpr int kRelaxations = 3, kShareRelaxations = 12, kWeightRelaxations = 2;
+constexpr int kRelaxations = 4, kShareRelaxations = 12, kWeightRelaxations = 3;
 
 using Corner = Eigen::Vector3i;
 
@@ -37,22 +38,18 @@ class Grid {
   }
   bool inside(const Corner& c) const { return values_[index(c)] < 0; }
   Vec3 place(const Corner& c) const { return low_ + cell_ * c.cast<double>(); }
-  void sample_block(const Corner& first);
+  void sample(const Corner& first, int size);
   bool fill(const Corner& c, int a, int b);
   bool fill(const Corner& c);
   Vec3 vertex(const Corner& cell) const;
-  template <class Each>
-  void each(int border, Each each) const {
-    for (int z = 0; z < size_.z() - border; ++z)
-      for (int y = 0; y < size_.y() - border; ++y)
-        for (int x = 0; x < size_.x() - border; ++x) each(Corner(x, y, z));
-  }
 
   const SkinField& field_;
   double cell_;
   Vec3 low_;
   Corner size_;
   std::vector<double> values_;
+  std::vector<char> near_;     ///< of each sample, whether its cell is one of
+  std::vector<Corner> cells_;  ///< by their lowest corners: all that the surface may pass through
 };
 
 Corner corner_of(int bits) { return {bits & 1, bits >> 1 & 1, bits >> 2 & 1}; }
@@ -62,19 +59,28 @@ Grid::Grid(const SkinField& field, double cell) : field_(field), cell_(cell) {
   const Vec3 extent = (field.high - low_) / (cell * kBlock);
   size_ = kBlock * (extent.array().ceil().cast<int>() + 1).matrix();
   values_.resize(at(size_.prod()));
+  near_.resize(values_.size());
   for (int z = 0; z < size_.z(); z += kBlock)
     for (int y = 0; y < size_.y(); y += kBlock)
-      for (int x = 0; x < size_.x(); x += kBlock) sample_block({x, y, z});
+      for (int x = 0; x < size_.x(); x += kBlock) sample({x, y, z}, kBlock);
+  for (int z = 0; z < size_.z() - 1; ++z)
+    for (int y = 0; y < size_.y() - 1; ++y)
+      for (int x = 0; x < size_.x() - 1; ++x)
+        if (near_[index({x, y, z})] != 0) cells_.emplace_back(x, y, z);
 }
 
-/// The field grows no faster than the distance: one sample excludes a block.
-void Grid::sample_block(const Corner& first) {
-  const Vec3 middle = place(first) + Vec3::Constant(0.5 * (kBlock - 1) * cell_);
-  const double of_middle = field_(middle).d;
-  const bool far = std::abs(of_middle) > 0.5 * kBlock * cell_ * std::sqrt(3) * 1.2;
-  for (int i = 0; i < kBlock * kBlock * kBlock; ++i) {
-    const Corner c = first + Corner(i % kBlock, i / kBlock % kBlock, i / (kBlock * kBlock));
-    values_[index(c)] = far ? of_middle : field_(place(c)).d;
+/// The field grows no faster than the distance: one sample excludes a block whose samples are all further
+/// than a cell from the surface.
+void Grid::sample(const Corner& first, int size) {
+  const double half = 0.5 * (size - 1), d = field_(place(first) + Vec3::Constant(half * cell_));
+  if (size == 1) {
+    values_[index(first)] = d;
+    for (int k = 0; k < 8; ++k) near_[index((first - corner_of(k)).cwiseMax(0))] = 1;
+  } else if (std::abs(d) < (half * std::sqrt(3) + 1) * cell_) {
+    for (int k = 0; k < 8; ++k) sample(first + size / 2 * corner_of(k), size / 2);
+  } else {
+    for (int k = 0; k < size * size * size; ++k)
+      values_[index(first + Corner(k % size, k / size % size, k / (size * size)))] = d;
   }
 }
 
@@ -104,10 +110,10 @@ bool Grid::fill(const Corner& c) {
 void Grid::separate() {
   for (bool changed = true; changed;) {
     changed = false;
-    each(1, [&](const Corner& c) {
+    for (const Corner& c : cells_) {
       for (const auto& [a, b] : {std::pair(0, 1), {1, 2}, {2, 0}}) changed = fill(c, a, b) || changed;
       changed = fill(c) || changed;
-    });
+    }
   }
 }
 
@@ -129,14 +135,14 @@ Vec3 Grid::vertex(const Corner& cell) const {
 
 void Grid::polygonise(Skin& skin) const {
   std::vector<std::uint32_t> numbers(values_.size());
-  each(1, [&](const Corner& cell) {
+  for (const Corner& cell : cells_) {
     int in = 0;
     for (int i = 0; i < 8; ++i) in += inside(cell + corner_of(i));
-    if (in == 0 || in == 8) return;
+    if (in == 0 || in == 8) continue;
     numbers[index(cell)] = static_cast<std::uint32_t>(skin.points.size());
     skin.points.push_back(vertex(cell));
-  });
-  each(1, [&](const Corner& c) {
+  }
+  for (const Corner& c : cells_)
     for (int axis = 0; axis < 3; ++axis) {
       if (inside(c) == inside(c + Corner::Unit(axis))) continue;
       const Corner u = Corner::Unit((axis + 1) % 3), v = Corner::Unit((axis + 2) % 3);
@@ -149,59 +155,65 @@ void Grid::polygonise(Skin& skin) const {
       skin.faces.push_back({quad[0], quad[1], quad[2]});
       skin.faces.push_back({quad[0], quad[2], quad[3]});
     }
-  });
 }
 
-/// Newton's step onto the surface, at most a cell long.
-Vec3 onto(const SkinField& field, const Vec3& x, double cell) {
-  const Sample at = field(x);
-  const Vec3 step = -at.d / std::max(at.gradient.squaredNorm(), 0.25) * at.gradient;
-  return x + std::min(1.0, cell / std::max(step.norm(), 1e-12)) * step;
-}
+using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// The mean of a quantity over the neighbours of each vertex, by edge.
-template <class Rows>
-Rows mean_of_neighbours(const Skin& skin, const Rows& rows) {
-  Rows sum = Rows::Zero(rows.rows(), rows.cols());
-  Eigen::VectorXf count = Eigen::VectorXf::Zero(rows.rows());
-  for (const auto& face : skin.faces)
-    for (int i = 0; i < 3; ++i) {
-      sum.row(face[at(i)]) += rows.row(face[at((i + 1) % 3)]);
-      count[face[at(i)]] += 1;
+/// Replaces rows by the mean over the neighbours of each vertex, by edge; eight columns at once.
+void smooth(const Skin& skin, Rows& rows, int times) {
+  for (long from = 0; from < rows.cols(); from += 8) {
+    const long width = std::min(rows.cols() - from, 8L);
+    Eigen::Array<float, Eigen::Dynamic, 8, Eigen::RowMajor> part(rows.rows(), 8), sum(rows.rows(), 8);
+    part.setZero();
+    part.leftCols(width) = rows.middleCols(from, width);
+    for (int k = 0; k < times; ++k) {
+      sum.setZero();
+      Eigen::ArrayXf count = Eigen::ArrayXf::Zero(rows.rows());
+      for (const auto& face : skin.faces)
+        for (int i = 0; i < 3; ++i) {
+          sum.row(face[at(i)]) += part.row(face[at((i + 1) % 3)]);
+          count[face[at(i)]] += 1;
+        }
+      part = sum.colwise() / count;
     }
-  for (long i = 0; i < rows.rows(); ++i) sum.row(i) /= count[i];
-  return sum;
+    rows.middleCols(from, width) = part.leftCols(width);
+  }
 }
 
-/// Evens out the triangles along the surface.
+/// Evens out the triangles along the surface. Its normals are about the field's gradients.
 void relax(Skin& skin, const SkinField& field, double cell) {
-  Eigen::Matrix<double, Eigen::Dynamic, 3, Eigen::RowMajor> rows(static_cast<long>(skin.points.size()), 3);
+  Rows rows(static_cast<long>(skin.points.size()), 3);
   for (int k = 0; k <= kRelaxations; ++k) {
+    const std::vector<Vec3> normals = normals_of(skin, skin.points);
     for (std::size_t i = 0; i < skin.points.size(); ++i) {
-      skin.points[i] = onto(field, skin.points[i], cell);
-      rows.row(static_cast<long>(i)) = skin.points[i];
+      skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
+      rows.row(static_cast<long>(i)) = skin.points[i].cast<float>();
     }
     if (k == kRelaxations) return;
-    const auto mean = mean_of_neighbours(skin, rows);
-    for (std::size_t i = 0; i < skin.points.size(); ++i)
-      skin.points[i] += 0.5 * (mean.row(static_cast<long>(i)).transpose() - skin.points[i]);
+    smooth(skin, rows, 1);
+    for (std::size_t i = 0; i < skin.points.size(); ++i) {
+      const Vec3 mean = rows.row(static_cast<long>(i)).cast<double>(), step = 0.5 * (mean - skin.points[i]);
+      skin.points[i] += k + 1 < kRelaxations ? step : step - step.dot(normals[i]) * normals[i];
+    }
   }
 }
 
 void set_weights(Skin& skin, const SkinField& field) {
-  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-  const auto of_points = [&](long columns, auto at_point) {
-    Rows out(static_cast<long>(skin.points.size()), columns);
-    for (long i = 0; i < out.rows(); ++i) out.row(i) = at_point(skin.points[at(i)], i);
-    return out;
-  };
-  Rows shares = of_points(field.shares(skin.points[0]).size(),
-                          [&](const Vec3& point, long) { return field.shares(point); });
+  const auto count = static_cast<long>(skin.points.size());
+  Rows shares(count, field.distances(skin.points[0]).size() - 1);
+  std::vector<int> nearest;
+  for (long i = 0; i < count; ++i) {
+    const Eigen::VectorXd distances = field.distances(skin.points[at(i)]);
+    shares.row(i) = field.shares(distances);
+    skin.finger.push_back(static_cast<float>(field.beyond_palm(distances)));
+    nearest.push_back(field.nearest_shape(skin.points[at(i)]));
+  }
+  for (const auto& face : skin.faces) skin.shapes.push_back(nearest[face[0]]);
   // A web between a bent and a straight finger turns over unless it is wide.
-  for (int k = 0; k < kShareRelaxations; ++k) shares = mean_of_neighbours(skin, shares);
-  Rows weights = of_points(static_cast<long>(skin.bodies.size()),
-                           [&](const Vec3& point, long i) { return field.weights(point, shares.row(i)); });
-  for (int k = 0; k < kWeightRelaxations; ++k) weights = mean_of_neighbours(skin, weights);
+  smooth(skin, shares, kShareRelaxations);
+  Rows weights(count, static_cast<long>(skin.bodies.size()));
+  for (long i = 0; i < count; ++i) weights.row(i) = field.weights(skin.points[at(i)], shares.row(i));
+  smooth(skin, weights, kWeightRelaxations);
   skin.weights = weights;
 }
 
@@ -209,25 +221,41 @@ void set_weights(Skin& skin, const SkinField& field) {
 constexpr float kNailShare = 0.2F;
 constexpr std::size_t kKept = 16;
 
-/// All that a skin follows from.
-std::vector<double> key_of(const model::Model& model, const model::HandIndex& hand) {
-  std::vector<double> out = {static_cast<double>(hand.palm), static_cast<double>(hand.palm_parts.size())};
-  const auto add = [&out](const auto& v) { out.insert(out.end(), v.data(), v.data() + v.size()); };
-  std::vector<int> bodies = hand.bodies;
-  add(hand.wrist_frame.p);
-  for (const int body : bodies) {
-    add(model.bodies[at(body)].zero_pose.p);
-    add(model.bodies[at(body)].zero_pose.q.coeffs());
-  }
-  for (const model::Shape& shape : model.shapes) {
-    out.push_back(static_cast<double>(std::ranges::find(bodies, shape.body) - bodies.begin()));
-    if (out.back() == static_cast<double>(bodies.size())) continue;
-    add(shape.pose.p);
-    add(shape.pose.q.coeffs());
-    add(shape.edges);
-    out.insert(out.end(), {shape.radius, shape.length, static_cast<double>(shape.part)});
-  }
+/// A skin that was made, and what it is of: a left hand's is the mirror image of a right hand's.
+struct Kept {
+  std::vector<std::int64_t> key;
+  model::Side side;
+  std::vector<int> bodies, shapes;  ///< indices into the model's
+  std::shared_ptr<const Skin> skin = nullptr;
+};
+
+/// The skin of `like` for another hand of the same key.
+Skin renamed(const Kept& like, const Kept& now) {
+  const auto rename = [](std::vector<int>& indices, const std::vector<int>& from,
+                         const std::vector<int>& to) {
+    for (int& index : indices) index = to[at(std::ranges::find(from, index) - from.begin())];
+  };
+  Skin out = *like.skin;
+  rename(out.bodies, like.bodies, now.bodies);
+  rename(out.shapes, like.shapes, now.shapes);
+  if (like.side == now.side) return out;
+  for (Pose& rest : out.rest) rest = mirrored(rest);
+  for (Vec3& point : out.points) point.x() *= -1;
+  for (auto& face : out.faces) std::swap(face[1], face[2]);
   return out;
+}
+
+Skin make_skin(const SkinField& field) {
+  const double cell = field.length / kCells;
+  Skin skin;
+  skin.bodies = field.bodies;
+  skin.rest = field.rest;
+  Grid grid(field, cell);
+  grid.separate();
+  grid.polygonise(skin);
+  relax(skin, field, cell);
+  set_weights(skin, field);
+  return skin;
 }
 
 /// The faces nearest to each shape as a mesh, by shape.
@@ -259,39 +287,30 @@ std::vector<std::shared_ptr<Mesh>> pieces(const Skin& skin, const std::vector<Ve
 }  // namespace
 
 Skin make_skin(const model::Model& model, const model::HandIndex& hand) {
-  const SkinField field(model, hand);
-  const double cell = field.length / kCells;
-  Skin skin;
-  skin.bodies = field.bodies;
-  skin.rest = field.rest;
-  Grid grid(field, cell);
-  grid.separate();
-  grid.polygonise(skin);
-  relax(skin, field, cell);
-  set_weights(skin, field);
-  std::vector<int> nearest;
-  for (const Vec3& point : skin.points) {
-    nearest.push_back(field.nearest_shape(point));
-    skin.finger.push_back(static_cast<float>(field.beyond_palm(point)));
-  }
-  for (const auto& face : skin.faces) skin.shapes.push_back(nearest[face[0]]);
-  return skin;
+  return make_skin(SkinField(model, hand));
 }
 
 std::vector<std::shared_ptr<const Skin>> skins_of(const model::Model& model) {
   static std::mutex mutex;
-  static std::deque<std::pair<std::vector<double>, std::shared_ptr<const Skin>>> kept;
+  static std::deque<Kept> kept;
   const std::lock_guard lock(mutex);
   std::vector<std::shared_ptr<const Skin>> out;
   for (const model::HandIndex& hand : model.hands) {
-    std::vector<double> key = key_of(model, hand);
-    auto found = std::ranges::find(kept, key, [](const auto& each) { return each.first; });
-    if (found == kept.end()) {
-      if (kept.size() == kKept) kept.pop_front();
-      kept.emplace_back(std::move(key), std::make_shared<const Skin>(make_skin(model, hand)));
-      found = kept.end() - 1;
+    const SkinField field(model, hand);
+    Kept now = {field.key(hand.side == model::Side::left), hand.side, field.bodies, field.shapes()};
+    const Kept* like = nullptr;
+    for (const Kept& each : kept) {
+      if (each.key != now.key) continue;
+      like = &each;
+      if (std::tie(each.side, each.bodies, each.shapes) == std::tie(now.side, now.bodies, now.shapes))
+        now.skin = each.skin;
     }
-    out.push_back(found->second);
+    if (!now.skin) {
+      now.skin = std::make_shared<const Skin>(like ? renamed(*like, now) : make_skin(field));
+      kept.push_back(now);
+      if (kept.size() > kKept) kept.pop_front();
+    }
+    out.push_back(now.skin);
   }
   return out;
 }

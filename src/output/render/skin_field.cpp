@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "handsim/core/error.h"
 #include "handsim/core/index.h"
@@ -21,10 +22,9 @@ constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbB
 constexpr double kJointBlend = 0.15;
 /// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
 constexpr double kInset = 0.04;
-/// Of the thumb's web at its ends, over that of thumb and palm.
-constexpr double kWebThickness = 0.5;
-/// A fingertip is narrower than its segment.
-constexpr double kTip = 0.9;
+/// Of the thumb's web at its ends, over thumb and palm; of a fingertip over its segment; what a palm that is
+/// a box lacks of its breadth at the wrist.
+constexpr double kWebThickness = 0.5, kTip = 0.9, kPalmTaper = 0.3;
 /// Of the wrist over the palm's breadth; of its end over the hand's length.
 constexpr double kWristWidth = 0.7, kWristThickness = 0.41, kWristEnd = 0.13;
 /// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre,
@@ -34,7 +34,7 @@ constexpr double kHingeWidth = 1.25, kRootWidth = 1.4;
 constexpr double kShare = 0.7;
 /// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the
 /// skin; and where it alone moves that of the thumb, whose muscles are in the palm.
-constexpr double kFree = -1.2, kThumbFree = 1.8;
+constexpr double kFree = -1.2, kThumbFree = 1.2;
 
 /// Rises from 0 at `from` to 1 at `to`, with a slope of at most 1.25 / (to - from).
 double ramp(double x, double from, double to) {
@@ -42,24 +42,28 @@ double ramp(double x, double from, double to) {
   return 0.5 * (t + t * t * (3 - 2 * t));
 }
 
+constexpr double kFar = 1e3;
+
 /// The least of both, rounded where they differ by less than k (quadratic; Quilez, "smooth minimum").
-Sample joined(const Sample& a, const Sample& b, double k) {
-  const bool first = a.d < b.d;
-  const Sample &near = first ? a : b, &far = first ? b : a;
-  const double h = k > 0 ? std::max(1 - (far.d - near.d) / k, 0.0) : 0;
-  return {near.d - h * h * k / 4, (1 - h / 2) * near.gradient + h / 2 * far.gradient};
+double joined(double a, double b, double k) {
+  const double h = std::max(k - std::abs(a - b), 0.0);
+  return std::min(a, b) - (k > 0 ? h * h / (4 * k) : 0);
 }
 
 /// Smooth union of flesh; what is further than `limit` is left out.
-Sample united(const std::vector<Flesh>& flesh, const Vec3& x, double k, double limit = 1e9) {
-  Sample out;
+double united(const std::vector<Flesh>& flesh, const Vec3& x, double k, double limit = kFar) {
+  double out = kFar;
   for (const Flesh& each : flesh)
-    if (each.bound(x) < std::min(out.d + k, limit)) out = joined(out, each.distance(x), k);
+    if (each.may_be_within(std::min(out + k, limit), x)) out = joined(out, each.distance(x), k);
   return out;
 }
 
-Flesh nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
-  return *std::ranges::min_element(flesh, {}, [&](const Flesh& each) { return each.distance(x).d; });
+const Flesh& nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
+  const Flesh* out = &flesh[0];
+  for (double least = kFar; const Flesh& each : flesh)
+    if (each.may_be_within(least, x))
+      if (const double d = each.distance(x); d < least) std::tie(out, least) = std::tuple(&each, d);
+  return *out;
 }
 
 /// A shape at pose X_HB of its body; a box is as round as it can be.
@@ -72,13 +76,18 @@ Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB)
 
 }  // namespace
 
-Sample Flesh::distance(const Vec3& x) const {
-  const Vec3 local = axes.transpose() * (x - pose.p);
-  const Vec3 away = local - local.cwiseMax(-half).cwiseMin(half);
-  const double share = half.z() > 0 ? std::clamp(0.5 + 0.5 * local.z() / half.z(), 0.0, 1.0) : 0;
-  const double radius = near + share * (far - near), out = away.norm();
-  if (out > 1e-9) return {out - radius, axes * (away / out)};
-  return {(local.cwiseAbs() - half).maxCoeff() - radius, axes.col(1)};
+double Flesh::distance(const Vec3& x) const {
+  Vec3 away = x - pose.p;
+  double radius = near, breadth = 1;
+  for (const int k : {2, 1, 0})
+    if (half[k] > 0) {
+      const double within = std::clamp(axes.col(k).dot(away), -breadth * half[k], breadth * half[k]);
+      const double rise = 0.5 + 0.5 * within / half[k];
+      away -= within * axes.col(k);
+      if (k == 2) radius += rise * (far - near);
+      if (k == 1) breadth -= taper * (1 - rise);
+    }
+  return away.norm() - radius;
 }
 
 SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
@@ -91,24 +100,24 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
     for (const Flesh& each : ray.flesh) length = std::max(length, each.end().norm() + each.far);
   add_wrist(hand.forearm.has_value());
   add_web();
-  const auto set_axes = [](std::vector<Flesh>& flesh) {
-    for (Flesh& each : flesh) each.axes = each.pose.q.toRotationMatrix();
+  const auto finish = [](Flesh& each) {
+    each.axes = each.pose.q.toRotationMatrix();
+    each.size = each.half.norm() + std::max(each.near, each.far);
   };
-  for (std::vector<Flesh>* flesh : {&palm_, &web_}) set_axes(*flesh);
-  for (Ray& ray : rays_) set_axes(ray.flesh);
+  for (std::vector<Flesh>* flesh : {&palm_, &web_}) std::ranges::for_each(*flesh, finish);
+  finish(stump_);
+  all_ = palm_;
+  all_.push_back(stump_);
+  for (Ray& ray : rays_) {
+    std::ranges::for_each(ray.flesh, finish);
+    all_.insert(all_.end(), ray.flesh.begin(), ray.flesh.end());
+  }
   set_hinges();
-  for (const Flesh& each : all()) {
+  for (const Flesh& each : all_) {
     low = low.cwiseMin(each.pose.p - each.reach());
     high = high.cwiseMax(each.pose.p + each.reach());
   }
   low.y() = std::max(low.y(), cut_);
-}
-
-std::vector<Flesh> SkinField::all() const {
-  std::vector<Flesh> out = palm_;
-  out.push_back(stump_);
-  for (const Ray& ray : rays_) out.insert(out.end(), ray.flesh.begin(), ray.flesh.end());
-  return out;
 }
 
 void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand) {
@@ -120,6 +129,7 @@ void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand
     if (found == bodies.end()) continue;
     const auto body = static_cast<int>(found - bodies.begin());
     palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[at(body)]));
+    if (palm_.back().half.x() > 0) palm_.back().taper = kPalmTaper;
     scale_ += palm_.back().near;
   }
   if (palm_.empty()) throw input_error(hand.name, "a palm without shapes", "one or more, for a skin");
@@ -236,56 +246,83 @@ void SkinField::add_web() {
 
 void SkinField::set_hinges() {
   for (Ray& ray : rays_) {
-    ray.embedded = -palm(ray.hinges[0].centre).d - ray.radius;
+    ray.embedded = -palm(ray.hinges[0].centre, kFar) - ray.radius;
     const auto distal = [&](const Hinge& hinge) {
       return Vec3(std::ranges::find(ray.flesh, hinge.body, &Flesh::body)->pose.q * Vec3::UnitZ());
     };
     for (std::size_t i = 0; i < ray.hinges.size(); ++i) {
       Hinge& hinge = ray.hinges[i];
       hinge.along = (distal(hinge) + distal(ray.hinges[i > 0 ? i - 1 : 0])).normalized();
-      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(-(*this)(hinge.centre).d, 0.5 * ray.radius);
+      hinge.width = (i > 0 ? kHingeWidth : kRootWidth) * std::max(-(*this)(hinge.centre), 0.5 * ray.radius);
     }
   }
 }
 
-Sample SkinField::palm(const Vec3& x) const {
-  Sample out = united(palm_, x, kPalmBlend * scale_);
-  out = joined(out, stump_.distance(x), kWristBlend * scale_);
-  out.d += kInset * scale_;
+std::vector<std::int64_t> SkinField::key(bool of_left) const {
+  std::vector<std::int64_t> out;
+  const auto add = [&](const auto& values) {
+    for (const double x : values) out.push_back(std::llround(1e9 * x));
+  };
+  const auto add_pose = [&](const Pose& given) {
+    const Pose x = of_left ? mirrored(given) : given;
+    add(x.p);
+    add(x.q.toRotationMatrix().reshaped());
+  };
+  for (const Flesh& each : all_) {
+    add_pose(each.pose);
+    add(each.half);
+    add(std::array{each.near, each.far, 1.0 * each.body});
+  }
+  for (const Pose& pose : rest) add_pose(pose);
+  for (const Ray& ray : rays_)
+    for (const Hinge& hinge : ray.hinges) add_pose({hinge.centre, Quat::Identity()});
   return out;
 }
 
-Sample SkinField::operator()(const Vec3& x) const {
-  Sample out = palm(x);
-  // Beyond their roots fingers do not melt, nor the thumb with the hand.
-  const double at_root = std::clamp(1.5 - out.d / scale_, 0.0, 1.0);
-  const double limit = std::max(out.d, 0.0) + 2 * scale_;
-  Sample fingers, thumb;
-  for (const Ray& ray : rays_) {
-    Sample& group = ray.thumb ? thumb : fingers;
-    group = joined(group, united(ray.flesh, x, kJointBlend * ray.radius, std::min(limit, group.d + scale_)),
-                   at_root * kFingerBlend * scale_);
-  }
-  if (!web_.empty()) thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
-  out = joined(out, fingers, at_root * kRootBlend * scale_);
-  out = joined(out, thumb, at_root * kThumbBlend * scale_);
-  Sample inside = {-out.d, -out.gradient};
-  inside = joined(inside, {x.y() - cut_, Vec3::UnitY()}, 0.3 * scale_);
-  return {-inside.d, -inside.gradient};
+std::vector<int> SkinField::shapes() const {
+  std::vector<int> out;
+  for (const Flesh& each : all_) out.push_back(each.shape);
+  return out;
 }
 
-Eigen::RowVectorXf SkinField::shares(const Vec3& x) const {
-  const double palm_distance = palm(x).d;
-  std::vector<double> distances;
-  for (const Ray& ray : rays_) distances.push_back(united(ray.flesh, x, kJointBlend * ray.radius).d);
+double SkinField::palm(const Vec3& x, double limit) const {
+  return joined(united(palm_, x, kPalmBlend * scale_, limit), stump_.distance(x), kWristBlend * scale_) +
+         kInset * scale_;
+}
+
+double SkinField::operator()(const Vec3& x) const {
+  const double limit = 2 * scale_, of_palm = palm(x, limit);
+  // Beyond their roots fingers do not melt, nor the thumb with the hand.
+  const double at_root = std::clamp(1.5 - of_palm / scale_, 0.0, 1.0) * scale_;
+  double fingers = kFar, thumb = kFar;
+  for (const Ray& ray : rays_) {
+    double& group = ray.thumb ? thumb : fingers;
+    const double near = std::min(limit, group + scale_);
+    group = joined(group, united(ray.flesh, x, kJointBlend * ray.radius, near), at_root * kFingerBlend);
+  }
+  thumb = joined(thumb, united(web_, x, kWebBlend * scale_, limit), kWebBlend * scale_);
+  const double out = joined(joined(of_palm, fingers, at_root * kRootBlend), thumb, at_root * kThumbBlend);
+  return -joined(-out, x.y() - cut_, 0.3 * scale_);
+}
+
+Eigen::VectorXd SkinField::distances(const Vec3& x) const {
+  Eigen::VectorXd out(static_cast<long>(rays_.size()) + 1);
+  out[0] = palm(x, kFar);
+  for (std::size_t i = 0; i < rays_.size(); ++i)
+    out[static_cast<long>(i) + 1] = united(rays_[i].flesh, x, kJointBlend * rays_[i].radius);
+  return out;
+}
+
+Eigen::RowVectorXf SkinField::shares(const Eigen::VectorXd& distances) const {
+  const double* to_ray = distances.data() + 1;
   Eigen::RowVectorXf out(static_cast<long>(rays_.size()));
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     const Ray& ray = rays_[i];
-    double share = ramp(palm_distance - distances[i] + ray.embedded, kFree * ray.radius,
+    double share = ramp(distances[0] - to_ray[i] + ray.embedded, kFree * ray.radius,
                         (ray.thumb ? kThumbFree : 0) * ray.radius);
     for (std::size_t k = 0; k < rays_.size(); ++k) {
       const double width = kShare * (ray.radius + rays_[k].radius) / 2;
-      if (k != i) share *= ramp(distances[k] - distances[i], -width, width);
+      if (k != i) share *= ramp(to_ray[k] - to_ray[i], -width, width);
     }
     out[static_cast<long>(i)] = static_cast<float>(share);
   }
@@ -309,12 +346,11 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& s
   return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
 }
 
-double SkinField::beyond_palm(const Vec3& x) const {
-  Sample fingers;
-  for (const Ray& ray : rays_) fingers = joined(fingers, united(ray.flesh, x, kJointBlend * ray.radius), 0);
-  return std::clamp((palm(x).d - fingers.d) / scale_, -9.0, 9.0);
+double SkinField::beyond_palm(const Eigen::VectorXd& distances) const {
+  const auto fingers = distances.tail(distances.size() - 1);
+  return std::clamp((distances[0] - (fingers.size() > 0 ? fingers.minCoeff() : kFar)) / scale_, -9.0, 9.0);
 }
 
-int SkinField::nearest_shape(const Vec3& x) const { return nearest(all(), x).shape; }
+int SkinField::nearest_shape(const Vec3& x) const { return nearest(all_, x).shape; }
 
 }  // namespace handsim::output

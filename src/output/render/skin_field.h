@@ -7,24 +7,23 @@
 
 namespace handsim::output {
 
-/// A value and its gradient.
-struct Sample {
-  double d = 1e9;  ///< [m], negative inside
-  Vec3 gradient = Vec3::UnitZ();
-};
-
-/// All points within a radius of a box, which has no width in a capsule; the radius may change along z.
+/// All points within a radius of a box, which has no width in a capsule; the radius may change along z, the
+/// width along y.
 struct Flesh {
   Pose pose;                     ///< X_HS in the spread hand
   Vec3 half = Vec3::Zero();      ///< of the box [m]
   double near = 0, far = 0;      ///< radius at the box's lower and upper end [m]
   int shape = 0;                 ///< index into Model::shapes
   int body = 0;                  ///< index into SkinField::bodies
-  Mat3 axes = Mat3::Identity();  ///< its rotation, once the field is made: faster than its quaternion
+  double taper = 0;              ///< share of the box that is missing in width at its lower end along y
+  Mat3 axes = Mat3::Identity();  ///< its rotation, once the field is made
+  double size = 0;               ///< from its centre outward [m], likewise
 
-  Sample distance(const Vec3& x) const;
-  /// Less than distance(), and cheaper.
-  double bound(const Vec3& x) const { return (x - pose.p).norm() - half.norm() - std::max(near, far); }
+  double distance(const Vec3& x) const;
+  /// False only where the distance is not below d; cheaper.
+  bool may_be_within(double d, const Vec3& x) const {
+    return d + size > 0 && (x - pose.p).squaredNorm() < (d + size) * (d + size);
+  }
   Vec3 end() const { return pose * Vec3(0, 0, half.z()); }
   /// Half of the box about it along the axes of the hand.
   Vec3 reach() const {
@@ -54,15 +53,21 @@ class SkinField {
  public:
   SkinField(const model::Model& model, const model::HandIndex& hand);
 
-  /// Negative within the skin.
-  Sample operator()(const Vec3& x) const;
-  /// Shares of the fingers in the motion of skin at a point, as far as it is beyond their first joints.
-  Eigen::RowVectorXf shares(const Vec3& x) const;
+  /// Negative within the skin; flesh further than the thickness of the palm is left out [m].
+  double operator()(const Vec3& x) const;
+  /// To the palm, then to each finger [m].
+  Eigen::VectorXd distances(const Vec3& x) const;
+  /// Shares of the fingers in the motion of skin at a point with these distances, as far as it is beyond
+  /// their first joints.
+  Eigen::RowVectorXf shares(const Eigen::VectorXd& distances) const;
   /// Shares of the bodies there; they sum to 1.
   Eigen::RowVectorXf weights(const Vec3& x, const Eigen::RowVectorXf& shares) const;
   int nearest_shape(const Vec3& x) const;
+  /// All that a skin follows from [nm], of a left hand mirrored: equal for the hands of one person.
+  std::vector<std::int64_t> key(bool of_left) const;
+  std::vector<int> shapes() const;  ///< in the order of the key
   /// How much nearer a point is to a finger than to the palm, over half the palm's thickness.
-  double beyond_palm(const Vec3& x) const;
+  double beyond_palm(const Eigen::VectorXd& distances) const;
 
   std::vector<int> bodies;                       ///< indices into Model::bodies, the palm first
   std::vector<Pose> rest;                        ///< X_HB, spread
@@ -77,11 +82,10 @@ class SkinField {
   void shape_rays();
   void add_web();
   void set_hinges();
-  Sample palm(const Vec3& x) const;
-  std::vector<Flesh> all() const;
+  double palm(const Vec3& x, double limit) const;
 
   Pose x_HW_;  ///< with all coordinates at zero
-  std::vector<Flesh> palm_, web_;
+  std::vector<Flesh> palm_, web_, all_;
   Flesh stump_;  ///< of the arm
   std::vector<Ray> rays_;
   double scale_ = 0;  ///< half the palm's thickness [m]

@@ -377,7 +377,7 @@ const Scene = (() => {
         if (shape.part !== 'palm') fingerColours[shape.body] = partColours[shape.part];
       }
     // Of two runs of one person the skin is in the page once.
-    const skins = runs.map((run, r) => (run.scene.skins || main.scene.skins).map(data => Skin.create(data, solids[r], fingerColours, r > 0, plain)));
+    const skins = runs.map((run, r) => (run.scene.skins || main.scene.skins).map((data, _, all) => Skin.create(data, all, solids[r], fingerColours, r > 0, plain)));
     for (const skin of skins.flat()) world.add(...skin.meshes);
     const paths = trails(main, motions[0], partColours);
     const axes = main.scene.axes.map(axis => {

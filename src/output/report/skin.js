@@ -3,8 +3,9 @@
 'use strict';
 
 const Skin = (() => {
-  /** Points of the rest posture, and the four strongest bodies of each with their shares. */
-  function read(data) {
+  /** Points of the rest posture, and the four strongest bodies of each with their shares. @param all skins of the run */
+  function read(data, all) {
+    if (data.mirror_of !== undefined) return mirrored(read(all[data.mirror_of], all));
     const numbers = words(data.points), influences = words(data.influences), count = numbers.length / 3;
     const points = new Float32Array(3 * count), bodies = new Uint8Array(4 * count), shares = new Float32Array(4 * count);
     for (let i = 0; i < 3 * count; ++i) points[i] = data.low[i % 3] + data.step[i % 3] * numbers[i];
@@ -17,6 +18,12 @@ const Skin = (() => {
       for (let k = 4 * i; k < 4 * i + 4; ++k) shares[k] /= sum;
     }
     return {count, points, bodies, shares, faces: words(data.faces)};
+  }
+
+  /** Of the other hand: the mirror image in the y-z plane. */
+  function mirrored(rest) {
+    const points = rest.points.map((x, i) => i % 3 ? x : -x), faces = rest.faces.map((_, i) => rest.faces[i % 3 ? i + 3 - 2 * (i % 3) : i]);
+    return {...rest, points, faces};
   }
 
   /** Moves points and normals. @param motion of each body from the rest pose: q and t q / 2, eight numbers. @param swell outward [m] */
@@ -48,11 +55,11 @@ const Skin = (() => {
 
   /**
    * The skin of a hand.
-   * @param data of the page: points, faces, influences, bodies, rest poses, tone. @param groups of the bodies, which have their poses
+   * @param data of the page: points, faces, influences or a hand that it mirrors, bodies, rest poses, tone. @param all skins of the run. @param groups of the bodies, which have their poses
    * @param colours of the bodies, where fingers have some. @param ghost of another run: transparent. @param plain for a processor that draws
    */
-  function create(data, groups, colours, ghost, plain) {
-    const rest = read(data), tone = new THREE.Color(...data.tone), motion = new Float64Array(8 * data.bodies.length);
+  function create(data, all, groups, colours, ghost, plain) {
+    const rest = read(data, all), tone = new THREE.Color(...data.tone), motion = new Float64Array(8 * data.bodies.length);
     if (ghost) tone.lerp(new THREE.Color(0.10, 0.16, 0.45), 0.65);
     const geometry = new THREE.BufferGeometry(), attribute = () => new THREE.BufferAttribute(new Float32Array(3 * rest.count), 3);
     const position = attribute(), normal = attribute(), colour = attribute();

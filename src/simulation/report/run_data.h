@@ -12,7 +12,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/model/state.h"
-#include "handsim/output/table/read_rows.h"
+#include "handsim/output/table/table_files.h"
 #include "handsim/scene/compile/scene.h"
 
 namespace handsim::simulation {

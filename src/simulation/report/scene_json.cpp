@@ -176,7 +176,7 @@ Json mesh_json(const output::Mesh& mesh) {
 
 /// A hand's skin: points in steps of their box, triangles, and the four strongest bodies of each point as
 /// 1024 times the body and 1023 times its share.
-Json skin_json(const output::Skin& skin, const output::Colour& tone) {
+Json mesh_of_skin_json(const output::Skin& skin) {
   Vec3 low = skin.points[0], high = low;
   for (const Vec3& point : skin.points) {
     low = low.cwiseMin(point);
@@ -197,24 +197,31 @@ Json skin_json(const output::Skin& skin, const output::Colour& tone) {
   }
   for (const auto& face : skin.faces)
     for (const std::uint32_t corner : face) faces.push_back(static_cast<std::uint16_t>(corner));
-  Json rest = Json::array();
-  for (const Pose& x : skin.rest) rest.push_back(pose_json(x));
-  return {{"bodies", skin.bodies},
-          {"rest", rest},
-          {"low", numbers(low)},
+  return {{"low", numbers(low)},
           {"step", numbers(step)},
           {"points", output::base64(points)},
           {"faces", output::base64(faces)},
-          {"influences", output::base64(influences)},
-          {"tone", colour_json(tone)}};
+          {"influences", output::base64(influences)}};
+}
+
+bool mirror_images(const output::Skin& a, const output::Skin& b) {
+  return std::ranges::equal(a.points, b.points, {}, {}, [](const Vec3& x) { return mirrored(x); });
 }
 
 Json skins_json(const scene::Scene& scene) {
   Json out = Json::array();
   if (scene.spec.pictures.hands == scene::HandLook::shapes) return out;
-  for (const auto& skin : output::skins_of(scene.model)) {
-    out.push_back(skin_json(*skin, output::from_srgb(scene.spec.pictures.skin_colour)));
-    out.back()["hand"] = hand_of(scene.model, skin->bodies[0]);
+  const auto skins = output::skins_of(scene.model);
+  for (std::size_t i = 0; i < skins.size(); ++i) {
+    // The mesh of a hand that is the mirror image of an earlier one is written once.
+    std::size_t like = 0;
+    while (!mirror_images(*skins[i], *skins[like]) && like < i) ++like;
+    out.push_back({{"bodies", skins[i]->bodies},
+                   {"rest", Json::array()},
+                   {"tone", colour_json(output::from_srgb(scene.spec.pictures.skin_colour))},
+                   {"hand", hand_of(scene.model, skins[i]->bodies[0])}});
+    for (const Pose& x : skins[i]->rest) out.back()["rest"].push_back(pose_json(x));
+    out.back().update(like < i ? Json{{"mirror_of", like}} : mesh_of_skin_json(*skins[i]));
   }
   return out;
 }

@@ -9,7 +9,6 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/output/render/draw_list.h"
-#include "handsim/output/render/gl_choice.h"
 #include "handsim/output/render/image.h"
 #include "handsim/scene/compile/scene.h"
 

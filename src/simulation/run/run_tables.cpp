@@ -12,7 +12,7 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/markers.h"
 #include "handsim/output/table/csv_rows.h"
-#include "handsim/output/table/motion_table.h"
+#include "handsim/output/table/table_files.h"
 #include "handsim/simulation/run/output_size.h"
 
 namespace handsim::simulation {

@@ -6,7 +6,7 @@
 
 #include "handsim/core/units.h"
 #include "handsim/output/table/gnuplot.h"
-#include "handsim/output/table/motion_table.h"
+#include "handsim/output/table/table_files.h"
 #include "handsim/study/inverse/inverse.h"
 #include "handsim/study/report.h"
 

@@ -7,7 +7,7 @@
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/table/gnuplot.h"
-#include "handsim/output/table/motion_table.h"
+#include "handsim/output/table/table_files.h"
 #include "handsim/study/report.h"
 #include "handsim/study/track/track.h"
 

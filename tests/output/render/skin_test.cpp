@@ -186,6 +186,30 @@ TEST(Skin, MovesRigidlyWithTheWholeHand) {
     EXPECT_LT((points[i] - motion * skin.points[i]).norm(), 1e-6);
 }
 
+// Oracle: the left hand's own skin, made from its shapes on a grid of its own.
+TEST(Skin, OfALeftHandIsTheMirrorImageOfTheRight) {
+  const scene::Scene scene = hands_of("median_man");
+  const model::HandIndex& left = scene.model.hands[1];
+  ASSERT_EQ(left.side, model::Side::left);
+  const Skin mirrored = *skins_of(scene.model)[1], own = make_skin(scene.model, left);
+  expect_closed(mirrored, "left");
+  EXPECT_EQ(mirrored.bodies, own.bodies);
+  for (const int shape : mirrored.shapes)
+    EXPECT_NE(std::ranges::find(left.bodies, scene.model.shapes[static_cast<std::size_t>(shape)].body),
+              left.bodies.end());
+  for (std::size_t b = 0; b < own.rest.size(); ++b) {
+    EXPECT_LT((mirrored.rest[b].p - own.rest[b].p).norm(), 1e-9);
+    EXPECT_LT(mirrored.rest[b].q.angularDistance(own.rest[b].q), 1e-7);
+  }
+  // 3 mm is the grid's cell: as far the nearest of two corners may be.
+  for (std::size_t i = 0; i < mirrored.points.size(); i += 17) {
+    double nearest = 1;
+    for (const Vec3& other : own.points) nearest = std::min(nearest, (mirrored.points[i] - other).norm());
+    ASSERT_LT(nearest, 3e-3);
+  }
+  EXPECT_NEAR(volume_beyond(mirrored, mirrored.points, 0) / volume_beyond(own, own.points, 0), 1, 1e-3);
+}
+
 // Oracle: in a draw list, pieces of skin are all of its triangles, with outward normals, and the stump is
 // gone.
 TEST(Skin, PiecesInADrawListAreTheWholeSkin) {

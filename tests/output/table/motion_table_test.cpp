@@ -1,5 +1,5 @@
 // OpenSim tables. Oracle: the text of the format.
-#include "handsim/output/table/motion_table.h"
+#include "handsim/output/table/table_files.h"
 
 #include <gtest/gtest.h>
 
