@@ -505,7 +505,8 @@ def test_a_packed_frame_is_the_json_frame():
     found = read_packed(packed(0, points, 1.5) + packed(1, points[:21], 1.5))
     assert found["t"] == 1.5 and set(found["hands"]) == {"right", "left"}
     joints = found["hands"]["right"]["joints"]
-    assert joints[7] is None and np.allclose(joints[8], points[8])
+    assert np.isnan(joints[7]).all() and np.array_equal(joints[8], points[8])
+    assert np.array_equal(points_of(joints), points_of([None if i == 7 else row for i, row in enumerate(points.tolist())]), equal_nan=True)
 
 
 def test_forged_frames_are_counted_and_do_nothing(can):
