@@ -41,6 +41,8 @@ PRESS = {"thumb_cmc.flexion": 0.12, "thumb_cmc.abduction": -0.35, "thumb_mcp.fle
 beyond the tracked angles [rad], as those of the shipped power grasp do; times the stream's `press`."""
 OPENING = 0.5
 """A hand whose fingers open faster than this on average does not press [rad/s]."""
+FINISH_AFTER = 0.003
+"""A frame, what only the next one needs [s]."""
 PRESS_TIME = 0.2
 """In which it begins [s]."""
 WRIST_SPEED = 2.0
@@ -135,7 +137,7 @@ class Follower:
         self.last_fault = ""
         self._sources: list[Any] = []
         self._lock = threading.Lock()
-        self._closed = threading.Event()
+        self._closed, self._fresh = threading.Event(), threading.Event()
         self._facts = session.facts
         self._hands = self._find_hands()
         self._targets: Optional[Array] = None
@@ -260,8 +262,7 @@ class Follower:
                     self._follow(tracked, points, float(moment), born)
             self.frames += 1
             self._send(born, 0.004)
-            for side in read.keys() & self._hands.keys():  # what can wait
-                self._hands[side].filter.finish()
+        self._fresh.set()
 
     def _refresh(self) -> None:
         """The scene may have been built anew."""
@@ -316,20 +317,27 @@ class Follower:
     def _send(self, born: float, ramp: float) -> None:
         """Targets and wrists, each within the time of a ramp [s]."""
         try:
+            values: dict[str, Any] = {"born": born}
             if self._targets is not None:
-                self.session.send(Command("targets", {"values": self._targets.tolist(), "time": ramp, "born": born}, "targets"))
+                values["targets"] = {"values": self._targets.tolist(), "time": ramp}
             if self._wrists is not None:
-                way = float(np.max(np.linalg.norm(self._wrists[:, :3] - self.session.view.wrists[:, :3], axis=1)))
-                self.session.send(Command("wrists", {"values": self._wrists.tolist(), "time": max(ramp, way / WRIST_SPEED)}, "wrists"))
+                way = math.sqrt(float(np.max(np.sum((self._wrists[:, :3] - self.session.view.wrists[:, :3])**2, axis=1))))
+                values["wrists"] = {"values": self._wrists.tolist(), "time": max(ramp, way / WRIST_SPEED)}
+            if len(values) > 1:
+                self.session.send(Command("tracked", values, "tracked"))
         except Error as error:
             self.last_fault = str(error)
 
     def _keep_watch(self) -> None:
-        """Predicts over gaps; a hand without frames for long relaxes."""
-        while not self._closed.wait(0.008):
+        """Predicts over gaps; a hand without frames for long relaxes. Ends the work on a frame when its step is under way."""
+        while not self._closed.is_set():
+            if self._fresh.wait(0.008):
+                self._fresh.clear()
+                self._closed.wait(FINISH_AFTER)
             now = time.monotonic()
             with self._lock:
                 for tracked in self._hands.values():
+                    tracked.filter.finish()
                     gap = now - tracked.heard
                     if tracked.lost or gap < 2.5 * tracked.period:
                         continue

@@ -97,15 +97,14 @@ class HandFilter:
 
     def update(self, points: Array, time: float) -> bool:
         """Takes a frame [m]; points that are not finite were not seen. :returns: False where too few were"""
-        whole = bool(np.isfinite(points).all())
-        if not whole and np.isfinite(points).all(axis=1).sum() < 7:
-            return False
         self.finish()
+        if self.time is not None and 0 < time - self.time < LONGEST_GAP and self._follow(points, time):
+            return True
+        if np.isfinite(points).all(axis=1).sum() < 7:
+            return False
         if self.time is None:
             self._scale(points, 1.0)
-        sized = self._sized(points, whole)
-        if self.time is None or not 0 < time - self.time < LONGEST_GAP or not self._follow(points, sized, time):
-            self._find(sized, time)
+        self._find(self._sized(points), time)
         return True
 
     def _scale(self, points: Array, share: float) -> None:
@@ -114,11 +113,13 @@ class HandFilter:
             ratio = float(np.median(np.linalg.norm(points[PALM] - points[0], axis=1) / self._palm))
             self.scale += share * (min(2.0, max(0.5, ratio)) - self.scale)
 
-    def _sized(self, points: Array, whole: bool) -> Array:
+    def _sized(self, points: Array) -> Array:
         """The points of a hand of the scene's size: scaled about the fingers' bases."""
-        palm = points[PALM]
-        origin = np.nanmean(points, axis=0) if not whole and not np.isfinite(palm).all() else palm.sum(axis=0) / len(PALM)
-        out: Array = points / self.scale + (1 - 1 / self.scale) * origin
+        origin = points[5:18:4].sum(axis=0) * 0.25
+        if not math.isfinite(origin.sum()):
+            origin = points[np.isfinite(points).all(axis=1)].sum(axis=0) / max(1, np.isfinite(points).all(axis=1).sum())
+        out: Array = points * (1 / self.scale)
+        out += (1 - 1 / self.scale) * origin
         return out
 
     def _find(self, points: Array, time: float) -> None:
@@ -131,7 +132,7 @@ class HandFilter:
         self._density, self._trend = self._usual.copy(), np.zeros(n)
         self._waiting = None
 
-    def _follow(self, points: Array, sized: Array, time: float) -> bool:
+    def _follow(self, points: Array, time: float) -> bool:
         """:returns: False where the points are not near the prediction"""
         assert self.time is not None
         dt = time - self.time
@@ -139,7 +140,7 @@ class HandFilter:
         F = np.array([[1, dt, KEPT * (dt - KEPT * (1 - decay))], [0, 1, KEPT * (1 - decay)], [0, 0, decay]])
         Q = np.array([[dt**5 / 20, dt**4 / 8, dt**3 / 6], [dt**4 / 8, dt**3 / 3, dt**2 / 2], [dt**3 / 6, dt**2 / 2, dt]])
         speed = math.sqrt(sum(each * each for each in self._motion[0, :3].tolist()))
-        found = self._fit.follow(sized, self.pose, self._motion, self._coefficients(dt), self._spread, self._shared, self._density,
+        found = self._fit.follow(self._sized(points), self.pose, self._motion, self._coefficients(dt), self._spread, self._shared, self._density,
                                  F, Q, self.noise, max(OUTLIER, 6 * self.noise) + 0.006 * speed)
         if found is None:
             return False
