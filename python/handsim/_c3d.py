@@ -4,6 +4,7 @@ ezc3d reads the file (pip install ezc3d); it is needed for this alone.
 """
 from __future__ import annotations
 
+import struct
 import sys
 import tempfile
 from contextlib import contextmanager
@@ -104,6 +105,17 @@ def _up_of(file: Any, up: Optional[str], path: str) -> str:
     return up or ("y" if said.endswith("Y") else "z")
 
 
+def _stated_frames(path: str) -> int:
+    """As the head says; of longer files 65535. ezc3d itself takes a file that was cut for a shorter one."""
+    with open(path, "rb") as file:
+        head = file.read(10)
+        if len(head) < 10 or head[1] != 0x50:
+            raise input_error(path, "a file that is no C3D", "one whose second byte is 0x50")
+        file.seek(512 * (max(1, head[0]) - 1) + 3)
+        first, last = struct.unpack("<HH" if file.read(1) != b"\x56" else ">HH", head[6:])
+    return int(last) - int(first) + 1
+
+
 def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str] = None) -> tuple[list[str], NDArray[np.float64]]:
     """Columns and rows as `handsim track` reads them from CSV. :raises Error: of kind input"""
     try:
@@ -112,9 +124,7 @@ def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str
         raise input_error(path, f"a Python without ezc3d ({error})", "it to read C3D: pip install ezc3d") from None
     if not Path(path).is_file():
         raise input_error(path, "no file", "a recording")
-    with open(path, "rb") as head:
-        if head.read(2)[1:] != b"\x50":
-            raise input_error(path, "a file that is no C3D", "one whose second byte is 0x50")
+    stated = _stated_frames(path)
     try:
         file = ezc3d.c3d(str(path))
         point, data = file["parameters"]["POINT"], np.asarray(file["data"]["points"], dtype=float)
@@ -123,6 +133,8 @@ def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str
     except (RuntimeError, OSError, ValueError, KeyError, IndexError, MemoryError) as error:
         raise input_error(path, f"a file that ezc3d cannot read ({str(error).splitlines()[0][:200] if str(error) else type(error).__name__})",
                           "a whole C3D file") from None
+    if data.shape[2] < stated:
+        raise input_error(path, f"{data.shape[2]} frames", f"{stated}, as its head says: is the file complete?")
     if not (np.isfinite(rate) and rate > 0):
         raise input_error(path, f"POINT:RATE {rate:g}", "frames in a second, above 0")
     if data.shape[1] == 0 or data.shape[2] == 0:

@@ -44,8 +44,8 @@ VectorXd numbers_of(const HandPose& pose) {
 
 /// A frame of the filter of python/handsim/_live/tracker.py, up to its angles. @param ahead [3, 2] way, rates
 /// and accelerations by those before. @param spread, shared, density, F, Q as there, of the frame before
-/// @return pose, motion, change of the angles before, and for the covariances W, 1 + W P, J, change of the
-/// rates, residuals that are left; None where the points are not near the prediction
+/// @return pose, motion, change of the angles before; for `finish` W, 1 + W P, change of the rates, residuals
+/// that are left and their number; None where the points are not near the prediction
 py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, const Array& motion,
                   const Array& ahead, const Array& spread, const Array& shared, const VectorXd& density,
                   const Eigen::Matrix3d& F, const Eigen::Matrix3d& Q, double noise, double reach) {
@@ -59,9 +59,8 @@ py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, con
   auto [r, J] = self.rows(frame_of(points), at, std::vector<bool>(21));
   int seen = 0, near = 0;
   for (Eigen::Index i = 0; i < 21; ++i) {
-    seen += points.row(i).allFinite();
-    const bool far = r.segment<3>(3 * i).norm() > reach;
-    near += points.row(i).allFinite() && !far;
+    const bool there = points.row(i).allFinite(), far = r.segment<3>(3 * i).norm() > reach;
+    seen += there, near += there && !far;
     if (far) r.segment<3>(3 * i).setZero(), J.middleRows<3>(3 * i).setZero();
   }
   if (near < std::max(7, 3 * seen / 5)) return py::none();
@@ -86,7 +85,7 @@ py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, con
 }  // namespace
 
 void bind_fit(py::module_& module) {
-  module.def("hand_fit", &fit_of, py::arg("scene"), py::arg("hand"));
+  module.def("hand_fit", &fit_of);
   bind_class<PoseFit>(module, "HandFit")
       .def("axes", [](const PoseFit& self) { return names(self.tree().axes()); })
       .def("points",
