@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Sends the hands that a webcam sees to handsim live, by MediaPipe, whose wheels up to 0.10.21 have the models and this interface.
+"""Sends the hands that a webcam sees to handsim live, by MediaPipe. Tested with its wheel 0.10.14, which has the models; newer ones (1.2.3) have
+neither models nor this interface.
 
     pip install 'mediapipe==0.10.14' opencv-python
     handsim live grasp_power_can --engine articulated --play --stream 'udp://127.0.0.1:5005?up=y'

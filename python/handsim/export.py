@@ -209,6 +209,7 @@ def _messages(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[f
         raise input_error("--time", f"{time:g} s", f"0 to the end of the motion at {end:g} s")
     motion = list(samples(scene, end if time is None else time, fps, show))
     for each in motion if run is not None else ():
+        assert run is not None
         row = int(np.argmin(np.abs(run[0] - each.time)))
         if abs(run[0][row] - each.time) < 1e-9 and np.abs(run[1][row] - each.poses).max() > 1e-6:
             raise input_error("export", f"a run that its resolved.yaml does not repeat at {each.time:g} s", "a run from its scene's start, of "

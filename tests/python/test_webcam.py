@@ -18,7 +18,7 @@ from handsim._live.tracker import HandFilter
 pytest.importorskip("cv2")
 mediapipe = pytest.importorskip("mediapipe")
 if not hasattr(mediapipe, "solutions") or not hs.has_pictures:
-    pytest.skip("needs mediapipe up to 0.10.21, and pictures", allow_module_level=True)
+    pytest.skip("needs a mediapipe with solutions, and pictures", allow_module_level=True)
 EXAMPLE = Path(__file__).parents[2] / "python/examples/send_webcam.py"
 SECONDS = 9.0
 

@@ -82,7 +82,7 @@ class HandFilter:
         self._last: Array = np.zeros((2, size - 6))
         self._times = (0.0, 0.0)
         self._waiting: Optional[tuple[Any, ...]] = None
-        model = self.points(np.concatenate(([0.0, 0, 0, 1, 0, 0, 0], np.zeros(len(self.axes)))))
+        model = self.points(np.concatenate((np.array([0.0, 0, 0, 1, 0, 0, 0]), np.zeros(len(self.axes)))))
         self._palm = np.linalg.norm(model[PALM] - model[0], axis=1)
 
     @property
