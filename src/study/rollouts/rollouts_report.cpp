@@ -156,19 +156,21 @@ std::vector<std::pair<double, std::size_t>> strongest(const OutcomeEffects& of, 
 std::vector<Plot> plots_of(const Table& table, const std::vector<OutcomeEffects>& outcomes) {
   constexpr std::size_t kMostPanels = 24;
   const std::size_t all = outcomes.front().keys.size();
-  const std::size_t keys = std::min(all, std::max<std::size_t>(kMostPanels / outcomes.size(), 3));
-  const bool wide = keys == 1 || (outcomes.size() > 1 && keys <= 6);
-  const std::size_t columns = wide ? keys : std::min<std::size_t>(3, (keys + 4) / 3);
-  const std::size_t each = (keys + columns - 1) / columns, rows = each * outcomes.size();
+  const std::size_t keys = std::min(all, std::max<std::size_t>(kMostPanels / outcomes.size(), 1));
+  const bool dense = keys < all && keys < 3, wide = keys == 1 || (outcomes.size() > 1 && keys <= 6);
+  const std::size_t columns = dense ? 4 : wide ? keys : std::min<std::size_t>(3, (keys + 4) / 3);
+  const std::size_t each = dense ? keys : (keys + columns - 1) / columns * columns;
+  const std::size_t rows = (each * outcomes.size() + columns - 1) / columns;
   std::string commands = fmt::format(
       "  set multiplot layout {},{} title '{}{}' noenhanced\n  set grid ytics\n  unset key\n  set zero "
       "1e-30\n",
       rows, columns, output::plot_text(table.head.title),
-      keys < all ? fmt::format(": of {} keys the {} with the largest differences", all, keys) : "");
+      keys < all ? fmt::format(": of {} keys the {} with the largest differences for each outcome", all, keys)
+                 : "");
   for (std::size_t i = 0; i < outcomes.size(); ++i) {
     for (const auto& [_, key] : strongest(outcomes[i], keys))
       commands += panel(outcomes[i], outcomes[i].keys[key], static_cast<int>(i * all + key));
-    for (std::size_t left = keys; left < each * columns; ++left) commands += "  set multiplot next\n";
+    for (std::size_t left = keys; left < each; ++left) commands += "  set multiplot next\n";
   }
   return {
       {"rollouts", fmt::format("size {},{}", 480 * columns, 360 * rows), commands + "  unset multiplot\n"}};
