@@ -4,9 +4,11 @@ ezc3d reads the file (pip install ezc3d); it is needed for this alone.
 """
 from __future__ import annotations
 
+import os
 import struct
 import sys
 import tempfile
+import threading
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -163,7 +165,34 @@ def as_csv(path: Union[str, "PathLike[str]"], names: Union[None, str, "PathLike[
     with tempfile.TemporaryDirectory(prefix="handsim_c3d_") as folder:
         out = Path(folder) / f"{Path(path).name}.csv"
         np.savetxt(out, rows, "%.17g", ",", header=",".join(columns), comments="", encoding="utf-8")
-        yield out
+        try:
+            yield out
+        except Error as error:
+            raise Error(str(error).replace(str(out), str(path)), error.kind,
+                        [each._replace(file=str(path)) if each.file == str(out) else each for each in error.problems]) from None
+
+
+def _track(words: Sequence[str], table: Path, recording: str) -> int:
+    """The program's ``track`` of a table, whose messages name the recording."""
+    reading, writing = os.pipe()
+    own = os.dup(2)
+
+    def pass_on() -> None:
+        with os.fdopen(reading, "rb") as lines:
+            for line in lines:
+                os.write(own, line.replace(os.fsencode(table), os.fsencode(recording)))
+
+    thread = threading.Thread(target=pass_on)
+    thread.start()
+    os.dup2(writing, 2)
+    os.close(writing)
+    try:
+        status: int = _core.command_line(["track", *(str(table) if word == recording else word for word in words)])
+    finally:
+        os.dup2(own, 2)
+        thread.join()
+        os.close(own)
+    return status
 
 
 def main(words: Sequence[str]) -> int:
@@ -184,8 +213,7 @@ def main(words: Sequence[str]) -> int:
                 print(USAGE)
             return status
         with as_csv(recording, options["names"], options["up"]) as table:
-            status = _core.command_line(["track", *(str(table) if word == recording else word for word in rest)])
-            return status
+            return _track(rest, table, recording)
     except Error as error:
         print(error, file=sys.stderr)
         return 2 if error.kind == "input" else 1

@@ -127,8 +127,10 @@ def test_wrong_labels_are_named_all_at_once(points, names, tmp_path):
     names.write_text("R00: right.wrist\nR77: right.index_tip\nR78: right.index_dip\n")
     with pytest.raises(Error, match="--names: got R77, R78, need labels of .*Ann:R00, Ann:R01"):
         hs.study.track(file, names=names)
-    with pytest.raises(Error, match="right"):  # no name that a hand uses
+    with pytest.raises(Error, match=f"^{file}: got no point of a hand, but R00.*need keypoints such as right"):
         hs.study.track(file)
+    out = command(file, "--out", tmp_path / "out")
+    assert out.returncode == 2 and out.stderr.startswith(f"{file}: got no point of a hand") and "handsim_c3d_" not in out.stderr
 
 
 def test_points_that_the_file_does_not_have_are_as_by_csv(points, names, tmp_path):
