@@ -14,6 +14,7 @@ COMMANDS: dict[str, str] = {
     "compare": "handsim.compare",
     "export": "handsim.export",
     "live": "handsim._live.command",
+    "track": "handsim._c3d",
 }
 """Commands in Python, by name: the module of each."""
 

@@ -1,6 +1,7 @@
 """Files for viewers and other programs, from a scene, a finished run or a person: ``python3 -m handsim export``.
 
-glTF (.glb) with the motion, USD as text (.usda) with motion and physics, OBJ and STL of a moment. Other formats (MJCF, URDF, OpenSim) are the
+glTF (.glb) with the motion, MCAP with ROS 2 messages of it, USD as text (.usda) with motion and physics, OBJ and STL of a moment. Other formats (MJCF, URDF, OpenSim)
+are the
 program's.
 """
 from __future__ import annotations
@@ -24,7 +25,7 @@ from ._scene import Scene, load
 from ._simulation import Simulation
 
 Array = NDArray[np.float64]
-FORMATS = ("glb", "usda", "obj", "stl")
+FORMATS = ("glb", "usda", "obj", "stl", "mcap")
 FRAMES = 60.0
 """Of an animation in a second, at most."""
 
@@ -135,9 +136,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("source", nargs="?", help="scene file, name of a shipped scene, or folder of a finished run")
     parser.add_argument("--out", required=True, help="the file; its ending says the format")
     parser.add_argument("--format", help=f"one of {', '.join(FORMATS)}")
-    parser.add_argument("--time", type=float, help="the moment [s]; of glb the end of the motion; default: obj and stl the start, glb and usda all")
+    parser.add_argument("--time", type=float, help="the moment [s]; of glb and mcap the end of the motion; default: obj and stl the start, others all")
     parser.add_argument("--hands", choices=("skin", "shapes", "both"), default="skin", help="what is seen of hands (usda has both)")
-    parser.add_argument("--fps", type=float, default=FRAMES, help="frames of an animation in a second (60)")
+    parser.add_argument("--fps", type=float, default=FRAMES, help="frames of an animation, or messages of a topic, in a second (60)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help="overrides a key of the scene")
     parser.add_argument("--engine", help="ode, articulated, dae or auto")
     for name, kind in (("stature", float), ("mass", float), ("sex", str), ("side", str), ("model", str), ("person", str)):
@@ -199,6 +200,24 @@ def _motion(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[flo
     return times[rows] - times[rows[0]], poses[rows]
 
 
+def _messages(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[float], fps: float, show: bool) -> bytes:
+    """MCAP of a motion; that of a finished run is simulated again, and compared with its table."""
+    from ._mcap import mcap_of, needs_writer, samples
+
+    needs_writer()
+    end = scene.duration if run is None else float(run[0][-1])
+    if time is not None and not 0 <= time <= end + 1e-9:
+        raise input_error("--time", f"{time:g} s", f"0 to the end of the motion at {end:g} s")
+    motion = list(samples(scene, end if time is None else time, fps, show))
+    for each in motion if run is not None else ():
+        assert run is not None
+        row = int(np.argmin(np.abs(run[0] - each.time)))
+        if abs(run[0][row] - each.time) < 1e-9 and np.abs(run[1][row] - each.poses).max() > 1e-6:
+            raise input_error("export", f"a run that its resolved.yaml does not repeat at {each.time:g} s", "a run from its scene's start, of "
+                              "this build")
+    return mcap_of(scene, motion)
+
+
 def _write(out: Path, content: bytes) -> None:
     """Under its name when it is complete."""
     part = out.with_name(f".{out.name}.{os.getpid()}")
@@ -218,6 +237,12 @@ def run(arguments: argparse.Namespace) -> str:
     scene, motion = _scene_of(arguments)
     show = sys.stderr.isatty() and not arguments.quiet
     still = arguments.source is None
+    if kind == "mcap":
+        if still:
+            raise input_error("export", "a person", "a scene or a run for the motion of an mcap file")
+        content = _messages(scene, motion, arguments.time, arguments.fps, show)
+        _write(Path(arguments.out), content)
+        return f"{arguments.out}: joint states, transforms and contact wrenches of {scene.title} as mcap, {len(content) / 1e6:.2f} MB"
     whole = kind == "glb" or kind == "usda" and arguments.time is None
     times, poses = _motion(scene, motion, arguments.time, whole and not still, arguments.fps, show)
     model = Model(scene)

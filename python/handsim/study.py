@@ -7,7 +7,7 @@ way.
 """
 from __future__ import annotations
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
@@ -270,10 +270,11 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
 
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,
           markers: Optional[PathText] = None, truth: Optional[PathText] = None, fit_bones: bool = True,
-          smooth: bool = True, noise: float = 0, seed: int = 1, out: Out = None, progress: Progress = None) -> Study:
+          smooth: bool = True, noise: float = 0, seed: int = 1, names: Optional[PathText] = None, up: Optional[str] = None,
+          out: Out = None, progress: Progress = None) -> Study:
     """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["right_wrist"]``) of recorded hands.
 
-    :param recording: 21 keypoints, markers or sensors: ``.csv``, ``.json`` or ``.trc``
+    :param recording: 21 keypoints, markers or sensors: ``.csv``, ``.json``, ``.trc``, or with ezc3d ``.c3d``
     :param person: person file; None: the median man
     :param model: hand model file; None: the anatomical hand
     :param markers: marker set file, for markers and sensors; None: 21 keypoints
@@ -281,11 +282,18 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param fit_bones: fits hand length, breadth and bones to keypoints
     :param noise: for trials: standard deviation of normal noise on every coordinate [m]
     :param seed: of the noise
+    :param names: of C3D: a file of lines ``LABEL: NAME``, the names of its labels in the marker set, or of keypoints
+    :param up: of C3D: the axis that points up, y or z; None: as the file says
     """
+    from ._c3d import as_csv, is_c3d
+
     flags(fit_bones=fit_bones, smooth=smooth)
     real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
-    with _folder(out) as folder, bar(progress, "track") as told:
-        _core.track(Path(recording), folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
+    if not is_c3d(recording) and (names is not None or up is not None):
+        raise input_error("names" if names is not None else "up", str(recording), "a recording in C3D with it")
+    table = as_csv(recording, names, up) if is_c3d(recording) else nullcontext(Path(recording))
+    with table as path, _folder(out) as folder, bar(progress, "track") as told:
+        _core.track(path, folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
                     noise, seed, told)
         return Study("track", folder, "")
 

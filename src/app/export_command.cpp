@@ -33,7 +33,7 @@ std::string format_of(const ExportArguments& arguments) {
   }
   std::string need =
       "a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim); "
-      "glb, usda, obj and stl: python3 -m handsim export";
+      "glb, usda, obj, stl and mcap: python3 -m handsim export";
   for (const Format& format : kFormats)
     if (arguments.format == format.name)
       need = fmt::format("a name that ends in {}{}{} for --format {}", format.endings[0],

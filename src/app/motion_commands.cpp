@@ -66,7 +66,7 @@ void add_track(CommandLine& line) {
       "Inverse kinematics: joint angles and wrist poses of recorded hands, from 21 keypoints, markers or the "
       "sensors of a glove, and the measured hand of the person",
       "handsim track keypoints.csv --out out/tracked", track_command, arguments);
-  track.add_option("recording", arguments->recording, "recording: .csv, .json or .trc")->required();
+  track.add_option("recording", arguments->recording, "recording: .csv, .json, .trc or .c3d")->required();
   add_out(track, arguments->out, "folder for angles, wrists, residuals, person.yaml and scene.yaml");
   track.add_option("--person", arguments->person,
                    "person file: stature, mass and sex beside the measured hand (default: the median man)");

@@ -7,6 +7,7 @@
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
 #include "handsim/core/error.h"
+#include "handsim/core/text.h"
 
 namespace handsim::app {
 
@@ -26,8 +27,8 @@ constexpr std::array<OtherCommand, 3> kOtherCommands = {
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"}}};
 
-/// Formats of `export` that the package writes.
-constexpr std::array<std::string_view, 4> kPythonFormats = {"glb", "usda", "obj", "stl"};
+/// Formats of `export` that the package writes, and of `track` that it reads.
+constexpr std::array<std::string_view, 6> kPythonFormats = {"glb", "usda", "obj", "stl", "mcap", "c3d"};
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it.
@@ -47,7 +48,7 @@ sys.exit(main()))";
 /// True for `glb`, `--format=glb` and `out/hand.glb`.
 bool names_format(std::string_view argument) {
   argument.remove_prefix(argument.find_last_of(".=") + 1);
-  return std::ranges::find(kPythonFormats, argument) != kPythonFormats.end();
+  return std::ranges::find(kPythonFormats, lower_case(argument)) != kPythonFormats.end();
 }
 
 }  // namespace
@@ -56,7 +57,7 @@ bool is_other_command(int argc, const char* const* argv) {
   if (argc < 2) return false;
   const std::string_view name = argv[1];
   return std::ranges::find(kOtherCommands, name, &OtherCommand::name) != kOtherCommands.end() ||
-         (name == "export" && std::any_of(argv + 2, argv + argc, names_format));
+         ((name == "export" || name == "track") && std::any_of(argv + 2, argv + argc, names_format));
 }
 
 void run_other_command(int argc, const char* const* argv) {

@@ -231,38 +231,29 @@ std::optional<std::string> failure(BatchHandle& self, std::size_t i) {
 
 void bind_batch(py::module_& module) {
   using Self = BatchHandle;
-  module.def(
-      "batch",
-      [](const SceneHandle& scene, std::size_t size, std::vector<std::string> observe,
-         const std::vector<Drawn>& randomise, std::uint64_t seed, int threads, bool watch) {
-        return std::make_unique<Self>(scene, size, std::move(observe), randomise, seed, threads, watch);
-      },
-      py::arg("scene"), py::arg("size"), py::arg("observe"), py::arg("randomise"), py::arg("seed"),
-      py::arg("threads"), py::arg("watch"));
+  module.def("batch", [](const SceneHandle& scene, std::size_t size, std::vector<std::string> observe,
+                         const std::vector<Drawn>& randomise, std::uint64_t seed, int threads, bool watch) {
+    return std::make_unique<Self>(scene, size, std::move(observe), randomise, seed, threads, watch);
+  });
   bind_class<Self>(module, "Batch")
-      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("excitations"),
-           py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
-      .def("repeat", &Self::repeat, py::arg("torques"), py::arg("substeps"), py::arg("count"))
-      .def("reset", &Self::reset, py::arg("mask"), py::arg("seeds"), py::arg("motion"))
-      .def("replace", &Self::replace, py::arg("environment"), py::arg("scene"))
-      .def("seed", &Self::seed, py::arg("seed"))
-      .def("set", &Self::set, py::arg("name"), py::arg("values"))
-      .def("get", &Self::get, py::arg("name"))
+      .def("step", &Self::step)
+      .def("repeat", &Self::repeat)
+      .def("reset", &Self::reset)
+      .def("replace", &Self::replace)
+      .def("seed", &Self::seed)
+      .def("set", &Self::set)
+      .def("get", &Self::get)
       .def("parts", &parts)
-      .def("failure", &failure, py::arg("environment"))
-      .def(
-          "motion",
-          [](Self& self, std::size_t i) {
-            return Motion{self.read(i, [](const auto& of) { return of.moment(); })};
-          },
-          py::arg("environment"))
-      .def(
-          "frame",
-          [](Self& self, std::size_t i) {
-            return Frame{
-                self.read(i, [](const auto& of) { return simulation::moment_of(of.simulation().engine()); })};
-          },
-          py::arg("environment"))
+      .def("failure", &failure)
+      .def("motion",
+           [](Self& self, std::size_t i) {
+             return Motion{self.read(i, [](const auto& of) { return of.moment(); })};
+           })
+      .def("frame",
+           [](Self& self, std::size_t i) {
+             return Frame{self.read(
+                 i, [](const auto& of) { return simulation::moment_of(of.simulation().engine()); })};
+           })
       .def("observations", [](const py::object& self) { return observations(self); })
       .def("done",
            [](const py::object& self) { return flags(self, self.cast<const Self&>().batch().done()); })

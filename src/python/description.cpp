@@ -114,8 +114,8 @@ py::list skins(const SceneHandle& of) {
 }  // namespace
 
 void bind_description(py::module_& module) {
-  module.def("description", &description, py::arg("scene"));
-  module.def("skins", &skins, py::arg("scene"));
+  module.def("description", &description);
+  module.def("skins", &skins);
 }
 
 }  // namespace handsim::python

@@ -189,16 +189,14 @@ py::dict dimensions(const SceneHandle& of) {
 }  // namespace
 
 void bind_hand(py::module_& module) {
-  module.def("hand_dimensions", &dimensions, py::arg("scene"));
-  module.def("hand_segments", &segments, py::arg("scene"));
-  const py::arg scene("scene"), q("q");
-  module.def("hand_poses", &poses, scene, q);
-  module.def("hand_jacobian", &jacobian, scene, q, py::arg("body"), py::arg("offset"));
-  module.def("hand_mass_matrix", &mass_matrix, scene, q);
-  module.def("hand_inverse_dynamics", &inverse_dynamics, scene, q, py::arg("u"), py::arg("a"),
-             py::arg("gravity"));
-  module.def("hand_moment_arms", &moment_arms, scene, q);
-  module.def("hand_muscle_forces", &muscle_forces, scene, q);
+  module.def("hand_dimensions", &dimensions);
+  module.def("hand_segments", &segments);
+  module.def("hand_poses", &poses);
+  module.def("hand_jacobian", &jacobian);
+  module.def("hand_mass_matrix", &mass_matrix);
+  module.def("hand_inverse_dynamics", &inverse_dynamics);
+  module.def("hand_moment_arms", &moment_arms);
+  module.def("hand_muscle_forces", &muscle_forces);
 }
 
 }  // namespace handsim::python

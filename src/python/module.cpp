@@ -80,7 +80,7 @@ PYBIND11_MODULE(_core, module) {
   module.attr("commit") = handsim::kCommit;
   module.attr("has_pictures") = has_pictures();
   module.def("data_folder", [] { return handsim::data_folder().string(); });
-  module.def("command_line", &command_line, py::arg("words"));
+  module.def("command_line", &command_line);
   bind_description(module);
   translate_errors();
   bind_scene(module);

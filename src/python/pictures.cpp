@@ -20,30 +20,6 @@ std::filesystem::path report(const std::vector<std::filesystem::path>& folders,
 
 using VideoPixels = py::array_t<std::uint8_t, py::array::c_style>;
 
-/// A video of arrays of pixels, one size for all.
-class Video {
- public:
-  Video(const std::filesystem::path& file, int width, int height, double fps)
-      : writer_({file, width, height, fps}) {}
-
-  void add(const VideoPixels& pixels) {
-    const output::Image image = image_of(pixels);
-    without_gil([&] {
-      writer_.add(image);
-      return 0;
-    });
-  }
-  void finish() {
-    without_gil([&] {
-      writer_.finish();
-      return 0;
-    });
-  }
-
- private:
-  output::VideoWriter writer_;
-};
-
 py::array_t<std::uint8_t> image_array(const output::Image& image) {
   py::array_t<std::uint8_t> out({image.height, image.width, 3});
   std::copy(image.rgb.begin(), image.rgb.end(), out.mutable_data());
@@ -113,7 +89,6 @@ void film(const SceneHandle& of, const VideoChoice& video, double time,
   without_gil([&] {
     const simulation::Film film = simulation::film_until(shown, video_of(video), time, poll(0));
     film.write({}, poll(0.5));
-    return 0;
   });
 }
 
@@ -146,7 +121,6 @@ py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> mom
           images.push_back(picture.image);
           signals.poll(0);
         });
-    return 0;
   });
   py::list out;
   for (const output::Image& image : images) out.append(image_array(image));
@@ -157,24 +131,23 @@ void bind_pictures(py::module_& module) {
   bind_class<Frame>(module, "Frame").def_property_readonly("time", [](const Frame& of) {
     return of.moment.state.time;
   });
-  module.def("frame_at", &frame_at, py::arg("scene"), py::arg("time"));
-  module.def("draw", &draw_frames, py::arg("scene"), py::arg("frames"), py::arg("size"), py::arg("view"),
-             py::arg("camera"));
-  module.def("film", &film, py::arg("scene"), py::arg("video"), py::arg("time"), py::arg("size"),
-             py::arg("view"), py::arg("camera"), py::arg("progress"));
-  module.def("contact_sheet", &sheet, py::arg("pictures"), py::arg("captions"), py::arg("title"),
-             py::arg("width"));
+  module.def("frame_at", &frame_at);
+  module.def("draw", &draw_frames);
+  module.def("film", &film);
+  module.def("contact_sheet", &sheet);
   module.attr("has_reports") = output::has_three();
-  module.def("report", &report, py::arg("folders"), py::arg("out"));
-  module.def(
-      "video",
-      [](const std::filesystem::path& file, int width, int height, double fps) {
-        return std::make_unique<Video>(file, width, height, fps);
-      },
-      py::arg("file"), py::arg("width"), py::arg("height"), py::arg("fps"));
-  bind_class<Video>(module, "Video")
-      .def("add", &Video::add, py::arg("picture"))
-      .def("finish", &Video::finish);
+  module.def("report", &report);
+  module.def("video", [](const std::filesystem::path& file, int width, int height, double fps) {
+    return std::make_unique<output::VideoWriter>(output::VideoFormat{file, width, height, fps});
+  });
+  // Of arrays of pixels, one size for all.
+  bind_class<output::VideoWriter>(module, "Video")
+      .def("add",
+           [](output::VideoWriter& self, const VideoPixels& pixels) {
+             const output::Image image = image_of(pixels);
+             without_gil([&] { self.add(image); });
+           })
+      .def("finish", [](output::VideoWriter& self) { without_gil([&] { self.finish(); }); });
 }
 
 }  // namespace handsim::python

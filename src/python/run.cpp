@@ -155,11 +155,8 @@ py::list verdict_list(const std::vector<simulation::Verdict>& verdicts) {
 }
 
 void bind_run(py::module_& module) {
-  module.def("run", &run_scene, py::arg("scene"), py::arg("frames"), py::arg("stop_lost"),
-             py::arg("progress"));
-  module.def("run_to_folder", &run_to_folder, py::arg("scene"), py::arg("folder"), py::arg("frames"),
-             py::arg("poses"), py::arg("plots"), py::arg("report"), py::arg("video"), py::arg("stop_lost"),
-             py::arg("progress"));
+  module.def("run", &run_scene);
+  module.def("run_to_folder", &run_to_folder);
 }
 
 }  // namespace handsim::python

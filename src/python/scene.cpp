@@ -94,9 +94,9 @@ py::dict standalone(const SceneHandle& of) {
 }  // namespace
 
 void bind_scene(py::module_& module) {
-  auto bound = bind_class<SceneHandle>(module, "Scene");
-  bound.def_static("load", &load, py::arg("path"), py::arg("overrides"))
-      .def_static("parse", &parse, py::arg("text"), py::arg("name"), py::arg("overrides"))
+  bind_class<SceneHandle>(module, "Scene")
+      .def_static("load", &load)
+      .def_static("parse", &parse)
       .def("effects", &effects)
       .def("driven_axes", &driven_axes)
       .def("driven_coordinates", &driven_coordinates)
@@ -117,8 +117,8 @@ void bind_scene(py::module_& module) {
              return output::to_urdf(of.scene->model, of.scene->spec.solver, plan(of));
            })
       .def("to_osim",
-           [](const SceneHandle& of) { return output::to_osim(of.scene->model, of.scene->spec.solver); });
-  bound.def_property_readonly("title", [](const SceneHandle& of) { return of.scene->spec.title; })
+           [](const SceneHandle& of) { return output::to_osim(of.scene->model, of.scene->spec.solver); })
+      .def_property_readonly("title", [](const SceneHandle& of) { return of.scene->spec.title; })
       .def_property_readonly("duration", [](const SceneHandle& of) { return of.scene->spec.duration; })
       .def_property_readonly("step", [](const SceneHandle& of) { return of.scene->spec.solver.step; })
       .def_property_readonly(

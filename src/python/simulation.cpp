@@ -305,10 +305,8 @@ void reset_to(SimulationHandle& self, const py::object& q, const py::object& u, 
 
 void bind_states(py::module_& module) {
   using simulation::RunSnapshot;
-  module.def(
-      "snapshot",
-      [](const py::bytes& text) { return simulation::parse_snapshot(std::string(text), "snapshot"); },
-      py::arg("text"));
+  module.def("snapshot",
+             [](const py::bytes& text) { return simulation::parse_snapshot(std::string(text), "snapshot"); });
   bind_class<RunSnapshot>(module, "Snapshot")
       .def_property_readonly("time", [](const RunSnapshot& of) { return of.time; })
       .def("__reduce__", [](const RunSnapshot& of) {
@@ -325,16 +323,11 @@ void bind_states(py::module_& module) {
 void bind_simulation(py::module_& module) {
   using Self = SimulationHandle;
   bind_states(module);
-  module.def(
-      "simulation",
-      [](const SceneHandle& scene, bool watch, bool contact_forces) {
-        return std::make_unique<Self>(scene, watch, contact_forces);
-      },
-      py::arg("scene"), py::arg("watch"), py::arg("contact_forces"));
-  auto bound = bind_class<Self>(module, "Simulation");
-  bound
-      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("excitations"),
-           py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
+  module.def("simulation", [](const SceneHandle& scene, bool watch, bool contact_forces) {
+    return std::make_unique<Self>(scene, watch, contact_forces);
+  });
+  bind_class<Self>(module, "Simulation")
+      .def("step", &Self::step)
       .def("advance", &Self::advance)
       .def("wake", &Self::wake)
       .def("carry_over", &Self::carry_over)
@@ -354,27 +347,21 @@ void bind_simulation(py::module_& module) {
                for (const control::AxisState& axis : of->axes()) out.push_back(axis.target);
              return array_of(out);
            })
-      .def("step_with_derivatives", &Self::step_with_derivatives, py::arg("torques"), py::arg("targets"),
-           py::arg("excitations"), py::arg("wrists"), py::arg("forces"), py::arg("bodies"),
-           py::arg("step_only"))
+      .def("step_with_derivatives", &Self::step_with_derivatives)
       .def("muscles", &Self::muscles)
-      .def(
-          "set",
-          [](Self& self, const std::string& name, const py::object& values) {
-            const auto size = self.read([&](const auto&) { return self.environment().get(name).size(); });
-            const Numbers numbers(values, {static_cast<py::ssize_t>(size)}, name);
-            self.guarded([&] { self.environment().set(name, numbers.span()); });
-          },
-          py::arg("name"), py::arg("values"))
-      .def(
-          "get",
-          [](Self& self, const std::string& name) {
-            return array_of(self.read([&](const auto&) { return self.environment().get(name); }));
-          },
-          py::arg("name"))
+      .def("set",
+           [](Self& self, const std::string& name, const py::object& values) {
+             const auto size = self.read([&](const auto&) { return self.environment().get(name).size(); });
+             const Numbers numbers(values, {static_cast<py::ssize_t>(size)}, name);
+             self.guarded([&] { self.environment().set(name, numbers.span()); });
+           })
+      .def("get",
+           [](Self& self, const std::string& name) {
+             return array_of(self.read([&](const auto&) { return self.environment().get(name); }));
+           })
       .def("bodies", &Self::bodies)
       .def("contacts", &Self::contacts)
-      .def("reset", &reset_to, py::arg("q"), py::arg("u"), py::arg("objects"))
+      .def("reset", &reset_to)
       .def("reset_beside",
            [](Self& self, Self& other) {
              const model::State state = other.read([](const auto& of) { return of.state(); });
@@ -395,8 +382,7 @@ void bind_simulation(py::module_& module) {
              return Frame{self.read([](const auto& of) { return simulation::moment_of(of.engine()); })};
            })
       .def("verdicts",
-           [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); });
-  bound
+           [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); })
       .def_property_readonly(
           "time", [](Self& self) { return self.read([](const auto& of) { return of.state().time; }); })
       .def_property_readonly("steps",

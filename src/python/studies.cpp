@@ -112,17 +112,6 @@ std::string inverse(const SceneHandle& of, const path& out, const app::InverseAr
   });
 }
 
-void track(const path& out, const app::TrackArguments& arguments, const py::object& progress) {
-  run_study(progress, [&](StudyHooks& hooks) {
-    const study::TrackInput input = app::track_input(arguments);
-    const output::OutputFolder folder(out, study::track_files());
-    const study::TrackResult result = study::run_track(input, hooks.told);
-    folder.clear();
-    study::write_track(input, result, out);
-    return 0;
-  });
-}
-
 /// Stature [m], mass [kg] and sex.
 using PersonNumbers = std::tuple<double, double, std::string>;
 std::vector<PersonNumbers> draw_persons(const std::string& population, int count, std::uint64_t seed) {
@@ -142,72 +131,56 @@ std::string validate(const std::optional<path>& file, const path& out, std::opti
 }
 
 void bind_motion(py::module_& module) {
-  using app::InverseArguments, app::TrackArguments;
-  module.def(
-      "inverse",
-      [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
-         const std::optional<path>& names, const std::optional<path>& loads, std::optional<double> cutoff,
-         bool clamp, bool check, std::optional<double> least_activation, const std::optional<path>& file,
-         const std::vector<std::string>& overrides, std::optional<int> uncertain, int threads,
-         const py::object& progress) {
-        InverseArguments arguments;
-        arguments.motion = motion;
-        arguments.names = names;
-        arguments.loads = loads;
-        arguments.cutoff = cutoff;
-        arguments.clamp = clamp;
-        arguments.no_check = !check;
-        arguments.muscles = least_activation.has_value();
-        arguments.co_contraction = least_activation.value_or(0);
-        if (uncertain)
-          return run_study(progress, [&](StudyHooks& hooks) {
-            return run_spec(
-                study::uncertain_inverse(*file, overrides, app::inverse_input(arguments), *uncertain), {},
-                out, threads, false, hooks);
-          });
-        return inverse(of, out, arguments, progress);
-      },
-      py::arg("scene"), py::arg("out"), py::arg("motion"), py::arg("names"), py::arg("loads"),
-      py::arg("cutoff"), py::arg("clamp"), py::arg("check"), py::arg("least_activation"), py::arg("file"),
-      py::arg("overrides"), py::arg("uncertain"), py::arg("threads"), py::arg("progress"));
-  module.def(
-      "track",
-      [](const path& recording, const path& out, const std::optional<path>& person,
-         const std::optional<path>& model, const std::optional<path>& markers,
-         const std::optional<path>& truth, bool fit_bones, bool smooth, double noise, unsigned seed,
-         const py::object& progress) {
-        TrackArguments arguments;
-        arguments.recording = recording;
-        arguments.person = person;
-        arguments.model = model;
-        arguments.markers = markers;
-        arguments.truth = truth;
-        arguments.keep_person = !fit_bones;
-        arguments.no_smoothing = !smooth;
-        arguments.noise = noise;
-        arguments.seed = seed;
-        track(out, arguments, progress);
-      },
-      py::arg("recording"), py::arg("out"), py::arg("person"), py::arg("model"), py::arg("markers"),
-      py::arg("truth"), py::arg("fit_bones"), py::arg("smooth"), py::arg("noise"), py::arg("seed"),
-      py::arg("progress"));
+  module.def("inverse", [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
+                           const std::optional<path>& names, const std::optional<path>& loads,
+                           std::optional<double> cutoff, bool clamp, bool check,
+                           std::optional<double> least_activation, const std::optional<path>& file,
+                           const std::vector<std::string>& overrides, std::optional<int> uncertain,
+                           int threads, const py::object& progress) {
+    app::InverseArguments arguments;
+    arguments.motion = motion, arguments.names = names, arguments.loads = loads;
+    arguments.cutoff = cutoff;
+    arguments.clamp = clamp;
+    arguments.no_check = !check;
+    arguments.muscles = least_activation.has_value();
+    arguments.co_contraction = least_activation.value_or(0);
+    if (uncertain)
+      return run_study(progress, [&](StudyHooks& hooks) {
+        return run_spec(study::uncertain_inverse(*file, overrides, app::inverse_input(arguments), *uncertain),
+                        {}, out, threads, false, hooks);
+      });
+    return inverse(of, out, arguments, progress);
+  });
+  module.def("track", [](const path& recording, const path& out, const std::optional<path>& person,
+                         const std::optional<path>& model, const std::optional<path>& markers,
+                         const std::optional<path>& truth, bool fit_bones, bool smooth, double noise,
+                         unsigned seed, const py::object& progress) {
+    app::TrackArguments arguments;
+    arguments.recording = recording;
+    arguments.person = person, arguments.model = model;
+    arguments.markers = markers, arguments.truth = truth;
+    arguments.keep_person = !fit_bones, arguments.no_smoothing = !smooth;
+    arguments.noise = noise, arguments.seed = seed;
+    run_study(progress, [&](StudyHooks& hooks) {
+      const study::TrackInput input = app::track_input(arguments);
+      const output::OutputFolder folder(out, study::track_files());
+      const study::TrackResult result = study::run_track(input, hooks.told);
+      folder.clear();
+      study::write_track(input, result, out);
+    });
+  });
 }
 
 }  // namespace
 
 void bind_studies(py::module_& module) {
-  module.def("draw_persons", &draw_persons, py::arg("population"), py::arg("count"), py::arg("seed"));
-  module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("progress"));
-  module.def("effects", &effects_study, py::arg("scene"), py::arg("file"), py::arg("overrides"),
-             py::arg("out"), py::arg("repeats"), py::arg("progress"));
-  module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
-             py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
-             py::arg("pictures"), py::arg("uncertain"), py::arg("threads"), py::arg("progress"));
-  module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
-             py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("uncertain"),
-             py::arg("progress"));
-  module.def("merge", &merge, py::arg("folders"), py::arg("out"));
-  module.def("validate", &validate, py::arg("file"), py::arg("out"), py::arg("uncertain"));
+  module.def("draw_persons", &draw_persons);
+  module.def("accuracy", &accuracy);
+  module.def("effects", &effects_study);
+  module.def("grasps", &grasps);
+  module.def("rollouts", &rollouts);
+  module.def("merge", &merge);
+  module.def("validate", &validate);
   bind_motion(module);
 }
 

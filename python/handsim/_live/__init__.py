@@ -128,7 +128,7 @@ def live(scene: Union[Scene, Source], overrides: Overrides = None, *, port: int 
     if page:
         from .server import Server
 
-        server = Server(session, port, address, follower.message if follower and "ws" in stream else None)
+        server = Server(session, port, address, follower.message if follower and any(each.partition("?")[0] == "ws" for each in stream) else None)
         server.start()
     session.start()
     if follower is not None:

@@ -198,6 +198,9 @@ def event_of(command: Command, course: Course, facts: Facts) -> Event:
         return {"push": {"body": values["body"], "force": values["force"], "steps": max(1, round(values["time"] / step))}}
     if name == "spring":
         return _spring_event(values, course, facts)
+    if name == "tracked":
+        return {key: each for of in ("targets", "wrists") if of in values
+                for key, each in event_of(Command(of, values[of]), course, facts).items()}
     if values["values"] is None:
         return {name: None}
     if name == "targets":

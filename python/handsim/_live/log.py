@@ -39,8 +39,8 @@ class Log:
         else:
             self._file = open(path, "w+b")  # closed by `close`
         self._recent: deque[tuple[int, int, int, Event]] = deque()
-        self.count = 0
-        """Of events."""
+        self._waiting: list[tuple[int, Event]] = []
+        self._written = 0
         self.full = False
         content = {name: base64.b64encode(zlib.compress(data)).decode() for name, data in files.content.items()}
         self._line({"handsim_live": FORMAT, "version": _core.version, "commit": _core.commit, "overrides": dict(overrides),
@@ -56,26 +56,39 @@ class Log:
         return place
 
     def add(self, tick: int, event: Event) -> None:
-        """An event that acts before the step after `tick` steps."""
-        place = self._line({"at": tick, **event})
-        self._recent.append((tick, place, self.count, event))
-        self.count += 1
+        """An event that acts before the step after `tick` steps. `flush` writes it: a step does not wait for that."""
+        self._waiting.append((tick, event))
+
+    def flush(self) -> None:
+        for tick, event in self._waiting:
+            place = self._line({"at": tick, **event})
+            self._recent.append((tick, place, self._written, event))
+            self._written += 1
+        self._waiting.clear()
+
+    @property
+    def count(self) -> int:
+        """Of events."""
+        return self._written + len(self._waiting)
 
     def forget(self, tick: int) -> None:
         """Events before this step are no longer repeated by the session; the file keeps them."""
+        self.flush()
         while self._recent and self._recent[0][0] < tick:
             self._recent.popleft()
 
     def since(self, count: int, end: int) -> list[tuple[int, Event]]:
         """Events from the one of this number on, of steps before `end`, without checks."""
+        self.flush()
         return [(at, event) for at, _, number, event in self._recent
                 if number >= count and at < end and not event.keys() & {"hash", "failed"}]
 
     def cut(self, tick: int) -> None:
         """Takes away all from this step on."""
+        self.flush()
         place = None
         while self._recent and self._recent[-1][0] >= tick:
-            _, place, self.count, _ = self._recent.pop()
+            _, place, self._written, _ = self._recent.pop()
         if place is not None and place < self._file.tell():
             self._file.seek(place)
             self._file.truncate()
@@ -83,6 +96,7 @@ class Log:
 
     def text(self, tick: int, state_hash: str) -> bytes:
         """The recording up to now, with the state's hash at its end."""
+        self.flush()
         here = self._file.tell()
         self._file.seek(0)
         out = self._file.read()
@@ -90,6 +104,7 @@ class Log:
         return out + json.dumps({"at": tick, "end": state_hash}).encode() + b"\n"
 
     def close(self, tick: int, state_hash: Optional[str]) -> None:
+        self.flush()
         if state_hash is not None:
             self._line({"at": tick, "end": state_hash})
         self._file.close()

@@ -79,6 +79,7 @@ class Session:
         self.latencies: deque[float] = deque(maxlen=5000)
         """From a frame of a tracked hand to the end of the first step that had it [s]."""
         self._born: Optional[float] = None
+        self._followed = 0.0
         self._inbox: dict[object, tuple[Command, Optional["Future[Any]"]]] = {}  # in their order
         self._lock, self._news = threading.Lock(), threading.Event()
         self._frames: deque[tuple[Keyframe, int]] = deque()  # with the number of events before it
@@ -164,13 +165,14 @@ class Session:
             due = now
         # As many steps as a view takes, or those that its time is enough for.
         count = max(1, min(1000, int(FRAME / max(period, self._cost))))
-        count = min(count, self._until(KEYFRAME_EVERY / step), self._until(CHECK_EVERY))
+        count = min(count, self._until(KEYFRAME_EVERY / step), self._until(CHECK_EVERY), count if self._born is None else 1)
         before = time.thread_time()
         late = course.advance(count, due, period)
         spent = time.thread_time() - before
-        if self._born is not None and len(late):
+        used = self._born is not None and len(late) > 0
+        if self._born is not None and used:
             self.latencies.append(due + float(late[0]) - self._born)
-            self._born = None
+            self._born, self._followed = None, now
         self._busy += spent
         if len(late):
             self._cost += 0.1 * (spent / len(late) - self._cost)
@@ -184,8 +186,11 @@ class Session:
             self._checked = course.tick
             self.log.add(course.tick, {"hash": course.state_hash()})
         now = time.monotonic()
+        if (self._news.is_set() or not len(late)) and now - self._told < 2 * FRAME and not course.failed:
+            return  # inputs first
         self._measure(now)
-        if now - self._told >= 0.55 * FRAME or course.failed:
+        # A view takes some of a step's time: with a tracker it is made after a frame, so that the next one need not wait.
+        if now - self._told >= (0.55 if used or now - self._followed > 3 * FRAME else 1.2) * FRAME or course.failed:
             self._publish(now)
             for each in list(self.on_step):
                 each(self)
@@ -425,6 +430,7 @@ class Session:
 
     def _publish(self, now: float) -> None:
         self._told = now
+        self.log.flush()
         self.view = self._look()
         if now - self._told_state > 0.25:
             self._told_state = now

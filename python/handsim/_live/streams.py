@@ -28,6 +28,8 @@ LARGEST_FRAME = 1 << 14
 PACKED = struct.Struct("<4sBBHd")
 """``HSH1``, hand (0 right, 1 left), number of points, 0, time [s]; then float32 x y z of each point [m]."""
 SIDES = ("right", "left")
+TIMESTAMP = 35
+"""SO_TIMESTAMPNS of Linux: the kernel says when a datagram came."""
 RELAX = 1.0
 """A hand that is lost opens to its rest within this time [s]."""
 REST = 0.35
@@ -39,6 +41,8 @@ PRESS = {"thumb_cmc.flexion": 0.12, "thumb_cmc.abduction": -0.35, "thumb_mcp.fle
 beyond the tracked angles [rad], as those of the shipped power grasp do; times the stream's `press`."""
 OPENING = 0.5
 """A hand whose fingers open faster than this on average does not press [rad/s]."""
+FINISH_AFTER = 0.003
+"""A frame, what only the next one needs [s]."""
 PRESS_TIME = 0.2
 """In which it begins [s]."""
 WRIST_SPEED = 2.0
@@ -47,7 +51,7 @@ WRIST_SPEED = 2.0
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 # Of 26 and 25 points those that cameras have: no palm, no metacarpals of fingers.
 OF_26 = [1, 2, 3, 4, 5, *(i for first in (7, 12, 17, 22) for i in range(first, first + 4))]
-OF_25 = [i - 1 for i in OF_26]
+PICKED = {21: list(range(21)), 25: [i - 1 for i in OF_26], 26: OF_26}
 KEYPOINTS = ["wrist", "thumb_cmc", "thumb_mcp", "thumb_ip", "thumb_tip",
              *(f"{finger}_{joint}" for finger in FINGERS[1:] for joint in ("mcp", "pip", "dip", "tip"))]
 OPENXR = ["wrist", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "thumb_tip",
@@ -64,10 +68,12 @@ def points_of(joints: Any) -> Array:
         if not any(name in joints for name in names):
             raise input_error("joints", ", ".join(map(str, list(joints)[:3])) or "no name", "names of cameras, OpenXR or WebXR")
         joints = [joints.get(name) for name in names]
-    if not isinstance(joints, list) or len(joints) not in (21, 25, 26):
+    if not isinstance(joints, (list, np.ndarray)) or len(joints) not in PICKED:
         raise input_error("joints", f"{len(joints)} points" if isinstance(joints, list) else type(joints).__name__,
                           "21, 25 or 26 points, or a mapping by name")
-    picked = {21: range(21), 25: OF_25, 26: OF_26}[len(joints)]
+    picked = PICKED[len(joints)]
+    if isinstance(joints, np.ndarray):
+        return np.where((np.abs(joints) < 1e3).all(axis=1, keepdims=True), joints, np.nan)[picked]
     out = np.full((21, 3), np.nan)
     for row, i in enumerate(picked):
         point = joints[i]
@@ -93,7 +99,7 @@ def read_packed(data: bytes) -> dict[str, Any]:
         except (struct.error, ValueError):
             raise input_error("frame", f"{len(data)} bytes that are no packed frame", "HSH1, hand, 21, 25 or 26 points") from None
         at += PACKED.size + 12 * count
-        hands[SIDES[side]] = {"joints": [point.tolist() if np.isfinite(point).all() else None for point in points]}
+        hands[SIDES[side]] = {"joints": points}
     return {"t": moment, "hands": hands}
 
 
@@ -131,7 +137,7 @@ class Follower:
         self.last_fault = ""
         self._sources: list[Any] = []
         self._lock = threading.Lock()
-        self._closed = threading.Event()
+        self._closed, self._fresh = threading.Event(), threading.Event()
         self._facts = session.facts
         self._hands = self._find_hands()
         self._targets: Optional[Array] = None
@@ -182,6 +188,8 @@ class Follower:
                 heard.close()
                 raise input_error("stream", f"{stream} ({error.strerror})", "a free port of this machine") from None
             heard.settimeout(0.2)
+            if sys.platform == "linux":
+                heard.setsockopt(socket.SOL_SOCKET, TIMESTAMP, 1)
             self._sockets.append(heard)
             self._sources.append(lambda: self._udp(heard))
             if not host.startswith("127.") and host != "::1":
@@ -203,10 +211,15 @@ class Follower:
         with heard:
             while not self._closed.is_set():
                 try:
-                    data = heard.recv(LARGEST_FRAME + 1)
+                    data, extra, _, _ = heard.recvmsg(LARGEST_FRAME + 1, 64)
                 except socket.timeout:
                     continue
-                self.data(data)
+                born = time.monotonic()
+                for _, kind, text in extra:
+                    if kind == TIMESTAMP and len(text) == 16:
+                        seconds, part = struct.unpack("qq", text)
+                        born -= min(1.0, max(0.0, time.time() - seconds - 1e-9 * part))
+                self.data(data, born)
 
     def _stdin(self) -> None:
         source = sys.stdin.buffer
@@ -216,22 +229,22 @@ class Follower:
                 return
             self.data(line)
 
-    def data(self, data: bytes) -> None:
-        """A frame as it came; one that is wrong is counted and left out."""
+    def data(self, data: bytes, born: Optional[float] = None) -> None:
+        """A frame as it came, and when it came by `time.monotonic`; one that is wrong is counted and left out."""
         try:
             if len(data) > LARGEST_FRAME:
                 raise input_error("frame", f"more than {LARGEST_FRAME} bytes", "fewer")
             if data[:4] == b"HSH1":
-                self.message(read_packed(data))
+                self.message(read_packed(data), born)
             else:
-                self.message(json.loads(data))
+                self.message(json.loads(data), born)
         except (Error, ValueError, RecursionError) as error:
             self.faults += 1
             self.last_fault = str(error)[:300]
 
-    def message(self, message: Mapping[str, Any]) -> None:
+    def message(self, message: Mapping[str, Any], born: Optional[float] = None) -> None:
         """A frame ``{"t": seconds, "hands": {"right": {"joints": [...]}}}``. :raises Error: of kind input"""
-        born = time.monotonic()
+        born = time.monotonic() if born is None else born
         hands = message.get("hands") if isinstance(message, Mapping) else None
         if not isinstance(hands, Mapping) or not hands or not set(hands) <= set(SIDES):
             raise input_error("hands", repr(hands)[:60], "an object with right, left or both")
@@ -249,6 +262,7 @@ class Follower:
                     self._follow(tracked, points, float(moment), born)
             self.frames += 1
             self._send(born, 0.004)
+        self._fresh.set()
 
     def _refresh(self) -> None:
         """The scene may have been built anew."""
@@ -303,20 +317,27 @@ class Follower:
     def _send(self, born: float, ramp: float) -> None:
         """Targets and wrists, each within the time of a ramp [s]."""
         try:
+            values: dict[str, Any] = {"born": born}
             if self._targets is not None:
-                self.session.send(Command("targets", {"values": self._targets.tolist(), "time": ramp, "born": born}, "targets"))
+                values["targets"] = {"values": self._targets.tolist(), "time": ramp}
             if self._wrists is not None:
-                way = float(np.max(np.linalg.norm(self._wrists[:, :3] - self.session.view.wrists[:, :3], axis=1)))
-                self.session.send(Command("wrists", {"values": self._wrists.tolist(), "time": max(ramp, way / WRIST_SPEED)}, "wrists"))
+                way = math.sqrt(float(np.max(np.sum((self._wrists[:, :3] - self.session.view.wrists[:, :3])**2, axis=1))))
+                values["wrists"] = {"values": self._wrists.tolist(), "time": max(ramp, way / WRIST_SPEED)}
+            if len(values) > 1:
+                self.session.send(Command("tracked", values, "tracked"))
         except Error as error:
             self.last_fault = str(error)
 
     def _keep_watch(self) -> None:
-        """Predicts over gaps; a hand without frames for long relaxes."""
-        while not self._closed.wait(0.008):
+        """Predicts over gaps; a hand without frames for long relaxes. Ends the work on a frame when its step is under way."""
+        while not self._closed.is_set():
+            if self._fresh.wait(0.008):
+                self._fresh.clear()
+                self._closed.wait(FINISH_AFTER)
             now = time.monotonic()
             with self._lock:
                 for tracked in self._hands.values():
+                    tracked.filter.finish()
                     gap = now - tracked.heard
                     if tracked.lost or gap < 2.5 * tracked.period:
                         continue

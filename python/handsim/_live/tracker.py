@@ -1,12 +1,16 @@
 """Joint angles of a tracked hand, frame by frame: a Kalman filter over the inverse kinematics of `handsim track`.
 
-Its state are wrist, joint angles and their rates; accelerations are white noise of the densities that `handsim track` has, and
-a frame's 21 points are measured with a noise that the filter estimates. So it smooths as much as the points are worth, predicts
-where frames are missing, and uses every point for every angle.
+Its state are wrist and joint angles with their rates and accelerations. Accelerations decay, and noise drives them (Singer
+1970); the strength of each axis' noise follows from how far corrections of its rate go on in one direction, so that a joint at
+rest is smoothed more than one that moves. A frame's 21 points are measured with a noise that the filter estimates, too. So it
+smooths as much as the points are worth, predicts where frames are missing, and uses every point for every angle.
+
+`HandFilter.update` finds the angles of a frame; `HandFilter.finish`, when there is time, the covariances for the next one.
 """
 from __future__ import annotations
 
-from typing import Optional
+import math
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +19,18 @@ from .. import _core
 from .._scene import Scene
 
 Array = NDArray[np.float64]
-ANGLE, POSITION, TURN = 14.0, 2.5, 40.0
-"""Densities of accelerations [rad^2/s^3], [m^2/s^3], [rad^2/s^3]; those of MotionPrior of study/track, with a third of its 40 for
-angles, which a filter without the future has its least error with."""
+KEPT = 0.08
+"""Time within which an acceleration decays [s]."""
+ANGLE, POSITION, TURN = 2400.0, 400.0, 6000.0
+"""Densities of what drives accelerations, at first [rad^2/s^5], [m^2/s^5], [rad^2/s^5]. Times KEPT^2 they are those of white
+accelerations; 2.5 m^2/s^3 is that of MotionPrior of study/track."""
+WEAKEST, STRONGEST = 0.05, 10.0
+"""Of a density, by the first one."""
+LEARNING, MEMORY, BIAS = 0.05, 0.8, 0.2
+"""A frame multiplies a density by exp(LEARNING (z m - BIAS)): z is the correction of the rate by its standard deviation, m a sum of
+those before it, the newest of the weight 1 and each older one of MEMORY times less."""
+DELAY = 0.013
+"""Of `HandFilter.late_angles` [s]."""
 OUTLIER = 0.025
 """A point farther than this from its prediction, and from the noise, is left out [m]."""
 LONGEST_GAP = 0.25
@@ -41,15 +54,6 @@ def turned(by: Array, q: Array) -> Array:
     return out
 
 
-def _quaternion(turn: Array) -> Array:
-    """w x y z of a rotation matrix: the eigenvector of its largest eigenvalue (Bar-Itzhack 2000)."""
-    (a, b, c), (d, e, f), (g, h, i) = turn
-    K = np.array([[a + e + i, h - f, c - g, d - b], [h - f, a - e - i, b + d, c + g], [c - g, b + d, e - a - i, f + h],
-                  [d - b, c + g, f + h, i - a - e]]) / 3
-    out: Array = np.linalg.eigh(K)[1][:, -1]
-    return out
-
-
 class HandFilter:
     """Angles of one hand of a scene from frames of 21 points."""
 
@@ -61,165 +65,154 @@ class HandFilter:
         stops = np.array([known.get(axis, (-np.pi, np.pi)) for axis in self.axes])
         self._low, self._high = stops[:, 0], stops[:, 1]
         size = 6 + len(self.axes)
-        self._density = np.array([POSITION] * 3 + [TURN] * 3 + [ANGLE] * len(self.axes))
+        self._usual = np.array([POSITION] * 3 + [TURN] * 3 + [ANGLE] * len(self.axes))
         self._size = size
         self.time: Optional[float] = None
         """Of the last frame [s]; None before the first one and while the hand is lost."""
         self.pose: Array = np.zeros(7 + len(self.axes))
         """Of the wrist (x y z, quaternion w x y z) and the angles [rad]."""
-        self.rates: Array = np.zeros(size)
+        self._motion: Array = np.zeros((2, size))  # rates, accelerations
         self.noise = 2e-3
         """Standard deviation of a coordinate, as estimated [m]."""
         self.scale = 1.0
         """Size of the tracked hand by that of the scene's."""
-        # Covariance of pose, rates, and the angles of the frame before.
-        self._spread: Array = np.zeros((3 * size - 6, 3 * size - 6))
-        self._last: Array = np.zeros(size - 6)
-        model = self._points(np.zeros(len(self.axes)))
+        # Covariance of pose, rates and accelerations, and theirs (rows) with the angles of the two frames before (columns).
+        self._spread: Array = np.zeros((3 * size, 3 * size))
+        self._shared: Array = np.zeros((3 * size, 2 * size - 12))
+        self._last: Array = np.zeros((2, size - 6))
+        self._times = (0.0, 0.0)
+        self._waiting: Optional[tuple[Any, ...]] = None
+        model = self.points(np.concatenate((np.array([0.0, 0, 0, 1, 0, 0, 0]), np.zeros(len(self.axes)))))
         self._palm = np.linalg.norm(model[PALM] - model[0], axis=1)
 
-    def _points(self, angles: Array) -> Array:
-        """The 21 points of the scene's hand at the origin."""
-        pose = np.concatenate((np.array([0.0, 0, 0, 1, 0, 0, 0]), angles))
-        return self._fit.rows(np.zeros((21, 3)), pose)[0].reshape(21, 3)
+    @property
+    def rates(self) -> Array:
+        """Of wrist and angles [m/s, rad/s]."""
+        out: Array = self._motion[0]
+        return out
 
     def points(self, pose: Array) -> Array:
         """The 21 points at a pose [m]."""
-        return self._fit.rows(np.zeros((21, 3)), pose)[0].reshape(21, 3)
+        return self._fit.points(pose)
 
     def update(self, points: Array, time: float) -> bool:
         """Takes a frame [m]; points that are not finite were not seen. :returns: False where too few were"""
-        seen = np.isfinite(points).all(axis=1)
-        if seen.sum() < 7:
-            return False
-        points = self._sized(points)
-        if self.time is None or not 0 < time - self.time < LONGEST_GAP:
-            self._find(points, time)
+        self.finish()
+        if self.time is not None and 0 < time - self.time < LONGEST_GAP and self._follow(points, time):
             return True
-        self._predict(time - self.time)
-        self.time = time
-        if not self._correct(points, seen):
-            self._find(points, time)
+        if np.isfinite(points).all(axis=1).sum() < 7:
+            return False
+        if self.time is None:
+            self._scale(points, 1.0)
+        self._find(self._sized(points), time)
         return True
 
-    def _sized(self, points: Array) -> Array:
-        """The points of a hand of the scene's size: scaled about the fingers' bases by the lengths of the palm."""
+    def _scale(self, points: Array, share: float) -> None:
+        """Learns the size of the tracked hand, by the lengths of its palm."""
         if np.isfinite(points[[0, *PALM]]).all():
             ratio = float(np.median(np.linalg.norm(points[PALM] - points[0], axis=1) / self._palm))
-            ratio = min(2.0, max(0.5, ratio))
-            self.scale += (1.0 if self.time is None else 0.02) * (ratio - self.scale)
-        palm = points[PALM]
-        origin = np.mean(palm, axis=0) if np.isfinite(palm).all() else np.nanmean(points, axis=0)
-        out: Array = origin + (points - origin) / self.scale
+            self.scale += share * (min(2.0, max(0.5, ratio)) - self.scale)
+
+    def _sized(self, points: Array) -> Array:
+        """The points of a hand of the scene's size: scaled about the fingers' bases."""
+        origin = points[5:18:4].sum(axis=0) * 0.25
+        if not math.isfinite(origin.sum()):
+            origin = points[np.isfinite(points).all(axis=1)].sum(axis=0) / max(1, np.isfinite(points).all(axis=1).sum())
+        out: Array = points * (1 / self.scale)
+        out += (1 - 1 / self.scale) * origin
         return out
 
     def _find(self, points: Array, time: float) -> None:
-        points = points.copy()
-        for _ in range(5):
-            self.pose = self._start(points)
-            distance = np.linalg.norm(self._fit.rows(points, self.pose)[0].reshape(21, 3), axis=1)
-            if distance.max() <= OUTLIER or np.isfinite(points).all(axis=1).sum() < 8:
-                break
-            points[np.argmax(distance)] = np.nan
-        self.rates, self.time = np.zeros(self._size), time
+        self.pose = self._fit.find(points, OUTLIER)
         n = self._size
-        self._last = self.pose[7:].copy()
-        self._spread[:] = np.diag(np.concatenate(([1e-5] * 3, [0.01] * (n - 3), [0.1] * 3, [9.0] * (n - 3), [0.01] * (n - 6))))
+        self._motion, self.time = np.zeros((2, n)), time
+        self._last, self._times = np.tile(self.pose[7:], (2, 1)), (time, time)
+        self._spread = np.diag(np.concatenate(([1e-5] * 3, [0.01] * (n - 3), [0.1] * 3, [9.0] * (n - 3), [1.0] * 3, [300.0] * (n - 3))))
+        self._shared = np.zeros((3 * n, 2 * n - 12))
+        self._density, self._trend = self._usual.copy(), np.zeros(n)
+        self._waiting = None
 
-    def _start(self, points: Array) -> Array:
-        """The pose of a frame without a past: the palm's points place the hand (Kabsch 1976), Levenberg-Marquardt steps bend it."""
-        seen = np.isfinite(points).all(axis=1)
-        best, least = np.zeros(0), np.inf
-        for flexion in (0.35, 0.9):
-            angles = np.clip([flexion if axis.endswith("flexion") else 0.0 for axis in self.axes], self._low, self._high)
-            model = self._points(angles)
-            rows = [i for i in (0, *PALM) if seen[i]]
-            rows = rows if len(rows) > 2 else list(np.flatnonzero(seen))
-            a, b = model[rows] - model[rows].mean(axis=0), points[rows] - points[rows].mean(axis=0)
-            u, _, v = np.linalg.svd(a.T @ b)
-            turn = v.T @ np.diag([1, 1, np.sign(np.linalg.det(v.T @ u.T))]) @ u.T
-            place = points[rows].mean(axis=0) - turn @ model[rows].mean(axis=0)
-            pose = np.concatenate((place, _quaternion(turn), angles))
-            damping = 1e-4
-            r, J = self._fit.rows(points, pose)
-            for _ in range(25):
-                step = np.linalg.solve(J.T @ J + damping * np.eye(self._size), -J.T @ r)
-                trial = pose.copy()
-                trial[:3] += step[:3]
-                trial[3:7] = turned(step[3:6], pose[3:7])
-                trial[7:] = np.clip(pose[7:] + step[6:], self._low, self._high)
-                r_trial, J_trial = self._fit.rows(points, trial)
-                better = r_trial @ r_trial < r @ r
-                damping = max(1e-9, damping * (0.3 if better else 5))
-                if better:
-                    pose, r, J = trial, r_trial, J_trial
-            if r @ r < least:
-                best, least = pose, float(r @ r)
-        return best
-
-    def _predict(self, dt: float) -> None:
-        n, P = self._size, self._spread
-        self._last = self.pose[7:].copy()
-        P[2 * n:] = P[6:n]
-        P[:, 2 * n:] = P[:, 6:n]
-        self.pose = self.predicted(dt)
-        P[:n] += dt * P[n:2 * n]
-        P[:, :n] += dt * P[:, n:2 * n]
-        i, density = np.arange(n), self._density
-        P[i, i] += density * dt**3 / 3
-        P[i, n + i] += density * dt**2 / 2
-        P[n + i, i] += density * dt**2 / 2
-        P[n + i, n + i] += density * dt
-        if dt > STEADY:
-            self.rates = self.rates * np.exp(-(dt - STEADY) / DECAY)
-
-    def predicted(self, dt: float) -> Array:
-        """The pose that much after the last frame [s]; rates decay, so that a gap ends at rest."""
-        ahead = dt if dt <= STEADY else STEADY + DECAY * (1 - float(np.exp(-(dt - STEADY) / DECAY)))
-        pose = self.pose.copy()
-        pose[:3] += ahead * self.rates[:3]
-        pose[3:7] = turned(ahead * self.rates[3:6], pose[3:7])
-        pose[7:] = np.clip(pose[7:] + ahead * self.rates[6:], self._low, self._high)
-        return pose
-
-    def _correct(self, points: Array, seen: NDArray[np.bool_]) -> bool:
+    def _follow(self, points: Array, time: float) -> bool:
         """:returns: False where the points are not near the prediction"""
-        n = self._size
-        r, J = self._fit.rows(points, self.pose)
-        distance = np.linalg.norm(r.reshape(21, 3), axis=1)
-        near = seen & (distance < max(OUTLIER, 6 * self.noise) + 0.3 * np.linalg.norm(self.rates[:3]) * 0.02)
-        if near.sum() < max(7, 0.6 * seen.sum()):
+        assert self.time is not None
+        dt = time - self.time
+        decay = math.exp(-dt / KEPT)
+        F = np.array([[1, dt, KEPT * (dt - KEPT * (1 - decay))], [0, 1, KEPT * (1 - decay)], [0, 0, decay]])
+        Q = np.array([[dt**5 / 20, dt**4 / 8, dt**3 / 6], [dt**4 / 8, dt**3 / 3, dt**2 / 2], [dt**3 / 6, dt**2 / 2, dt]])
+        speed = math.sqrt(sum(each * each for each in self._motion[0, :3].tolist()))
+        found = self._fit.follow(self._sized(points), self.pose, self._motion, self._coefficients(dt), self._spread, self._shared, self._density,
+                                 F, Q, self.noise, max(OUTLIER, 6 * self.noise) + 0.006 * speed)
+        if found is None:
             return False
-        use = np.repeat(near, 3)
-        r, J = r[use], J[use]
-        # Small products, of two arrays each: BLAS takes threads for larger ones, and for those of an array with itself.
-        P = self._spread
-        turned_J = J.T.copy() / self.noise**2
-        W = turned_J @ J
-        gain = np.linalg.solve(np.eye(n) + P[:n, :n] @ W, P[:n]).T  # P (1 + W P)^-1, rows of all, columns of the pose
-        change = gain @ (turned_J @ -r)
-        P -= gain @ (W @ P[:n])
-        P += P.T
-        P *= 0.5
-        informed = float(np.sum(W * P[:n, :n]))
-        self.pose = self.pose.copy()
-        self.pose[:3] += change[:3]
-        self.pose[3:7] = turned(change[3:6], self.pose[3:7])
-        angles = self.pose[7:] + change[6:n]
-        self.pose[7:] = np.clip(angles, self._low, self._high)
-        self._last = np.clip(self._last + change[2 * n:], self._low, self._high)
-        self.rates = self.rates + change[n:2 * n]
-        at_stop = (angles < self._low) & (self.rates[6:] < 0) | (angles > self._high) & (self.rates[6:] > 0)
-        self.rates[6:][at_stop] = 0
-        # What is left of the residuals tells the noise: the filter has used part of them.
-        left = r + J @ change[:n]
-        found = float(left @ left) / max(len(r) - informed, 0.2 * len(r))
-        self.noise = float(np.clip(np.sqrt(self.noise**2 + 0.02 * (found - self.noise**2)), 2e-4, 0.02))
+        before = self.pose[7:]
+        self.pose, self._motion, later = found[:3]
+        self._last = np.minimum(np.maximum(np.stack((before, self._last[0])) + later.reshape(2, -1), self._low), self._high)
+        self._times, self.time = (self.time, self._times[0]), time
+        self._waiting = (points, F, Q, *found[3:])
         return True
 
+    def _coefficients(self, dt: float) -> Array:
+        """Way, rates and accelerations after a time by rates and accelerations; rates decay, so that a gap ends at rest."""
+        steady = min(dt, STEADY)
+        rest = 1 - math.exp(-(dt - steady) / DECAY)
+        part = KEPT * (1 - math.exp(-steady / KEPT))
+        way = steady + DECAY * rest
+        return np.array([[way, KEPT * (steady - part) + DECAY * rest * part], [1 - rest, (1 - rest) * part],
+                         [0.0, 1 - part / KEPT if dt <= STEADY else 0.0]])
+
+    def predicted(self, dt: float) -> Array:
+        """The pose that much after the last frame [s]."""
+        way = (self._coefficients(dt) @ self._motion)[0]
+        pose = self.pose.copy()
+        pose[:3] += way[:3]
+        pose[3:7] = turned(way[3:6], pose[3:7])
+        pose[7:] = np.clip(pose[7:] + way[6:], self._low, self._high)
+        return pose
+
+    def finish(self) -> None:
+        """What the next frame needs of the last one: covariances, the noise, how strongly each axis is driven, the size."""
+        if self._waiting is None:
+            return
+        points, F, Q, W, mixed, change, left, count = self._waiting
+        self._waiting, n = None, self._size
+        self._scale(points, 0.02)
+        shared = np.concatenate((self._spread[:, 6:n], self._shared[:, :n - 6]), axis=1)
+        shared = (F @ shared.reshape(3, -1)).reshape(shared.shape)
+        half = (F @ self._spread.reshape(3, -1)).reshape(3 * n, 3 * n).T.copy()  # of a symmetric one
+        P = (F @ half.reshape(3, -1)).reshape(3 * n, 3 * n)
+        i = np.arange(n)
+        P.reshape(3, n, 3, n)[:, i, :, i] += self._density[:, None, None] * Q
+        # Small products, of two arrays each: BLAS takes threads for larger ones, and for those of an array with itself.
+        M = np.linalg.solve(mixed, W)
+        columns = P[:, :n].copy()
+        self._shared = shared - columns @ (M @ shared[:n])
+        P -= columns @ (M @ columns.T)
+        P += P.T.copy()
+        P *= 0.5
+        self._spread = P
+        # What is left of the residuals tells the noise: the filter has used part of them.
+        informed = float(np.sum(W * P[:n, :n]))
+        found = float(left @ left) / max(count - informed, 0.2 * count)
+        self.noise = float(np.clip(np.sqrt(self.noise**2 + 0.02 * (found - self.noise**2)), 2e-4, 0.02))
+        # White corrections of a rate: its axis is driven as strongly as assumed. Corrections in a row: more strongly.
+        rates = columns[n:2 * n]
+        z = change / np.sqrt(np.maximum(np.sum((rates @ M) * rates, axis=1), 1e-12))
+        grown = self._density * np.exp(LEARNING * np.clip(z * self._trend - BIAS, -1.0, 5.0))
+        self._density = np.clip(grown, WEAKEST * self._usual, STRONGEST * self._usual)
+        self._trend = MEMORY * self._trend + z
+        angles, outward = self.pose[7:], self.rates[6:]
+        at_stop = (angles <= self._low) & (outward < 0) | (angles >= self._high) & (outward > 0)
+        self._motion[:, 6:][:, at_stop] = 0
+
     def late_angles(self) -> Array:
-        """Angles at the frame before the last one, as the last one tells them, too [rad]: with less error, a frame later."""
-        return self._last
+        """Angles DELAY before the last frame, as it tells them, too [rad]: with less error. Of faster trackers two frames before."""
+        assert self.time is not None
+        moment = max(self.time - DELAY, self._times[1])
+        before, after, begin, end = (self._last[0], self.pose[7:], self._times[0], self.time) if moment >= self._times[0] else \
+            (self._last[1], self._last[0], *self._times[::-1])
+        share = (moment - begin) / max(end - begin, 1e-9)
+        out: Array = before + min(share, 1.0) * (after - before)
+        return out
 
     def lose(self) -> None:
         self.time = None

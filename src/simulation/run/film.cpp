@@ -27,10 +27,11 @@ Film::Film(const scene::Scene& scene, const VideoSpec& spec, long first, long la
   const double span = static_cast<double>(last - first) * scene.spec.solver.step;
   const double frames = std::min(span / spec.speed * spec.fps, static_cast<double>(last - first)) + 1;
   // Slow motion repeats frames.
-  constexpr double kMostFrames = 1e6;
-  if (!(spec.speed > 0) || span / spec.speed * spec.fps > kMostFrames)
-    throw input_error("--speed", fmt::format("{:g}", spec.speed),
-                      fmt::format("one above 0 that gives at most {:.0f} frames", kMostFrames));
+  constexpr double kMostFrames = 1e6, kFastest = 1e4;
+  if (!(spec.speed > 0 && spec.speed <= kFastest) || span / spec.speed * spec.fps > kMostFrames)
+    throw input_error(
+        "--speed", fmt::format("{:g}", spec.speed),
+        fmt::format("one above 0, at most {:g}, that gives at most {:.0f} frames", kFastest, kMostFrames));
   const double bytes = frames * (static_cast<double>(scene.model.bodies.size()) * sizeof(model::BodyState) +
                                  kContacts * sizeof(engine::Contact));
   if (bytes > kMostBytes)

@@ -138,19 +138,39 @@ std::string panel(const OutcomeEffects& of, const KeyEffect& effect, int block) 
                    block, low - margin, high + margin, tick(2 * margin + high - low));
 }
 
-/// A row of panels, or several, for each outcome.
+/// Indices of keys, behind the differences between their bins; of more than `most` those with the largest.
+std::vector<std::pair<double, std::size_t>> strongest(const OutcomeEffects& of, std::size_t most) {
+  std::vector<std::pair<double, std::size_t>> out;
+  for (const KeyEffect& key : of.keys) {
+    double low = HUGE_VAL, high = -HUGE_VAL;
+    for (const Bin& bin : key.bins)
+      if (bin.estimate) low = std::min(low, bin.estimate->value), high = std::max(high, bin.estimate->value);
+    out.emplace_back(low - high, out.size());
+  }
+  if (out.size() > most) std::ranges::sort(out);
+  out.resize(std::min(most, out.size()));
+  return out;
+}
+
+/// A row of panels, or several, for each outcome; of many keys those with the largest differences.
 std::vector<Plot> plots_of(const Table& table, const std::vector<OutcomeEffects>& outcomes) {
-  const auto keys = static_cast<int>(outcomes.front().keys.size());
-  const bool wide = outcomes.size() > 1 && keys <= 6;
-  const int columns = keys == 1 || wide ? keys : keys <= 4 ? 2 : 3, each = (keys + columns - 1) / columns;
-  const int rows = each * static_cast<int>(outcomes.size());
+  constexpr std::size_t kMostPanels = 24;
+  const std::size_t all = outcomes.front().keys.size();
+  const std::size_t keys = std::min(all, std::max<std::size_t>(kMostPanels / outcomes.size(), 1));
+  const bool dense = keys < all && keys < 3, wide = keys == 1 || (outcomes.size() > 1 && keys <= 6);
+  const std::size_t columns = dense ? 4 : wide ? keys : std::min<std::size_t>(3, (keys + 4) / 3);
+  const std::size_t each = dense ? keys : (keys + columns - 1) / columns * columns;
+  const std::size_t rows = (each * outcomes.size() + columns - 1) / columns;
   std::string commands = fmt::format(
-      "  set multiplot layout {},{} title '{}' noenhanced\n  set grid ytics\n  unset key\n  set zero 1e-30\n",
-      rows, columns, output::plot_text(table.head.title));
-  int block = 0;
-  for (const OutcomeEffects& of : outcomes) {
-    for (const KeyEffect& effect : of.keys) commands += panel(of, effect, block++);
-    for (int left = keys; left < each * columns; ++left) commands += "  set multiplot next\n";
+      "  set multiplot layout {},{} title '{}{}' noenhanced\n  set grid ytics\n  unset key\n  set zero "
+      "1e-30\n",
+      rows, columns, output::plot_text(table.head.title),
+      keys < all ? fmt::format(": of {} keys the {} with the largest differences for each outcome", all, keys)
+                 : "");
+  for (std::size_t i = 0; i < outcomes.size(); ++i) {
+    for (const auto& [_, key] : strongest(outcomes[i], keys))
+      commands += panel(outcomes[i], outcomes[i].keys[key], static_cast<int>(i * all + key));
+    for (std::size_t left = keys; left < each; ++left) commands += "  set multiplot next\n";
   }
   return {
       {"rollouts", fmt::format("size {},{}", 480 * columns, 360 * rows), commands + "  unset multiplot\n"}};

@@ -1,0 +1,219 @@
+"""``handsim track FILE.c3d``: a recording of markers in C3D as the table that `handsim track` reads.
+
+ezc3d reads the file (pip install ezc3d); it is needed for this alone.
+"""
+from __future__ import annotations
+
+import os
+import struct
+import sys
+import tempfile
+import threading
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any, Iterator, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._errors import Error, input_error
+
+UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
+USAGE = """
+Of a .c3d file alone (pip install ezc3d):
+  --names FILE   lines LABEL: NAME, the names of the file's labels in the marker set, or keypoints such as right.index_tip
+  --up z|y       the file's axis that points up (default: as the file says in POINT:Y_SCREEN, else z)
+"""
+
+
+def is_c3d(recording: Union[str, "PathLike[str]"]) -> bool:
+    return Path(recording).suffix.lower() == ".c3d"
+
+
+def read_names(path: Union[str, "PathLike[str]"]) -> dict[str, str]:
+    """Names by label, from lines ``LABEL: NAME``. :raises Error: of kind input, with all wrong lines"""
+    try:
+        lines = Path(path).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise input_error(str(path), str(getattr(error, "strerror", "") or "a text that is not UTF-8"), "a file of lines LABEL: NAME") from None
+    out: dict[str, str] = {}
+    problems = []
+    for number, line in enumerate(lines, 1):
+        text = line.partition(" #")[0].strip()
+        if not text or text.startswith("#"):
+            continue
+        label, colon, name = (each.strip().strip("\"'") for each in text.rpartition(": "))
+        if not colon or not label or not name:
+            problems.append(f"{path}:{number}:1: got {text[:60]!r}, need LABEL: NAME")
+        elif label in out or name in out.values():
+            problems.append(f"{path}:{number}:1: {label}: got a label or a name twice, need each once")
+        out[label] = name
+    if problems:
+        raise Error("\n".join(problems), "input")
+    return out
+
+
+def _parameter(point: Any, name: str, default: Any) -> Any:
+    value = point[name]["value"] if name in point else []
+    return value[0] if len(value) else default
+
+
+def _labels(point: Any, count: int) -> list[str]:
+    """Of all points; more than 255 stand in LABELS2, LABELS3, ..."""
+    out: list[str] = []
+    for name in ["LABELS", *(f"LABELS{i}" for i in range(2, 10))]:
+        out += [str(each).strip() for each in point[name]["value"]] if name in point else []
+    return (out + [""] * count)[:count]
+
+
+def _channels(labels: Sequence[str], names: Optional[dict[str, str]], path: str) -> dict[str, int]:
+    """Index of the point of each channel. A label may have its subject before a colon. :raises Error: of kind input"""
+    out: dict[str, int] = {}
+    short = [label.rpartition(":")[2] for label in labels]
+    used: set[str] = set()
+    for i, label in enumerate(labels):
+        own = label if names is not None and label in names or short.count(short[i]) > 1 else short[i]
+        if not own:
+            continue
+        used.add(own)
+        name = (names or {}).get(own, own)
+        for sign in ',[]"\n\r':
+            name = name.replace(sign, "_")
+        if name in out:
+            raise input_error(path, f"two points that are {name}", "each name once, by --names")
+        out[name] = i
+    wrong = [label for label in names or {} if label not in used]
+    if wrong:
+        known = ", ".join(each for each in labels if each)
+        raise input_error("--names", ", ".join(wrong[:10]), f"labels of {path}: {known[:600]}")
+    return out
+
+
+def _unit_of(file: Any, path: str) -> str:
+    text = str(_parameter(file["parameters"]["POINT"], "UNITS", "")).strip()
+    if text.lower() not in UNITS:
+        raise input_error(path, f"POINT:UNITS {text!r}", "mm, cm or m")
+    return UNITS[text.lower()]
+
+
+def _up_of(file: Any, up: Optional[str], path: str) -> str:
+    if up not in (None, "y", "z"):
+        raise input_error("--up", up, "y or z")
+    said = str(_parameter(file["parameters"]["POINT"], "Y_SCREEN", "+Z")).strip().upper()
+    if up is None and said not in ("+Z", "Z", "+Y", "Y", ""):
+        raise input_error(path, f"POINT:Y_SCREEN {said}", "+Y or +Z, or --up y or z for files that mean it otherwise")
+    return up or ("y" if said.endswith("Y") else "z")
+
+
+def _stated_frames(path: str) -> int:
+    """As the head says; of longer files 65535. ezc3d itself takes a file that was cut for a shorter one."""
+    with open(path, "rb") as file:
+        head = file.read(10)
+        if len(head) < 10 or head[1] != 0x50:
+            raise input_error(path, "a file that is no C3D", "one whose second byte is 0x50")
+        file.seek(512 * (max(1, head[0]) - 1) + 3)
+        first, last = struct.unpack("<HH" if file.read(1) != b"\x56" else ">HH", head[6:])
+    return int(last) - int(first) + 1
+
+
+def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str] = None) -> tuple[list[str], NDArray[np.float64]]:
+    """Columns and rows as `handsim track` reads them from CSV. :raises Error: of kind input"""
+    try:
+        import ezc3d
+    except ImportError as error:
+        raise input_error(path, f"a Python without ezc3d ({error})", "it to read C3D: pip install ezc3d") from None
+    if not Path(path).is_file():
+        raise input_error(path, "no file", "a recording")
+    stated = _stated_frames(path)
+    try:
+        file = ezc3d.c3d(str(path))
+        point, data = file["parameters"]["POINT"], np.asarray(file["data"]["points"], dtype=float)
+        rate, first = float(_parameter(point, "RATE", 0.0)), int(file["header"]["points"]["first_frame"])
+        residuals = np.asarray(file["data"]["meta_points"]["residuals"])[0]
+    except (RuntimeError, OSError, ValueError, KeyError, IndexError, MemoryError) as error:
+        raise input_error(path, f"a file that ezc3d cannot read ({str(error).splitlines()[0][:200] if str(error) else type(error).__name__})",
+                          "a whole C3D file") from None
+    if data.shape[2] < stated:
+        raise input_error(path, f"{data.shape[2]} frames", f"{stated}, as its head says: is the file complete?")
+    if not (np.isfinite(rate) and rate > 0):
+        raise input_error(path, f"POINT:RATE {rate:g}", "frames in a second, above 0")
+    if data.shape[1] == 0 or data.shape[2] == 0:
+        raise input_error(path, f"{data.shape[1]} points in {data.shape[2]} frames", "one point and one frame at least")
+    unit, up = _unit_of(file, path), _up_of(file, up, path)
+    channels = _channels(_labels(point, data.shape[1]), names, path)
+    if not channels:
+        raise input_error(path, "no label of a point", "labels in POINT:LABELS")
+    places = data[:3].transpose(2, 1, 0)
+    # Points that were not seen have a residual below 0, and in files of some programs the place 0 0 0.
+    places = np.where((residuals.T[:, :, None] < 0) | ~places.any(axis=2, keepdims=True), np.nan, places)
+    if up == "y":
+        places = np.stack((places[..., 0], -places[..., 2], places[..., 1]), axis=-1)
+    if unit == "cm":
+        places, unit = places / 100, "m"
+    rows = places[:, list(channels.values())].reshape(len(places), -1)
+    times = (first + np.arange(len(places))) / rate
+    columns = ["time[s]", *(f"{name}.{axis}[{unit}]" for name in channels for axis in "xyz")]
+    return columns, np.concatenate((times[:, None], rows), axis=1)
+
+
+@contextmanager
+def as_csv(path: Union[str, "PathLike[str]"], names: Union[None, str, "PathLike[str]"] = None, up: Optional[str] = None) -> Iterator[Path]:
+    """The recording as a CSV file, while it is needed. :raises Error: of kind input"""
+    columns, rows = table_of(str(path), None if names is None else read_names(names), up)
+    with tempfile.TemporaryDirectory(prefix="handsim_c3d_") as folder:
+        out = Path(folder) / f"{Path(path).name}.csv"
+        np.savetxt(out, rows, "%.17g", ",", header=",".join(columns), comments="", encoding="utf-8")
+        try:
+            yield out
+        except Error as error:
+            raise Error(str(error).replace(str(out), str(path)), error.kind,
+                        [each._replace(file=str(path)) if each.file == str(out) else each for each in error.problems]) from None
+
+
+def _track(words: Sequence[str], table: Path, recording: str) -> int:
+    """The program's ``track`` of a table, whose messages name the recording."""
+    reading, writing = os.pipe()
+    own = os.dup(2)
+
+    def pass_on() -> None:
+        with os.fdopen(reading, "rb") as lines:
+            for line in lines:
+                os.write(own, line.replace(os.fsencode(table), os.fsencode(recording)))
+
+    thread = threading.Thread(target=pass_on)
+    thread.start()
+    os.dup2(writing, 2)
+    os.close(writing)
+    try:
+        status: int = _core.command_line(["track", *(str(table) if word == recording else word for word in words)])
+    finally:
+        os.dup2(own, 2)
+        thread.join()
+        os.close(own)
+    return status
+
+
+def main(words: Sequence[str]) -> int:
+    """``track`` of the command line: of a C3D file after its conversion. :returns: the exit status"""
+    recording = next((word for word, before in zip(words, ["", *words]) if is_c3d(word) and before not in ("--out", "--person", "--model", "--markers", "--truth")), None)
+    rest, options = [], dict[str, Optional[str]](names=None, up=None)
+    try:
+        waiting = iter(words)
+        for word in waiting:
+            name, equals, value = word.partition("=")
+            if recording is not None and name in ("--names", "--up"):
+                options[name[2:]] = value if equals else next(waiting, "")
+            else:
+                rest.append(word)
+        if recording is None or "--help" in rest or "-h" in rest:
+            status: int = _core.command_line(["track", *rest])
+            if "--help" in rest or "-h" in rest:
+                print(USAGE)
+            return status
+        with as_csv(recording, options["names"], options["up"]) as table:
+            return _track(rest, table, recording)
+    except Error as error:
+        print(error, file=sys.stderr)
+        return 2 if error.kind == "input" else 1
