@@ -146,6 +146,8 @@ double measure_once(const Subject& subject, const Measurement& of) {
           {})[at(*subject.dof(of.axis))];
     case Measured::pulley_force:
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
+    case Measured::sheath_friction:
+      return 1 - std::pow(model::sheath_gain(of.angles.at(0)), -2);
     case Measured::hand_mass:
       return subject.hand().mass;
     case Measured::centre_of_mass:
@@ -159,10 +161,13 @@ double measure_once(const Subject& subject, const Measurement& of) {
 }
 
 double measure(const Subject& subject, const Measurement& of) {
-  if (!of.over_pose) return measure_once(subject, of);
-  Measurement other = of;
-  other.pose = *of.over_pose;
-  return measure_once(subject, of) / measure_once(subject, other);
+  auto in_pose = [&, other = of](const Angles& pose) mutable {
+    other.pose = pose;
+    return measure_once(subject, other);
+  };
+  double out = measure_once(subject, of);
+  for (const Angles& pose : of.or_poses) out = std::max(out, in_pose(pose));
+  return of.over_pose ? out / in_pose(*of.over_pose) : out;
 }
 
 /// What stands at a path of keys, of indices of lists, and of `name`s of a list's entries, with or without
