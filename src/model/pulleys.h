@@ -4,7 +4,7 @@
 // 4). The superficial flexor ends between the two and loads A2 alone. With the tensions and pulley forces at
 // failure of Schoeffl 2009 (J Biomech 42:2183), 348 N and 287 N in a crimp, 371 N and 121 N in a slope grip,
 // at PIP angles of 87 and 39 deg (Fischer 2024, Bioengineering 11:370), this gives 258 and 125 N.
-// Bowstringing is left out. Friction in the sheath acts on no step: sheath_gain() says what it is worth.
+// Bowstringing is left out, and friction in the sheath but for sheath_gain().
 #pragma once
 
 #include <algorithm>
@@ -40,13 +40,9 @@ inline PulleyForces pulley_forces(const FlexorTensions& tensions, double pip) {
   return {turn * (tensions.deep + tensions.superficial), turn * tensions.deep};
 }
 
-/// Of a tendon in its sheath: with it a PIP held at 83 deg after the finger yielded has 11 % more moment than
-/// after it pulled (Schweizer 2009, J Biomech 42:1856, 6 cadaver fingers).
-inline constexpr double kSheathFriction = 0.036;
-
-/// The tension beyond the pulleys of the PIP over the muscle's, where the tendon is pulled out (1 over it
-/// where the muscle shortens): a belt that turns by the joint's angle.
-/// @param pip angle of the PIP [rad]
-inline double sheath_gain(double pip) { return std::exp(kSheathFriction * std::max(0.0, pip)); }
+/// Tension beyond the PIP's pulleys over the muscle's where the finger yields, one over it where it pulls: a
+/// belt of friction 0.036, so that a PIP of 83 deg has 11 % more after it yielded (Schweizer 2009, J Biomech
+/// 42:1856).
+inline double sheath_gain(double pip) { return std::exp(0.036 * std::max(0.0, pip)); }
 
 }  // namespace handsim::model

@@ -23,21 +23,16 @@ namespace handsim::study {
 
 namespace {
 
-/// Sets one axis of a pose.
-Angles with(Angles pose, const std::string& axis, double angle) {
-  pose[axis] = angle;
-  return pose;
-}
-
 /// Mean arm and its root mean square difference from the measured ones.
 std::pair<double, double> measure_arms(const Subject& subject, const Measurement& of) {
   const model::Muscle& muscle = *subject.muscle(of.muscle);
   const int dof = *subject.dof(of.axis);
   const double scale = of.hand_length ? *of.hand_length / subject.hand().size.length : 1;
   double sum = 0, squares = 0;
+  Angles pose = of.pose;
   for (std::size_t i = 0; i < of.angles.size(); ++i) {
-    const double arm =
-        scale * subject.arm(muscle, dof, subject.coordinates(with(of.pose, of.axis, of.angles[i])));
+    pose[of.axis] = of.angles[i];
+    const double arm = scale * subject.arm(muscle, dof, subject.coordinates(pose));
     sum += arm;
     squares += (arm - of.arms[i]) * (arm - of.arms[i]);
   }
@@ -113,13 +108,8 @@ double measure_rotation(const Subject& subject, const Measurement& of) {
   return loaded[dof] - rest[dof];
 }
 
-double measure_gyration(const Subject& subject, const Measurement& of) {
-  const hand::HandInertiaShares shares = hand::whole_hand(subject.hand()).shares;
-  if (of.direction == "sagittal") return shares.gyration_sagittal;
-  return of.direction == "transverse" ? shares.gyration_transverse : shares.gyration_longitudinal;
-}
-
 double measure_once(const Subject& subject, const Measurement& of) {
+  const auto shares = [&] { return hand::whole_hand(subject.hand()).shares; };
   switch (of.kind) {
     case Measured::moment_arms:
       return measure_arms(subject, of).first;
@@ -151,9 +141,11 @@ double measure_once(const Subject& subject, const Measurement& of) {
     case Measured::hand_mass:
       return subject.hand().mass;
     case Measured::centre_of_mass:
-      return hand::whole_hand(subject.hand()).shares.centre_of_mass;
+      return shares().centre_of_mass;
     case Measured::gyration:
-      return measure_gyration(subject, of);
+      return of.direction == "sagittal"     ? shares().gyration_sagittal
+             : of.direction == "transverse" ? shares().gyration_transverse
+                                            : shares().gyration_longitudinal;
     case Measured::simulation:
       break;  // of no subject: SimulatedScenes
   }
