@@ -313,7 +313,7 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
     } else {
       row.ours = measure(subjects.of(of, spec.people.at(of.person)), of);
     }
-    if (of.over_row) row.ours /= out.rows[*of.over_row].ours;
+    if (of.over_row && row.measured) row.ours /= out.rows[*of.over_row].ours;
     const double difference = of.kind == Measured::moment_arms
                                   ? measure_arms(subjects.of(of, spec.people.at(of.person)), of).second
                                   : std::abs(row.ours - of.value);
