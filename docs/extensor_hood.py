@@ -11,7 +11,7 @@ Polynomials are the least squares to the derivatives over postures in which the 
 import numpy as np
 
 # c, a, b, t, w, s, l: fitted to tip forces under EDC alone (Synek 2019), to the largest dorsal force and to what EDC turns.
-INDEX = (4.37, 2.79, 1.53, 2.96, 0.379, 1.54, 0.217)
+INDEX = (6.12, 3.91, 2.14, 4.14, 0.379, 2.16, 0.217)
 PRODUCTS = ((1, 2), (0, 2), (0, 1))  # axes
 JOINTS = ("mcp", "pip", "dip")
 ROWS = (("EDC2 and EIP", "index", INDEX, 1),)

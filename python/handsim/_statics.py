@@ -102,11 +102,14 @@ class Statics:
         muscles, rest = self.torques(q)
         rows = self.rows(*fingers)
         count = forces.shape[1]
-        # What tissue holds: from -gives to gives.
-        equal = np.hstack([np.hstack([forces, -muscles])[rows], -np.eye(len(rows))])
-        most = np.concatenate([np.full(count, np.inf), np.ones(muscles.shape[1]), 2 * self.gives[rows]])
+        # What tissue holds: from -gives to gives, and what a stop holds that the joint lies on.
+        low, high = (np.abs(q - stops)[rows] < 1e-6 for stops in (np.asarray(self.low), np.asarray(self.high)))
+        side = np.where(high, -1.0, 1.0)
+        equal = np.hstack([np.hstack([forces, -muscles])[rows], -np.diag(side)])
+        held = np.where(low | high, np.inf, 2 * self.gives[rows])
+        most = np.concatenate([np.full(count, np.inf), np.ones(muscles.shape[1]), held])
         gains = np.concatenate([np.asarray(gain, dtype=float), np.zeros(len(most) - count)])
-        value, x = largest(gains, equal, rest[rows] - self.gives[rows], most)
+        value, x = largest(gains, equal, rest[rows] - side * self.gives[rows], most)
         return value, x[:count]
 
     def torque_of(self, q: Array, point: Any, direction: ArrayLike) -> Array:
@@ -169,8 +172,8 @@ def polytope(of: Statics, finger: str, point: str, body: str, pose: Mapping[str,
 GRIP = {"mcp.flexion": 45.0, "pip.flexion": 60.0, "dip.flexion": 30.0}
 """Of all fingers on the bar of a dynamometer [deg]: chosen."""
 KEY = {"thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 20.0}
-TIP = {"thumb_cmc.flexion": 11.0, "thumb_cmc.abduction": -1.0, "thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 25.0, "index_mcp.flexion": 54.0,
-       "index_pip.flexion": 47.0, "index_dip.flexion": 27.0}
+TIP = {"thumb_cmc.flexion": 14.0, "thumb_cmc.abduction": -4.0, "thumb_mcp.flexion": 16.0, "thumb_ip.flexion": 20.0, "index_mcp.flexion": 49.0,
+       "index_mcp.abduction": 5.0, "index_pip.flexion": 42.0, "index_dip.flexion": 32.0}
 """As rows of config/validate.yaml [deg]."""
 
 

@@ -30,11 +30,11 @@ Example: handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wris
 """
 COLORS = ("#2b6cb0", "#dd6b20")
 PRESS = {"index_mcp.flexion": 45.0, "index_pip.flexion": 45.0, "index_dip.flexion": 10.0}
-THUMB = {"thumb_mcp.flexion": 15.0, "thumb_ip.flexion": 15.0}
+THUMB = {"thumb_mcp.flexion": 15.0, "thumb_ip.flexion": -15.0}
 PLANES: list[dict[str, Any]] = [
     # Points: people's largest forces in the plane and their standard deviations [N].
     {"title": "index fingertip, from its side", "finger": "index", "point": "index_tip", "body": "index_distal", "pose": PRESS, "across": 1,
-     "labels": ("distal", "palmar"), "source": "Valero-Cuevas 1998, 8 people", "points": [(0, 27.9, 4.1), (0, -7.5, 1.5)]},
+     "labels": ("distal", "palmar"), "source": "Valero-Cuevas 1998, 8 people", "points": [(0, 27.9, 4.1), (0, -7.5, 1.5), (24, 0, 8)]},
     {"title": "index fingertip, from its end", "finger": "index", "point": "index_tip", "body": "index_distal", "pose": PRESS, "across": 0,
      "labels": ("ulnar", "palmar"), "source": "Valero-Cuevas 1998, 8 people", "points": [(0, 27.9, 4.1), (0, -7.5, 1.5), (22.9, 0, 7.8)]},
     {"title": "thumb, middle of its proximal phalanx, from its end", "finger": "thumb", "point": "thumb_proximal", "body": "thumb_proximal",

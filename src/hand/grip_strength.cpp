@@ -7,19 +7,15 @@ namespace handsim::hand {
 
 namespace {
 
-const Quantity kYears = {Dimension::none, 0, 150};
-const Quantity kStature = {Dimension::length, 0.3, 3};
-const Quantity kGrip = {Dimension::force, 1, 5000};
-
 GripNorm read_norm(MapReader reader) {
   GripNorm norm;
   norm.sex = reader.choice<Sex>("sex", {{"male", Sex::male}, {"female", Sex::female}});
   const auto range = [&](const char* key, const Quantity& quantity) {
     return reader.maybe_range(key, quantity, true).value_or(std::pair(0.0, 1.0));
   };
-  norm.age = range("age", kYears);
-  norm.stature = range("stature", kStature);
-  norm.mean = reader.number("mean", kGrip);
+  norm.age = range("age", {Dimension::none, 0, 150});
+  norm.stature = range("stature", {Dimension::length, 0.3, 3});
+  norm.mean = reader.number("mean", {Dimension::force, 1, 5000});
   norm.deviation = reader.number("deviation", {Dimension::force, 0, 5000});
   reader.finish();
   return norm;

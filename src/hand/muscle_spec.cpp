@@ -239,6 +239,7 @@ MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
   MapReader reference = reader.required_map("reference", "a mapping with hand_length and grip_strength");
   file.hand_length = reference.number("hand_length", {Dimension::length, 0.03, 0.5});
   file.grip_strength = reference.number("grip_strength", {Dimension::force, 1, 3000});
+  file.grip_hand_length = reference.maybe_number("grip_hand_length", {Dimension::length, 0.03, 0.5});
   reference.finish();
   if (YamlNode* norms = reader.file_or_block("norms", "a table of grip strength"))
     file.norms = read_grip_table(*norms, reader.path_of("norms"), diagnostics);
@@ -265,6 +266,7 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
   HandMuscles out;
   const double scale = size.length / file.hand_length;
   out.strength = grip_strength(file.norms, person).own / file.grip_strength;
+  if (file.grip_hand_length) out.strength *= std::min(1.2, *file.grip_hand_length / size.length);
   std::vector<double> rest;
   for (const HandAxis& axis : axes) rest.push_back(axis.rest);
   for (const MuscleSpec& spec : file.muscles) {

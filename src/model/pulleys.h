@@ -4,7 +4,7 @@
 // 4). The superficial flexor ends between the two and loads A2 alone. With the tensions and pulley forces at
 // failure of Schoeffl 2009 (J Biomech 42:2183), 348 N and 287 N in a crimp, 371 N and 121 N in a slope grip,
 // at PIP angles of 87 and 39 deg (Fischer 2024, Bioengineering 11:370), this gives 258 and 125 N.
-// Bowstringing and friction in the sheath are left out.
+// Bowstringing is left out, and friction in the sheath but for sheath_gain().
 #pragma once
 
 #include <algorithm>
@@ -39,5 +39,10 @@ inline PulleyForces pulley_forces(const FlexorTensions& tensions, double pip) {
   const double turn = 2 * std::sin(std::max(0.0, pip) / 4);
   return {turn * (tensions.deep + tensions.superficial), turn * tensions.deep};
 }
+
+/// Tension beyond the PIP's pulleys over the muscle's where the finger yields, one over it where it pulls: a
+/// belt of friction 0.036, so that a PIP of 83 deg has 11 % more after it yielded (Schweizer 2009, J Biomech
+/// 42:1856).
+inline double sheath_gain(double pip) { return std::exp(0.036 * std::max(0.0, pip)); }
 
 }  // namespace handsim::model

@@ -78,7 +78,8 @@ TEST(HandMuscles, SlipsOfTheLongExtensorShareByPosture) {
   EXPECT_GT(ratio(45, 45, 45), ratio(45, 45, 10));
 }
 
-// Oracle: lengths scale with hand length, torques with length times strength.
+// Oracle: lengths scale with hand length; forces with strength and, as on the bar of a dynamometer, with the
+// reference hand's length, 193 mm, over the hand's, by 1.2 at most.
 TEST(HandMuscles, ScaleWithHandLengthAndGripStrength) {
   const HandSpec spec = shipped();
   Person small = person(1.75, 72, Sex::male), large = small;
@@ -89,20 +90,21 @@ TEST(HandMuscles, ScaleWithHandLengthAndGripStrength) {
   const BuiltHand a = build_hand(spec, small), b = build_hand(spec, large);
   for (std::size_t i = 0; i < a.muscles.muscles.size(); ++i) {
     const model::Muscle &x = a.muscles.muscles[i], &y = b.muscles.muscles[i];
-    EXPECT_NEAR(y.force / x.force, 3, 1e-12);
+    EXPECT_NEAR(y.force / x.force, 3 * (193.0 / 200) / 1.2, 1e-12);
     EXPECT_NEAR(y.fibre_length / x.fibre_length, 1.25, 1e-12);
     EXPECT_NEAR(path_state(y.path, pose(b, {{"index_mcp.flexion", 40}})).excursion,
                 1.25 * path_state(x.path, pose(a, {{"index_mcp.flexion", 40}})).excursion, 1e-15);
   }
 }
 
-// Oracle: grip of a man of 30 years and 1.75 m in the norm, 524.7 N, over the file's 520; of a newborn the
-// smallest stature's, 501.1 N, times (0.5 / 1.6)^2.
+// Oracle: grip of a man of 30 years and 1.75 m in the norm, 524.7 N, over the file's 520, and 193 mm over the
+// length of his hand; of a newborn the smallest stature's, 501.1 N, times (0.5 / 1.6)^2, and 1.2.
 TEST(HandMuscles, AreTheStrengthOfThePerson) {
   const HandSpec spec = shipped();
-  EXPECT_NEAR(build_hand(spec, person(1.75, 72, Sex::male)).muscles.strength, 524.7 / 520, 1e-12);
+  const BuiltHand man = build_hand(spec, person(1.75, 72, Sex::male));
+  EXPECT_NEAR(man.muscles.strength, 524.7 / 520 * 0.193 / man.size.length, 1e-12);
   const double newborn = build_hand(spec, person(0.5, 3.5, Sex::male)).muscles.strength;
-  EXPECT_NEAR(newborn, 501.1 / 520 * 0.3125 * 0.3125, 1e-12);
+  EXPECT_NEAR(newborn, 1.2 * 501.1 / 520 * 0.3125 * 0.3125, 1e-12);
 }
 
 // Oracle: fibres are at their optimal length at the joints' rest angles, by the file's definition.

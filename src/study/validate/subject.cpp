@@ -254,7 +254,10 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
       x = std::clamp(x + std::clamp(step * now[static_cast<Eigen::Index>(i)], -0.05, 0.05), low, high);
     }
     const Eigen::VectorXd then = moments(next);
-    const bool turned = (then.array() * now.array() < -0.25 * now.array().square()).any();
+    // Of components that count: one that is nearly balanced turns with every step of the others.
+    const bool turned =
+        (then.array() * now.array() < -0.25 * now.array().square() && then.array().abs() > 0.1 * left(now))
+            .any();
     if (turned) {
       step *= 0.5;
       continue;
@@ -341,8 +344,8 @@ double largest_tip_force(const Subject& subject, const Measurement& of) {
   const Eigen::MatrixXd J = of.segment.empty()
                                 ? subject.tip_jacobian(of.finger, q)
                                 : subject.point_jacobian(of.segment, subject.middle(of.segment), q);
-  Press press(subject, q, subject.finger_dofs(of.finger), J.topRows<3>());
-  return press.largest(tip_direction(of.direction), of.friction);
+  return Press(subject, q, subject.finger_dofs(of.finger), J.topRows<3>())
+      .largest(tip_direction(of.direction), of.friction);
 }
 
 double largest_pinch_force(const Subject& subject, const Measurement& of) {
@@ -352,12 +355,12 @@ double largest_pinch_force(const Subject& subject, const Measurement& of) {
   std::array<Eigen::MatrixXd, 2> J;  // in the world
   const std::array<std::string, 2> fingers = {"thumb", of.finger};
   for (std::size_t i = 0; i < 2; ++i) {
-    const std::string last = last_segment(fingers[i]);
-    const Pose segment = subject.segment_pose(last, q);
+    const Pose segment = subject.segment_pose(last_segment(fingers[i]), q);
     const double along = subject.tip_centre(fingers[i]);
     centre[i] = segment.p + segment.q * Vec3(0, along, 0);
     outwards[i] = segment.q * Vec3(0, 1, 0);
-    J[i] = segment.q.toRotationMatrix() * subject.point_jacobian(last, along, q).topRows<3>();
+    J[i] = segment.q.toRotationMatrix() *
+           subject.point_jacobian(last_segment(fingers[i]), along, q).topRows<3>();
     for (const int dof : subject.finger_dofs(fingers[i])) dofs.push_back(dof);
   }
   const Vec3 normal = (centre[1] - centre[0]).normalized();
@@ -366,8 +369,7 @@ double largest_pinch_force(const Subject& subject, const Measurement& of) {
   // The thumb presses towards the finger, the finger with the opposite force.
   Eigen::MatrixXd both(3, J[0].cols() + J[1].cols());
   both << J[0], -J[1];
-  Press press(subject, q, dofs, std::move(both));
-  return press.largest(normal, of.friction);
+  return Press(subject, q, dofs, std::move(both)).largest(normal, of.friction);
 }
 
 double largest_moment(const Subject& subject, const Measurement& of) {

@@ -23,21 +23,16 @@ namespace handsim::study {
 
 namespace {
 
-/// Sets one axis of a pose.
-Angles with(Angles pose, const std::string& axis, double angle) {
-  pose[axis] = angle;
-  return pose;
-}
-
 /// Mean arm and its root mean square difference from the measured ones.
 std::pair<double, double> measure_arms(const Subject& subject, const Measurement& of) {
   const model::Muscle& muscle = *subject.muscle(of.muscle);
   const int dof = *subject.dof(of.axis);
   const double scale = of.hand_length ? *of.hand_length / subject.hand().size.length : 1;
   double sum = 0, squares = 0;
+  Angles pose = of.pose;
   for (std::size_t i = 0; i < of.angles.size(); ++i) {
-    const double arm =
-        scale * subject.arm(muscle, dof, subject.coordinates(with(of.pose, of.axis, of.angles[i])));
+    pose[of.axis] = of.angles[i];
+    const double arm = scale * subject.arm(muscle, dof, subject.coordinates(pose));
     sum += arm;
     squares += (arm - of.arms[i]) * (arm - of.arms[i]);
   }
@@ -113,13 +108,8 @@ double measure_rotation(const Subject& subject, const Measurement& of) {
   return loaded[dof] - rest[dof];
 }
 
-double measure_gyration(const Subject& subject, const Measurement& of) {
-  const hand::HandInertiaShares shares = hand::whole_hand(subject.hand()).shares;
-  if (of.direction == "sagittal") return shares.gyration_sagittal;
-  return of.direction == "transverse" ? shares.gyration_transverse : shares.gyration_longitudinal;
-}
-
 double measure_once(const Subject& subject, const Measurement& of) {
+  const auto shares = [&] { return hand::whole_hand(subject.hand()).shares; };
   switch (of.kind) {
     case Measured::moment_arms:
       return measure_arms(subject, of).first;
@@ -146,12 +136,16 @@ double measure_once(const Subject& subject, const Measurement& of) {
           {})[at(*subject.dof(of.axis))];
     case Measured::pulley_force:
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
+    case Measured::sheath_friction:
+      return 1 - std::pow(model::sheath_gain(of.angles.at(0)), -2);
     case Measured::hand_mass:
       return subject.hand().mass;
     case Measured::centre_of_mass:
-      return hand::whole_hand(subject.hand()).shares.centre_of_mass;
+      return shares().centre_of_mass;
     case Measured::gyration:
-      return measure_gyration(subject, of);
+      return of.direction == "sagittal"     ? shares().gyration_sagittal
+             : of.direction == "transverse" ? shares().gyration_transverse
+                                            : shares().gyration_longitudinal;
     case Measured::simulation:
       break;  // of no subject: SimulatedScenes
   }
@@ -159,10 +153,13 @@ double measure_once(const Subject& subject, const Measurement& of) {
 }
 
 double measure(const Subject& subject, const Measurement& of) {
-  if (!of.over_pose) return measure_once(subject, of);
-  Measurement other = of;
-  other.pose = *of.over_pose;
-  return measure_once(subject, of) / measure_once(subject, other);
+  auto in_pose = [&, other = of](const Angles& pose) mutable {
+    other.pose = pose;
+    return measure_once(subject, other);
+  };
+  double out = measure_once(subject, of);
+  for (const Angles& pose : of.or_poses) out = std::max(out, in_pose(pose));
+  return of.over_pose ? out / in_pose(*of.over_pose) : out;
 }
 
 /// What stands at a path of keys, of indices of lists, and of `name`s of a list's entries, with or without
@@ -316,7 +313,7 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
     } else {
       row.ours = measure(subjects.of(of, spec.people.at(of.person)), of);
     }
-    if (of.over_row) row.ours /= out.rows[*of.over_row].ours;
+    if (of.over_row && row.measured) row.ours /= out.rows[*of.over_row].ours;
     const double difference = of.kind == Measured::moment_arms
                                   ? measure_arms(subjects.of(of, spec.people.at(of.person)), of).second
                                   : std::abs(row.ours - of.value);

@@ -30,10 +30,11 @@ enum class Measured {
   coupled_angle,  ///< of an axis where tissue, bands and resting muscles balance, others held at a pose; with
                   ///< a finger all its axes may turn [rad]
   pulley_force,   ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
-  hand_mass,      ///< [kg]
-  centre_of_mass,  ///< of the hand from the wrist, share of hand length [1]
-  gyration,        ///< radius of the hand about an axis, share of hand length [1]
-  simulation,      ///< a number of the summary of a scene's run, in the summary's own unit
+  sheath_friction,  ///< share of a yielding finger's force that a shortening one has less, by the sheath [1]
+  hand_mass,        ///< [kg]
+  centre_of_mass,   ///< of the hand from the wrist, share of hand length [1]
+  gyration,         ///< radius of the hand about an axis, share of hand length [1]
+  simulation,       ///< a number of the summary of a scene's run, in the summary's own unit
 };
 
 /// Its word in files.
@@ -54,6 +55,7 @@ struct Measurement {
   std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1
   std::vector<double> angles, arms;      ///< moment_arms: [rad], [m]
   Angles pose, from;
+  std::vector<Angles> or_poses;      ///< beside `pose`: the largest value counts
   std::optional<Angles> over_pose;   ///< forces and moments: a pose whose value divides that of `pose`
   std::filesystem::path scene;       ///< simulation
   std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`

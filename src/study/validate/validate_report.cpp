@@ -20,11 +20,6 @@ constexpr double kPointHeight = 0.3, kTicHeight = 1;  ///< of a row without and 
 constexpr double kGroupHeight = 2, kLinePixels = 16;  ///< two lines name a group
 constexpr std::size_t kLongestName = 56;              ///< of a row, in characters
 
-/// Difference over the spread with the sign of ours - measured; moment arms: of the means.
-double signed_deviation(const ValidateRow& row) {
-  return std::copysign(row.deviation, row.ours - row.of->value);
-}
-
 /// The measured rows of a kind.
 struct Group {
   Measured kind;
@@ -45,11 +40,10 @@ std::vector<Group> groups_of(const ValidateResult& result) {
 }
 
 /// The first characters of a text in UTF-8.
-std::string shortened(std::string text) {
-  if (text.size() <= kLongestName) return text;
-  std::size_t end = kLongestName;
-  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
-  return text.substr(0, end) + "...";
+std::string shortened(const std::string& text) {
+  std::size_t end = std::min(text.size(), kLongestName);
+  while (end > 0 && end < text.size() && (static_cast<unsigned char>(text[end]) & 0xc0) == 0x80) --end;
+  return end < text.size() ? text.substr(0, end) + "..." : text;
 }
 
 /// Rows from the top, the kinds' names on the left, names of rows that fall short on the right.
@@ -72,7 +66,8 @@ Layout layout_of(const std::vector<Group>& groups) {
         fmt::format("\"{}\\n{} of {}\" {}", name, group.within, group.rows.size(), out.height + height / 2));
     double at = out.height + (height - rows) / 2;
     for (const ValidateRow* row : group.rows) {
-      const double deviation = signed_deviation(*row), own = row->within() ? kPointHeight : kTicHeight;
+      const double deviation = std::copysign(row->deviation, row->ours - row->of->value);  // arms: of means
+      const double own = row->within() ? kPointHeight : kTicHeight;
       const bool beyond = row->deviation > kMostSpreads;
       out.points += fmt::format("{} {} {}\n", std::clamp(deviation, -kMostSpreads, kMostSpreads),
                                 at + own / 2, row->within() ? 1 : 2 + static_cast<int>(beyond));

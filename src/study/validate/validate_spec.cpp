@@ -40,6 +40,7 @@ constexpr KindForm kForms[] = {
     {"loaded_rotation", Measured::loaded_rotation, D::angle, "deg", kDegree, "finger muscle axis"},
     {"coupled_angle", Measured::coupled_angle, D::angle, "deg", kDegree, "axis"},
     {"pulley_force", Measured::pulley_force, D::force, "N", 1},
+    {"sheath_friction", Measured::sheath_friction, D::none, "1", 1},
     {"hand_mass", Measured::hand_mass, D::mass, "kg", 1},
     {"centre_of_mass", Measured::centre_of_mass, D::none, "1", 1},
     {"gyration", Measured::gyration, D::none, "1", 1, {}, "sagittal transverse longitudinal"},
@@ -55,16 +56,18 @@ std::vector<std::string> words_of(std::string_view text) {
 constexpr const char* kFigures = "figures such as climbs.0.load_N";
 const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 
-Angles read_pose(MapReader& reader, std::string_view key, std::vector<std::string>& axes) {
+Angles read_angles(MapReader pose, std::vector<std::string>& axes) {
   Angles out;
-  if (!reader.has(key)) return out;
-  MapReader pose = reader.map(key);
   for (const std::string& axis : pose.keys()) {
     out[axis] = pose.maybe_number(axis, kAngle).value_or(0);
     axes.push_back(axis);
   }
   pose.finish();
   return out;
+}
+
+Angles read_pose(MapReader& reader, std::string_view key, std::vector<std::string>& axes) {
+  return reader.has(key) ? read_angles(reader.map(key), axes) : Angles{};
 }
 
 std::vector<double> read_numbers(MapReader& reader, std::string_view key,
@@ -210,12 +213,15 @@ class RowReader {
     if (row.kind == Measured::tip_force && reader.has("segment"))
       row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
     if (row.kind == Measured::loaded_rotation) row.load = reader.number("load", {Dimension::none, 0, 1});
-    if (row.kind == Measured::pulley_force) {
+    if (row.kind == Measured::pulley_force)
       row.tension = reader.number("tension", {Dimension::force, 0, 1e4});
+    if (row.kind == Measured::pulley_force || row.kind == Measured::sheath_friction)
       row.angles = {reader.number("pip", kAngle)};
-    }
     if (row.kind == Measured::simulation) read_simulation(reader, row);
     row.pose = read_pose(reader, "pose", axes);
+    if (form_of(row.kind).dimension == D::force && reader.has("or_poses"))
+      reader.each("or_poses", 1, 100,
+                  [&](MapReader pose) { row.or_poses.push_back(read_angles(std::move(pose), axes)); });
     Dimension dimension = form.dimension;
     if ((dimension == D::force || dimension == D::torque) && reader.has("over_pose")) {
       row.over_pose = read_pose(reader, "over_pose", axes);
