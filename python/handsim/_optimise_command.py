@@ -17,13 +17,14 @@ from ._gradients import ACTIONS, exact_step
 from ._scene import Scene, find_file, load
 from ._simulation import Simulation
 from ._yaml import Document, number_of
+from .compare import COLORS, _axes, _line
 from .optimise import Optimum, Problem, Term
 
 USAGE = """handsim optimise SCENE --goal GOAL.yaml --out DIR
 
 Finds torques, targets of the controller or excitations of muscles with which the scene reaches a goal at least cost, through contact
 (docs/optimise.md). SCENE is a file or a shipped name, with engine articulated. DIR gets scene.yaml, which handsim run plays,
-actions.csv and optimise.json, and in DIR/run the played run with its report.
+actions.csv, optimise.json and optimise.svg, and in DIR/run the played run with its report.
 
   --goal GOAL.yaml   costs, limits, actions; shipped ones are in config/goals
   --set KEY=VALUE    a change of the scene; may be repeated
@@ -35,7 +36,7 @@ Exit status 1: iterations ended before the cost did not fall any more, or a cont
 
 Example: handsim optimise reach --goal config/goals/reach.yaml --out out/reach
 """
-KEYS = ("title", "actions", "of", "hold", "duration", "effort", "rate", "limits", "first", "costs", "touch")
+KEYS = ("title", "actions", "of", "hold", "duration", "effort", "rate", "limits", "first", "window", "costs", "touch", "touch_from")
 COSTS: dict[str, tuple[str, ...]] = {"angle": ("is",), "point": ("is", "path", "offset", "relative"), "turn": ("is",), "still": ()}
 STIFFNESS = 50.0
 """Of the servos that play torques: the target lies a torque's share of it beside the angle [N m/rad]."""
@@ -47,6 +48,7 @@ class Goal:
 
     def __init__(self, path: Path, scene: Scene) -> None:
         self.file, self.scene = Document(path), scene
+        self.paths: dict[str, tuple[int, Array, Array]] = {}
         of = self.file
         of.keys("", KEYS)
         of.finish()
@@ -55,12 +57,14 @@ class Goal:
         self.hold = max(1, self._whole("hold", 10 * self.step, self.step))
         self.period = self.hold * self.step
         self.knots = max(1, self._whole("duration", scene.duration, self.period))
+        self.window = self._whole("window", 0, self.period) if of.get("window") is not None else 0
         names = {"torques": scene.coordinates, "targets": scene.axes, "excitations": [each.name for each in scene.muscles]}[self.kind]
         if not names:
             of.wrong("actions", self.kind, {"targets": "a scene with control", "excitations": "a scene with muscles"}.get(self.kind, "joints"))
         self.names = names
         self.columns = self._matching("of", names, ["*"])
         self.touch = [[str(word) for word in pair] if isinstance(pair, list) and len(pair) == 2 else [] for pair in of.get("touch", [])]
+        self.touch_from = of.real("touch_from", 0, 0, self.knots * self.period * 0.999)
         if [] in self.touch:
             of.wrong("touch", repr(of.get("touch")), "a list of pairs of shapes")
         of.finish()
@@ -83,7 +87,7 @@ class Goal:
     def _each(self, key: str, default: float, low: float = -np.inf) -> Array:
         """A number for all actions, or numbers by pattern."""
         value = self.file.get(key)
-        out = np.full(len(self.columns), default)
+        out = np.full(len(self.columns), float(default))
         if isinstance(value, dict):
             for pattern in value:
                 rows = [i for i, column in enumerate(self.columns) if fnmatch(self.names[column], str(pattern))]
@@ -186,6 +190,7 @@ class Goal:
                 return None
             times = self.period * np.arange(self.knots + 1)
             path = start + np.array([np.interp(times, table[:, 0], table[:, k]) for k in (1, 2, 3)]).T
+        self.paths[label] = body, offset, path
         return Term(label, weight, optimise.point(problem, body, offset, path))
 
     def _weights(self, key: str) -> Array:
@@ -260,16 +265,49 @@ def _played(goal: Goal, found: Optimum, scene: Scene) -> float:
 
 
 def touching(goal: Goal, problem: Problem, found: Optimum) -> dict[str, float]:
-    """Share of the steps in which each pair of `touch` presses."""
-    simulation, out = problem.simulation, {" - ".join(pair): 0 for pair in goal.touch}
+    """Share of the steps from `touch_from` on in which each pair of `touch` presses."""
+    simulation, out, count = problem.simulation, {" - ".join(pair): 0 for pair in goal.touch}, 0
     simulation.reset(problem.start)
-    for k, action in enumerate(found.trajectory.actions):
+    for k, action in enumerate(found.trajectory.actions if goal.touch else ()):
         for _ in range(goal.hold):
             exact_step(simulation, {goal.kind: problem.whole(k, action)})
+            if simulation.time <= goal.touch_from:
+                continue
+            count += 1
             contacts = simulation.contacts
-            for pair in goal.touch:
-                out[" - ".join(pair)] += any({a, b} == set(pair) and (force**2).sum() > 0 for a, b, force in zip(contacts.a, contacts.b, contacts.force))
-    return {name: count / (goal.hold * goal.knots) for name, count in out.items()}
+            pressed = [(x, y) for a, b, force in zip(contacts.a, contacts.b, contacts.force) if (force**2).sum() > 0 for x, y in ((a, b), (b, a))]
+            for one, other in goal.touch:
+                out[f"{one} - {other}"] += any(fnmatch(x, one) and fnmatch(y, other) for x, y in pressed)
+    return {name: times / max(count, 1) for name, times in out.items()}
+
+
+def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
+    """SVG: paths of points, asked and found, and the cost of each iteration."""
+    drawn, simulation = [], problem.simulation
+    places: dict[str, list[Array]] = {name: [] for name in goal.paths}
+    for motion in found.trajectory.motions[1:]:
+        simulation.reset(motion)
+        for name, (body, offset, _) in goal.paths.items():
+            places[name].append(problem.places.point(simulation.bodies, body, offset)[0])
+    for name, rows in places.items():
+        path, term = goal.paths[name][2], next(term for term in problem.terms if term.name == name)
+        asked, done = 1e3 * path[term.weight > 0], 1e3 * np.array(rows)[term.weight[1:] > 0]
+        axes = np.sort(np.argsort(np.ptp(np.nan_to_num(asked), axis=0))[1:])
+        if len(asked) > 1:
+            both = np.nan_to_num(np.vstack([asked, done]))[:, axes]
+            size = max(float(np.ptp(both, axis=0).max()), 0.1)
+            middle = (both.max(axis=0) + both.min(axis=0)) / 2
+            limits = (float(middle[0] - 0.6 * size), float(middle[0] + 0.6 * size), float(middle[1] - 0.6 * size), float(middle[1] + 0.6 * size))
+            drawn.append(_axes(name.partition(": ")[2] + ": asked (orange), found (blue)", ("xyz"[axes[0]], "xyz"[axes[1]]), limits,
+                               _line(asked[:, axes].tolist(), COLORS[1], False) + _line(done[:, axes].tolist(), COLORS[0], False),
+                               float(10**np.floor(np.log10(size))), "mm"))
+    costs = np.log10(np.maximum(found.history, 1e-300))
+    limits = (0.0, max(len(costs) - 1, 1) / 10, float(np.floor(costs.min())), float(np.floor(costs.max()) + 1))
+    drawn.append(_axes("cost", ("iterations", "cost"), limits, _line([(i / 10, cost) for i, cost in enumerate(costs.tolist())], COLORS[0], False), 1.0,
+                       "tens; powers of ten", False).replace("iterations, tens; powers of ten", "iterations, tens").replace("cost, tens; powers", "cost, powers"))
+    parts = "".join(f'<g transform="translate({430 * i} 0)">{each}</g>' for i, each in enumerate(drawn))
+    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {430 * len(drawn)} 400" width="{430 * len(drawn)}" height="400" '
+            f'font-family="sans-serif" font-size="11"><rect width="100%" height="100%" fill="white"/>{parts}</svg>')
 
 
 def _options(arguments: Sequence[str]) -> dict[str, Any]:
@@ -320,6 +358,8 @@ def _work(options: dict[str, Any]) -> int:
     goal = Goal(Path(options["--goal"]), scene)
     problem = goal.problem(Simulation(scene))
     quiet = "--quiet" in options
+    if goal.window:
+        problem.first = optimise.receded(problem, goal.window)
     found = optimise.solve(problem, int(options["--iterations"]), told=None if quiet else lambda i, cost: print(f"{i:4}  {cost:.6g}"))
     text = table_of(goal, problem, found)
     write(out, {"actions.csv": text.encode()}, quiet=True)
@@ -328,7 +368,7 @@ def _work(options: dict[str, Any]) -> int:
     difference = _played(goal, found, played)
     result = {"cost": found.trajectory.cost, "costs": found.trajectory.costs, "iterations": found.iterations, "seconds": found.seconds,
               "converged": found.converged, "history": found.history, "touch": touches, "played_difference": difference}
-    write(out, {"optimise.json": json.dumps(result, indent=1).encode(), **standing_alone(played)})
+    write(out, {"optimise.json": json.dumps(result, indent=1).encode(), "optimise.svg": picture(goal, problem, found).encode(), **standing_alone(played)})
     print(f"cost {found.trajectory.cost:.6g} after {found.iterations} iterations in {found.seconds:.3g} s, " + ("converged" if found.converged else "not converged"))
     for name, cost in found.trajectory.costs.items():
         print(f"  {name:40} {cost:.4g}")

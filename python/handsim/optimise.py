@@ -6,6 +6,7 @@ knot: Tassa, Mansard & Todorov 2014. An action holds for some steps of the solve
 """
 from __future__ import annotations
 
+import copy
 import time
 from typing import Callable, NamedTuple, Optional, Sequence
 
@@ -19,7 +20,9 @@ from ._model import turned
 from ._simulation import Bodies, Simulation
 
 Array = NDArray[np.float64]
-HALVINGS = 9
+Residual = Callable[[Simulation, int], tuple[Array, Array]]
+HALVINGS = 4
+"""Of a step ahead, before the next damping."""
 
 
 class Term(NamedTuple):
@@ -28,7 +31,7 @@ class Term(NamedTuple):
     name: str
     weight: Array
     """Of each knot, shape (knots + 1,); 0: not there."""
-    residual: Callable[[Simulation, int], tuple[Array, Array]]
+    residual: Residual
     """At a knot: shape (r,), and its derivative by the state, shape (r, s)."""
 
 
@@ -125,8 +128,17 @@ class Problem:
         out[self.columns] = action
         return out
 
+    def window(self, k: int, knots: int, start: Motion, first: Array, before: Optional[Array]) -> "Problem":
+        """The problem of some knots from one on, with another start."""
+        out = copy.copy(self)
+        out.start, out.first, out.before = start, first, before
+        out.base, out.about = self.base[k:k + knots], self.about[k:k + knots]
+        out.terms = [Term(term.name, term.weight[k:k + knots + 1], _later(term.residual, k)) for term in self.terms]
+        return out
+
     def ahead(self, policy: Callable[[int, _End, Optional[Array]], Array]) -> Optional[Trajectory]:
-        """The run with actions of a policy: knot, state, action before. None: it diverged."""
+        """The run with actions of a policy: knot, state, action before. None: it diverged, or has a step
+        without derivatives."""
         simulation, knots = self.simulation, len(self.first)
         simulation.reset(self.start)
         actions, motions, ends, before = [], [simulation.motion()], [_end(simulation, self.free)], self.before
@@ -140,9 +152,9 @@ class Problem:
                 for _ in range(self.hold):
                     exact_step(simulation, {self.kind: self.whole(k, action)})
             except Error as error:
-                if error.kind == "physics":
-                    return None
-                raise
+                if error.kind == "input" and not str(error).startswith("derivatives:"):
+                    raise
+                return None
             for term in self.terms:
                 if term.weight[k + 1] > 0:
                     costs[term.name] += float(term.weight[k + 1] * (term.residual(simulation, k + 1)[0]**2).sum())
@@ -229,6 +241,10 @@ class Problem:
         return None, -2 * expected
 
 
+def _later(residual: Residual, knots: int) -> Residual:
+    return lambda simulation, k: residual(simulation, k + knots)
+
+
 def boxed(matrix: Array, slope: Array, low: Array, high: Array) -> tuple[Array, NDArray[np.bool_]]:
     """Least x.T matrix x / 2 + slope.T x between limits, and which are within them: projected Newton (Tassa et al. 2014)."""
     x = np.clip(-np.linalg.solve(matrix, slope), low, high)
@@ -266,12 +282,7 @@ class Optimum(NamedTuple):
 def solve(problem: Problem, most: int = 100, within: float = 1e-4, told: Optional[Callable[[int, float], object]] = None) -> Optimum:
     """:param told: is called with the number of an iteration and its cost"""
     begin = time.perf_counter()
-
-    def guess(k: int, state: _End, before: Optional[Array]) -> Array:
-        first: Array = np.clip(problem.first[k], problem.low, problem.high)
-        return first
-
-    found = problem.ahead(guess)
+    found = played(problem)
     if found is None:
         raise input_error("first", "actions with which the motion diverges", "others to start from")
     history, damping, converged, iteration = [found.cost], 1e-6, False, 0
@@ -297,16 +308,65 @@ def solve(problem: Problem, most: int = 100, within: float = 1e-4, told: Optiona
     return Optimum(found, iteration, time.perf_counter() - begin, converged, history)
 
 
+def played(problem: Problem) -> Optional[Trajectory]:
+    """The run of the first guess."""
+    def guess(k: int, state: _End, before: Optional[Array]) -> Array:
+        first: Array = np.clip(problem.first[k], problem.low, problem.high)
+        return first
+    return problem.ahead(guess)
+
+
+class Receding:
+    """Model predictive control: at each knot one iteration over the next knots, and the first of their actions."""
+
+    def __init__(self, problem: Problem, knots: int) -> None:
+        self.problem, self.knots, self.k = problem, knots, 0
+        self.plan: Array = problem.first[:knots].copy()
+        self.before, self.damping = problem.before, 1e-4
+
+    def action(self, start: Motion) -> Array:
+        """The action of the next knot, from where the motion is now."""
+        knots = min(self.knots, len(self.problem.base) - self.k)
+        window = self.problem.window(self.k, knots, start, self.plan[:knots], self.before)
+        found = played(window)
+        if found is not None:
+            try:
+                better, _ = window.improved(found, self.damping, window.linear(found), 0.25)
+            except Error as error:
+                if error.kind == "physics":
+                    raise
+                better = None
+            self.damping = max(self.damping / 10, 1e-6) if better is not None else min(self.damping * 10, 10.0)
+            found = better or found
+        plan = self.plan if found is None else found.actions
+        self.k, self.before = self.k + 1, plan[0].copy()
+        self.plan = np.vstack([plan[1:], plan[-1:]])
+        return self.before
+
+
+def receded(problem: Problem, knots: int) -> Array:
+    """Actions of the whole run by windows of some knots: a first guess where a whole run is far from linear."""
+    control, motion, out = Receding(problem, knots), problem.start, []
+    simulation = problem.simulation
+    for k in range(len(problem.first)):
+        out.append(control.action(motion))
+        simulation.reset(motion)
+        for _ in range(problem.hold):
+            exact_step(simulation, {problem.kind: problem.whole(k, out[-1])})
+        motion = simulation.motion()
+    return np.array(out)
+
+
 # Residuals of terms.
 
-def angle(problem: Problem, row: int, value: float) -> Callable[[Simulation, int], tuple[Array, Array]]:
+def angle(problem: Problem, row: int, value: float) -> Residual:
     """A coordinate's difference to a value."""
     by = np.zeros((1, problem.places.size))
     by[0, row] = 1
     return lambda simulation, k: (np.array([simulation.q[row] - value]), by)
 
 
-def point(problem: Problem, body: int, offset: Array, path: Array) -> Callable[[Simulation, int], tuple[Array, Array]]:
+def point(problem: Problem, body: int, offset: Array, path: Array) -> Residual:
     """A point's difference to a place of each knot, shape (knots + 1, 3); NaN: free in this axis."""
     def of(simulation: Simulation, k: int) -> tuple[Array, Array]:
         place, by = problem.places.point(simulation.bodies, body, offset)
@@ -315,7 +375,7 @@ def point(problem: Problem, body: int, offset: Array, path: Array) -> Callable[[
     return of
 
 
-def turn(problem: Problem, body: int, quaternion: Array) -> Callable[[Simulation, int], tuple[Array, Array]]:
+def turn(problem: Problem, body: int, quaternion: Array) -> Residual:
     """A free body's rotation from another one, as a vector [rad]."""
     by = np.zeros((3, problem.places.size))
     first = problem.places.coordinates + 6 * problem.free.index(body)
@@ -323,7 +383,7 @@ def turn(problem: Problem, body: int, quaternion: Array) -> Callable[[Simulation
     return lambda simulation, k: (rotation_vector(simulation.bodies.quaternion[body], quaternion), by)
 
 
-def still(problem: Problem, rows: Sequence[int]) -> Callable[[Simulation, int], tuple[Array, Array]]:
+def still(problem: Problem, rows: Sequence[int]) -> Residual:
     """Rates of these positions: coordinates, then six of each free body."""
     by = np.zeros((len(rows), problem.places.size))
     by[range(len(rows)), [problem.places.positions + row for row in rows]] = 1

@@ -37,6 +37,7 @@ constexpr std::array<std::string_view, 4> kPythonFormats = {"glb", "usda", "obj"
 /// finds it.
 constexpr const char* kStart = R"(import os, sys
 own = sys.argv.pop(1)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices
 sys.path[0:1] = [own + "/../python", own + "/../lib/python3/dist-packages"]
 os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 try:

@@ -60,6 +60,7 @@ def moco(scene, goal, intervals, guess=None):
         actuator.setMaxControl(10)
         model.addForce(actuator)
     model.initSystem()
+    os.chdir(folder)  # CasADi's solver leaves a file while it runs
     study = opensim.MocoStudy()
     problem = study.updProblem()
     problem.setModel(model)
