@@ -108,6 +108,10 @@ class Goal:
         of = self.file
         out = Problem(simulation, self.kind, self.columns, self.knots, self.hold)
         out.effort, out.rate = self._each("effort", 1, 0), self._each("rate", 0, 0)
+        others = [self.names[c] for c in self.columns if self.names[c].partition(".")[0] not in self.scene.hands]
+        if self.kind == "torques" and (others or self.scene.axes):
+            of.wrong("actions", "torques", "a scene without control, so that servos can play them" if not others
+                     else "torques of a hand: a scene cannot play those of " + ", ".join(others[:3]))
         if self.kind == "targets":
             limits = self.scene.limits[self.scene.axis_coordinates][self.columns]
             out.low, out.high = limits[:, 0].copy(), limits[:, 1].copy()
@@ -268,7 +272,7 @@ def touching(goal: Goal, problem: Problem, found: Optimum) -> dict[str, float]:
     """Share of the steps from `touch_from` on in which each pair of `touch` presses."""
     simulation, out, count = problem.simulation, {" - ".join(pair): 0 for pair in goal.touch}, 0
     simulation.reset(problem.start)
-    for k, action in enumerate(found.trajectory.actions if goal.touch else ()):
+    for k, action in enumerate(found.trajectory.actions[:len(goal.touch) and goal.knots]):
         for _ in range(goal.hold):
             exact_step(simulation, {goal.kind: problem.whole(k, action)})
             if simulation.time <= goal.touch_from:

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ._core import Motion
 from ._errors import Error, input_error
-from ._gradients import ACTIONS, _End, _end, _free, exact_step, rotation_vector, step_with_derivatives
-from ._model import turned
+from ._gradients import ACTIONS, _End, _end, _free, cross, exact_step, rotation_vector, step_with_derivatives
 from ._simulation import Bodies, Simulation
 
 Array = NDArray[np.float64]
@@ -62,22 +61,22 @@ class Places:
 
     def point(self, bodies: Bodies, body: int, offset: Array) -> tuple[Array, Array]:
         """Place of a point [m], offset from the mass centre in the body's axes, and its derivative by the state."""
-        place = bodies.position[body] + turned(bodies.quaternion[body], offset)
+        place = bodies.position[body] + _turned(bodies.quaternion[body], offset)
         by = np.zeros((3, self.size))
         while body in self.joint_to:
             joint, first = self.joint_to[body]
-            centre = bodies.position[body] + turned(bodies.quaternion[body], joint.child_frame[:3])
+            centre = bodies.position[body] + _turned(bodies.quaternion[body], joint.child_frame[:3])
             if joint.kind == "ball":
                 raise input_error("point", f"a body beyond the ball joint {joint.name}", "one beyond hinges, universal joints and sliders")
             for k, axis in enumerate(joint.axes):
                 carrier, frame = (joint.parent, joint.parent_frame) if k == 0 else (body, joint.child_frame)
-                world = turned(bodies.quaternion[carrier], turned(frame[3:], axis.axis))
-                by[:, first + k] = world if joint.kind == "slider" else np.cross(world, place - centre)
+                world = _turned(bodies.quaternion[carrier], _turned(frame[3:], axis.axis))
+                by[:, first + k] = world if joint.kind == "slider" else cross(world, place - centre)
             body = joint.parent
         if body in self.free:
             at = self.coordinates + 6 * self.free.index(body)
-            for k in range(3):
-                by[:, at + k] = np.cross(np.eye(3)[k], place - bodies.position[body])
+            x, y, z = place - bodies.position[body]
+            by[:, at:at + 3] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
             by[:, at + 3:at + 6] = np.eye(3)
         return place, by
 
@@ -239,6 +238,12 @@ class Problem:
                 return found, -2 * expected
             share /= 2
         return None, -2 * expected
+
+
+def _turned(quaternion: Array, vector: Array) -> Array:
+    """The vector in the axes that the quaternion leads to."""
+    axis = quaternion[1:]
+    return vector + 2 * cross(axis, cross(axis, vector) + quaternion[0] * vector)
 
 
 def _later(residual: Residual, knots: int) -> Residual:

@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 import handsim as hs
+import numpy as np
 from handsim import optimise
 from handsim._optimise_command import Goal
 
@@ -29,8 +30,8 @@ def ours(scene, goal):
     return found
 
 
-def moco(scene, goal, intervals, guess=None):
-    """Cost and seconds of the solver."""
+def moco(scene, goal, intervals, found):
+    """Cost, seconds, success and iterations of the solver, which starts from the motion that was found here."""
     folder = Path(tempfile.mkdtemp())
     (folder / "hand.osim").write_text(scene.to_osim())
     driven = [scene.coordinates[column] for column in goal.columns]
@@ -83,6 +84,19 @@ def moco(scene, goal, intervals, guess=None):
     solver.set_optim_constraint_tolerance(1e-6)
     solver.set_parallel(0)
     solver.set_optim_max_iterations(1000)
+    solver.set_multibody_dynamics_mode("implicit")
+    guess = solver.createGuess("bounds")
+    times = np.array([guess.getTime().get(i) for i in range(guess.getNumTimes())])
+    ours = goal.period * np.arange(goal.knots + 1)
+    for name, column in zip(driven, goal.columns):
+        path = model.getCoordinateSet().get(name).getAbsolutePathString()
+        rates = [end.rates[column] for end in found.trajectory.ends]
+        for kind, values in (("value", [end.joints[column] for end in found.trajectory.ends]), ("speed", rates)):
+            guess.setState(f"{path}/{kind}", opensim.Vector.createFromMat(np.interp(times, ours, values)))
+        controls = np.interp(times, ours[1:], found.trajectory.actions[:, goal.columns.index(column)]) / UNIT
+        guess.setControl(f"/forceset/{name}.torque", opensim.Vector.createFromMat(controls))
+        guess.setDerivative(f"{path}/accel", opensim.Vector.createFromMat(np.interp(times, ours, np.gradient(rates, ours))))
+    solver.setGuess(guess)
     begin = time.perf_counter()
     solution = study.solve()
     seconds = time.perf_counter() - begin
@@ -96,7 +110,7 @@ def main():
     best = min((ours(scene, goal) for _ in range(3)), key=lambda found: found.seconds)
     print(f"handsim, {goal.knots} knots of {1e3 * goal.period:g} ms: cost {best.trajectory.cost:.5g}, {best.seconds:.2f} s, {best.iterations} iterations")
     for intervals in (int(each) for each in sys.argv[1:] or ("20", "40")):
-        cost, seconds, done, iterations = moco(scene, goal, intervals)
+        cost, seconds, done, iterations = moco(scene, goal, intervals, best)
         print(f"Moco, {intervals} intervals: cost {cost:.5g}, {seconds:.1f} s, {iterations} iterations{'' if done else ', not converged'}; handsim's "
               f"cost is {100 * (best.trajectory.cost / cost - 1):+.2f} %, its time 1/{seconds / best.seconds:.0f}", flush=True)
     os._exit(0)  # OpenSim's libraries crash at the end of the interpreter
