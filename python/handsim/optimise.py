@@ -346,7 +346,7 @@ class Receding:
         plan = self.plan if found is None else found.actions
         self.k, self.before = self.k + 1, plan[0].copy()
         self.plan = np.vstack([plan[1:], plan[-1:]])
-        return self.before
+        return plan[0].copy()
 
 
 def receded(problem: Problem, knots: int) -> Array:
