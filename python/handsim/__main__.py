@@ -13,7 +13,9 @@ from . import _core
 COMMANDS: dict[str, str] = {
     "compare": "handsim.compare",
     "export": "handsim.export",
+    "identify": "handsim._identify_command",
     "live": "handsim._live.command",
+    "optimise": "handsim._optimise_command",
     "track": "handsim._c3d",
 }
 """Commands in Python, by name: the module of each."""

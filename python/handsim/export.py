@@ -1,8 +1,7 @@
 """Files for viewers and other programs, from a scene, a finished run or a person: ``python3 -m handsim export``.
 
-glTF (.glb) with the motion, MCAP with ROS 2 messages of it, USD as text (.usda) with motion and physics, OBJ and STL of a moment. Other formats (MJCF, URDF, OpenSim)
-are the
-program's.
+glTF (.glb) with the motion, MCAP with ROS 2 messages of it, USD as text (.usda) with motion and physics, OBJ and STL of a
+moment. Other formats (MJCF, URDF, OpenSim) are the program's.
 """
 from __future__ import annotations
 

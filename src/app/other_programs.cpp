@@ -20,10 +20,14 @@ struct OtherCommand {
   const char *name, *help, *example;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 3> kOtherCommands = {
+constexpr std::array<OtherCommand, 5> kOtherCommands = {
     {{"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
       "handsim compare healthy.yaml blocked.yaml --out out/compared"},
+     {"identify", "Fit numbers of a scene to a recording, with intervals",
+      "handsim identify out/run --scene grasp_pinch --free objects.0.mass"},
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
+     {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
+      "handsim optimise config/reach.yaml --goal config/goals/reach.yaml --out out/reach"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"}}};
 
@@ -34,6 +38,7 @@ constexpr std::array<std::string_view, 6> kPythonFormats = {"glb", "usda", "obj"
 /// finds it.
 constexpr const char* kStart = R"(import os, sys
 own = sys.argv.pop(1)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices
 sys.path[0:1] = [own + "/../python", own + "/../lib/python3/dist-packages"]
 os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
 try:

@@ -34,6 +34,7 @@ TEST(PythonCommands, GetTheirArgumentsAsTheyAre) {
   const SearchPath path(folder.path());
   const std::vector<std::pair<Words, bool>> cases = {
       {{"live", "a scene.yaml", "--port", "5"}, true},    {{"compare", "--help"}, true},
+      {{"identify", "a.csv", "--free", "gravity"}, true}, {{"optimise", "a.yaml", "--help"}, true},
       {{"export", "a.yaml", "--out", "b.glb"}, true},     {{"export", "a.yaml", "--format=usda"}, true},
       {{"export", "no.yaml", "--out", "glb.xml"}, false},
   };

@@ -1,4 +1,4 @@
-"""The code of docs/python.md, docs/gradients.md and README runs as printed."""
+"""The code of docs/python.md, docs/gradients.md, docs/optimise.md and README runs as printed."""
 import importlib.util
 import re
 
@@ -9,7 +9,7 @@ BLOCK = re.compile(r"(?:^<!-- needs: (\w+) -->\n)?^```python\n(.*?)^```", re.S |
 
 
 def blocks():
-    for name in ("docs/python.md", "docs/gradients.md", "README.md"):
+    for name in ("docs/python.md", "docs/gradients.md", "docs/optimise.md", "README.md"):
         text = (ROOT / name).read_text()
         for block in BLOCK.finditer(text):
             line = text.count("\n", 0, block.start(2)) + 1

@@ -1,0 +1,216 @@
+"""``handsim identify RECORDING``: numbers of a scene from a recording, with intervals."""
+from __future__ import annotations
+
+import json
+import sys
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any, Optional, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._errors import Error, Problem, input_error
+from ._files import standing_alone, write
+from ._scene import Scene, find_file, load
+from ._table import UNIT
+from ._yaml import UNITS, number_of, scene_number
+from .identify import Identified, identify
+from .study import read_csv
+
+USAGE = """handsim identify RECORDING --scene SCENE --free KEY[=VALUE],... [--out DIR]
+
+Fits numbers of a scene to a recording: the run of the scene, as it is controlled there, comes as near to the recording as it can.
+RECORDING is a folder of handsim run (trajectory.csv, contacts.csv) or a CSV file: time[s], and columns with a unit:
+  right.index_mcp.flexion[rad]      a joint coordinate; its rate: right.index_mcp.flexion.rate[rad/s]
+  card.x[mm]                        a mass centre in the world: of an object, or of a body of a hand
+  card.force.x[N]                   sum of the contact forces on a shape, world axes
+
+  --scene SCENE          a scene file or a shipped name; engine articulated
+  --free KEY[=VALUE],... numbers to fit, by dotted key as for --set, with the value to start from (SI); else the scene's
+  --columns NAME,...     only these of the recording; * stands for anything
+  --deviation UNIT=NUMBER,...  standard deviations of the recording: m=1e-3,rad=0.01,N=0.05,m/s=0.02,rad/s=0.1 (the defaults)
+  --set KEY=VALUE        a change of the scene; may be repeated
+  --out DIR              writes identified.json and scene.yaml, the scene with what was found
+  --json                 prints identified.json in place of the table
+
+Example: handsim identify out/run --scene slide.yaml --free objects.0.mass,objects.0.friction=0.4 --out out/found
+"""
+DEVIATIONS = {"m": 1e-3, "rad": 0.01, "N": 0.05, "m/s": 0.02, "rad/s": 0.1}
+BASE = {"mm": "m", "cm": "m", "um": "m", "deg": "rad", "mN": "N", "mm/s": "m/s", "deg/s": "rad/s"}
+Array = NDArray[np.float64]
+
+
+def _options(arguments: Sequence[str]) -> dict[str, Any]:
+    out: dict[str, Any] = {"recording": [], "--set": [], "--json": False}
+    rest = iter(arguments)
+    for each in rest:
+        name, equals, value = each.partition("=") if each.startswith("--") else (each, "", "")
+        if name == "--json":
+            out[name] = True
+        elif name in ("--scene", "--free", "--columns", "--deviation", "--set", "--out"):
+            given = value if equals else next(rest, "")
+            if not given:
+                raise input_error(name, "nothing", "a value")
+            if name == "--set":
+                out[name].append(given)
+            else:
+                out[name] = given
+        elif each.startswith("-"):
+            raise input_error(each, "an unknown option", "one of handsim identify --help")
+        else:
+            out["recording"].append(each)
+    missing = [name for name in ("--scene", "--free") if name not in out] + ([] if len(out["recording"]) == 1 else ["RECORDING"])
+    if missing:
+        raise Error("\n".join(f"{name}: got {len(out['recording']) if name == 'RECORDING' else 'nothing'}, need one" for name in missing),
+                    "input", [Problem(None, None, None, name, "nothing", "one") for name in missing])
+    return out
+
+
+def _numbers(text: str, scene: Scene) -> dict[str, float]:
+    """Keys with the values to start from."""
+    out, problems = dict[str, float](), list[str]()
+    for each in text.split(","):
+        key, equals, value = each.strip().partition("=")
+        found = number_of(value if not value.replace(".", "").isdigit() else float(value)) if equals else scene_number(scene.resolved, key)
+        if found is None or not np.isfinite(found):
+            problems.append(f"--free: got {each.strip()}, need " + (f"{key}=NUMBER" if equals else f"a key with a number in the resolved scene, or {key}=VALUE"))
+        else:
+            out[key] = found
+    if problems:
+        raise Error("\n".join(problems), "input", [Problem(None, None, None, "--free", each, "a number") for each in problems])
+    return out
+
+
+def _deviations(text: Optional[str]) -> dict[str, float]:
+    out = dict(DEVIATIONS)
+    for each in text.split(",") if text else []:
+        unit, _, value = each.strip().partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = -1
+        if unit not in out or not 0 < number < np.inf:
+            raise input_error("--deviation", each, "UNIT=NUMBER above 0, UNIT one of " + ", ".join(DEVIATIONS))
+        out[unit] = number
+    return out
+
+
+def _read(path: Path) -> tuple[Path, dict[str, Array]]:
+    """Columns by their heads; forces of a folder's contacts are summed by shape."""
+    file = path / "trajectory.csv" if path.is_dir() else path
+    try:
+        table = read_csv(file)
+        columns: dict[str, Any] = {table.with_unit(name): values for name, values in table.items()}
+        if path.is_dir() and (path / "contacts.csv").exists():
+            columns.update(_forces(read_csv(path / "contacts.csv"), np.asarray(columns.get("time[s]", []), dtype=float)))
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        raise input_error(str(file), str(error), "a CSV table") from None
+    for name, values in columns.items():
+        if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
+            raise Error(f"{file}:1:1: {name}: got texts, need numbers", "input", [Problem(str(file), 1, 1, name, "texts", "numbers")])
+    return file, columns
+
+
+def _forces(contacts: Any, times: Array) -> dict[str, Array]:
+    rows = np.searchsorted(times, contacts["time"] - 1e-9)
+    out = {f"{shape}.force.{axis}[N]": np.zeros(len(times)) for shape in {*contacts["a"], *contacts["b"]} for axis in "xyz"}
+    for i, (row, a, b) in enumerate(zip(rows, contacts["a"], contacts["b"])):
+        for k, axis in enumerate("xyz"):
+            force = contacts["normal_force"][i] * contacts[f"normal.{axis}"][i] + contacts[f"friction.{axis}"][i]
+            out[f"{a}.force.{axis}[N]"][row] += force
+            out[f"{b}.force.{axis}[N]"][row] -= force
+    return out
+
+
+def _name_of(stem: str, scene: Scene) -> Optional[str]:
+    """What identify calls it."""
+    base, _, last = stem.rpartition(".")
+    if stem in scene.coordinates:
+        return stem
+    if last == "rate" and base in scene.coordinates:
+        return f"d({base})/dt"
+    if last in ("x", "y", "z") and base.endswith(".force"):
+        return stem
+    if last in ("x", "y", "z") and base in scene.bodies:
+        return f"{base}.shift.{last}" if base in scene.objects else f"{base}.place.{last}"
+    return None
+
+
+def _recorded(file: Path, columns: dict[str, Array], scene: Scene, wanted: Optional[str],
+              folder: bool) -> tuple[Array, dict[str, Array], dict[str, str], list[str]]:
+    """Times, values and units of the names that are used, and the columns that are not."""
+    patterns = [each.strip() for each in wanted.split(",")] if wanted else []
+    if "time[s]" not in columns:
+        raise Error(f"{file}:1:1: time[s]: got no such column, need one", "input", [Problem(str(file), 1, 1, "time[s]", "none", "one")])
+    used, units, left = dict[str, Array](), dict[str, str](), list[str]()
+    for head, values in columns.items():
+        match = UNIT.fullmatch(head)
+        stem, unit = match.groups() if match else (head, "")
+        name = _name_of(stem, scene)
+        base = BASE.get(unit, unit)
+        known = name is not None and base in DEVIATIONS and (".force." in stem) == (base == "N")
+        # Of a run's folder: coordinates, objects and forces; all the rest follows from them.
+        if known and name and (any(fnmatch(stem, p) or stem == p for p in patterns) if patterns
+                               else not folder or ".place." not in name and not name.startswith("d(")):
+            used[name], units[name] = values * UNITS[unit], base
+        elif head != "time[s]" and (not folder or patterns):
+            left.append(head)
+    missing = [p for p in patterns if not any(fnmatch((UNIT.fullmatch(h) or [h, h])[1], p) for h in columns)]
+    if missing or not used:
+        got = ", ".join(missing) or ", ".join(left[:5])
+        raise Error(f"{file}:1:1: columns: got {got}, need columns of the scene's coordinates, bodies or forces with their units", "input",
+                    [Problem(str(file), 1, 1, "columns", got, "columns of the scene")])
+    return columns["time[s]"], used, units, left
+
+
+def _fit(options: dict[str, Any]) -> tuple[Identified, Scene, list[str], dict[str, Any]]:
+    changes = dict(each.partition("=")[::2] for each in options["--set"])
+    scene = load(find_file(options["--scene"]), changes)
+    numbers = _numbers(options["--free"], scene)
+    deviations = _deviations(options.get("--deviation"))
+    path = Path(options["recording"][0])
+    file, columns = _read(path)
+    times, used, units, left = _recorded(file, columns, scene, options.get("--columns"), path.is_dir())
+    rows = times > scene.step * (1 - 1e-9)
+    if not rows.any() or times[rows].max() > 1e4 or (np.diff(times) <= 0).any() or np.isnan(times).any():
+        raise Error(f"{file}:2:1: time[s]: got {len(times)} times, need times that increase, after 0", "input",
+                    [Problem(str(file), 2, 1, "time[s]", f"{len(times)} times", "times that increase")])
+    steps = int(np.ceil(times[-1] / scene.step - 1e-6))
+    found = identify(scene, numbers, np.zeros((steps, len(scene.coordinates))), {name: values[rows] for name, values in used.items()},
+                     deviation={name: deviations[unit] for name, unit in units.items()}, kind="torques", times=times[rows])
+    result = {"values": dict(zip(found.names, found.values.tolist())),
+              "intervals": {name: value if np.isfinite(value) else None for name, value in zip(found.names, found.interval.tolist())},
+              "residual": found.residual, "iterations": found.iterations, "steps": steps, "columns": list(used),
+              "deviations": {unit: deviations[unit] for unit in sorted(set(units.values()))},
+              "set": " ".join(f"--set {name}={value!r}" for name, value in zip(found.names, found.values.tolist()))}
+    fitted = load(find_file(options["--scene"]), {**changes, **{name: repr(value) for name, value in zip(found.names, found.values.tolist())}})
+    return found, fitted, left, result
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The command. :return: exit status"""
+    if not arguments or any(each in ("-h", "--help") for each in arguments):
+        print(USAGE, end="")
+        return 0 if arguments else 2
+    try:
+        options = _options(arguments)
+        out = Path(options["--out"]) if "--out" in options else None
+        if out is not None and out.exists() and not out.is_dir():
+            raise input_error("--out", f"{out}, which is a file", "a folder")
+        found, scene, left, result = _fit(options)
+    except Error as error:
+        print("\n".join(f"error: {line}" for line in str(error).splitlines()), file=sys.stderr)
+        return 2 if error.kind == "input" else 1
+    if options["--json"]:
+        print(json.dumps(result, indent=1))
+    else:
+        print(f"{'number':44}{'value':>12}{'95 %':>12}")
+        for name, value, half in zip(found.names, found.values, found.interval):
+            print(f"{name:44}{value:12.5g}" + (f"{'+-' + format(half, '.2g'):>12}" if np.isfinite(half) else "  not in the recording"))
+        print(f"residual {found.residual:.3g} deviations (near 1 where scene and deviations fit), {found.iterations} iterations\n{result['set']}")
+    if left:
+        print(f"columns that are not used: {', '.join(left)}", file=sys.stderr)
+    if out is not None:
+        write(out, {"identified.json": json.dumps(result, indent=1).encode(), **standing_alone(scene)})
+    return 0

@@ -1,0 +1,141 @@
+"""YAML files of commands in Python: numbers with units, and all problems at once with their places. Needs PyYAML."""
+from __future__ import annotations
+
+import difflib
+import math
+from pathlib import Path
+from typing import Any, Optional, Sequence
+
+from ._errors import Error, Problem, input_error
+
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "kg": 1.0, "g": 1e-3, "mg": 1e-6, "s": 1.0, "ms": 1e-3, "us": 1e-6, "rad": 1.0,
+         "deg": math.pi / 180, "N": 1.0, "mN": 1e-3, "N m": 1.0, "mN m": 1e-3, "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": math.pi / 180,
+         "N/m": 1.0, "N/mm": 1e3, "": 1.0}
+
+
+def number_of(value: Any) -> Optional[float]:
+    """SI of 0.2, ``"5 mm"``; None for anything else."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, str):
+        return None
+    digits, _, unit = value.strip().partition(" ")
+    try:
+        return float(digits) * UNITS[unit.strip()]
+    except (ValueError, KeyError):
+        return None
+
+
+def parser() -> Any:
+    try:
+        import yaml
+    except ImportError:
+        raise input_error("PyYAML", "no Python module of this name", "it, for this command: pip install pyyaml") from None
+    return yaml
+
+
+class Document:
+    """A file's content by dotted keys. What is wrong is collected; `finish` raises it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.problems = path, list[Problem]()
+        self.places: dict[str, tuple[int, int]] = {}
+        yaml = parser()
+        try:
+            text = path.read_text()
+            node = yaml.compose(text)
+            self.data: Any = yaml.safe_load(text)
+        except (OSError, UnicodeDecodeError) as error:
+            raise input_error(str(path), str(error), "a file that can be read") from None
+        except yaml.YAMLError as error:
+            mark = getattr(error, "problem_mark", None)
+            self.problems = [Problem(str(path), mark.line + 1 if mark else 1, mark.column + 1 if mark else 1, "yaml",
+                                     str(getattr(error, "problem", error)), "YAML")]
+            self.finish()
+        self._note(node, "")
+
+    def _note(self, node: Any, key: str) -> None:
+        if node is None:
+            return
+        self.places[key] = node.start_mark.line + 1, node.start_mark.column + 1
+        pairs = ([(name.value, child) for name, child in node.value] if node.id == "mapping" else
+                 [(str(i), child) for i, child in enumerate(node.value)] if node.id == "sequence" else [])
+        for name, child in pairs:
+            self._note(child, f"{key}.{name}" if key else name)
+
+    def get(self, key: str, default: Any = None) -> Any:
+        found = self.data
+        for word in key.split(".") if key else []:
+            if isinstance(found, dict) and word in found:
+                found = found[word]
+            elif isinstance(found, list) and word.isdigit() and int(word) < len(found):
+                found = found[int(word)]
+            else:
+                return default
+        return found
+
+    def wrong(self, key: str, got: object, need: str) -> None:
+        at = key
+        while at and at not in self.places:
+            at = at.rpartition(".")[0]
+        self.problems.append(Problem(str(self.path), *self.places.get(at, (1, 1)), key, str(got), need))
+
+    def real(self, key: str, default: Optional[float], low: float = -math.inf, high: float = math.inf) -> float:
+        """A number in its range; without a default it is required."""
+        value = self.get(key)
+        if value is None and default is not None:
+            return default
+        found = number_of(value)
+        if found is None or not math.isfinite(found) or not low <= found <= high:
+            limits = "" if low == -math.inf and high == math.inf else f" of {low:g} to {high:g}"
+            self.wrong(key, "nothing" if value is None else repr(value), f"a number{limits}")
+            return low if math.isfinite(low) else 0.0
+        return found
+
+    def reals(self, key: str, count: int) -> list[float]:
+        value = self.get(key)
+        if not isinstance(value, list) or len(value) != count:
+            self.wrong(key, "nothing" if value is None else repr(value), f"a list of {count} numbers")
+            return [0.0] * count
+        return [self.real(f"{key}.{i}", None) for i in range(count)]
+
+    def choice(self, key: str, known: Sequence[str], default: Optional[str] = None) -> str:
+        value = self.get(key, default)
+        if value not in known:
+            near = difflib.get_close_matches(str(value), known, 1)
+            self.wrong(key, "nothing" if value is None else repr(value), (f"{near[0]}, or another of " if near else "one of ") + _few(known))
+            return known[0] if known else ""
+        return str(value)
+
+    def keys(self, key: str, known: Sequence[str]) -> None:
+        """Only these keys, in a mapping."""
+        found = self.get(key)
+        if not isinstance(found, dict):
+            self.wrong(key or "file", repr(found)[:60], "a mapping with some of " + ", ".join(known))
+            return
+        for name in found:
+            if name not in known:
+                near = difflib.get_close_matches(str(name), known, 1)
+                self.wrong(f"{key}.{name}" if key else str(name), "an unknown key", near[0] if near else "one of " + ", ".join(known))
+
+    def finish(self) -> None:
+        if self.problems:
+            raise Error("\n".join(f"{p.file}:{p.line}:{p.column}: {p.key}: got {p.got}, need {p.need}" for p in self.problems), "input",
+                        self.problems)
+
+
+def _few(names: Sequence[str]) -> str:
+    return ", ".join(names[:8]) + (f", ... ({len(names)})" if len(names) > 8 else "")
+
+
+def scene_number(resolved: str, key: str) -> Optional[float]:
+    """A number of a resolved scene by its dotted key."""
+    found: Any = parser().safe_load(resolved)
+    for word in key.split("."):
+        if isinstance(found, dict):
+            found = found.get(word)
+        elif isinstance(found, list) and word.isdigit() and int(word) < len(found):
+            found = found[int(word)]
+        else:
+            return None
+    return number_of(found)

@@ -1,0 +1,120 @@
+"""A finger's reach by torques: cost and time of handsim beside OpenSim Moco on the exported model, each with its own grid.
+
+    PYTHONPATH=build/release/python python3 tests/peers/optimise.py
+
+Moco: direct collocation (Hermite-Simpson) by CasADi and IPOPT; the joints without torques are welded. The rates at the end are zero there, and
+cost 0.1 times their squares here. Costs are those of the goal: integral of squared torques [N2 m2 s] and 1000 times the squared distance [m2].
+"""
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import handsim as hs
+import numpy as np
+from handsim import optimise
+from handsim._optimise_command import Goal
+
+sys.path.append(str(Path(__file__).parents[2] / "build" / "peers" / "packages"))  # of ./dev peers; behind the NumPy that handsim was built for
+import opensim
+
+SCALE = 1e5  # of the costs in Moco: its tolerance is absolute
+UNIT = 0.01  # torque of a control of 1 [N m]
+
+
+def ours(scene, goal):
+    problem = goal.problem(hs.Simulation(scene))
+    found = optimise.solve(problem)
+    assert found.converged
+    return found
+
+
+def moco(scene, goal, intervals, found):
+    """Cost, seconds, success and iterations of the solver, which starts from the motion that was found here."""
+    folder = Path(tempfile.mkdtemp())
+    (folder / "hand.osim").write_text(scene.to_osim())
+    driven = [scene.coordinates[column] for column in goal.columns]
+    tip = goal.file.get("costs.0")
+    processor = opensim.ModelProcessor(str(folder / "hand.osim"))
+    model = processor.process()
+    model.initSystem()
+    welded = opensim.StdVectorString()
+    for i in range(model.getJointSet().getSize()):
+        joint = model.getJointSet().get(i)
+        names = [joint.get_coordinates(k).getName() for k in range(joint.numCoordinates())]
+        if names and not set(names) & set(driven):
+            welded.append(joint.getName())
+    # Forces of coordinates that are no more.
+    forces = model.updForceSet()
+    for i in reversed(range(forces.getSize())):
+        if forces.get(i).getName().removesuffix(".tissue") not in driven:
+            forces.remove(i)
+    processor = opensim.ModelProcessor(model)
+    processor.append(opensim.ModOpReplaceJointsWithWelds(welded))
+    model = processor.process()
+    for name in driven:
+        actuator = opensim.CoordinateActuator(name)
+        actuator.setName(name + ".torque")
+        actuator.setOptimalForce(UNIT)
+        actuator.setMinControl(-10)
+        actuator.setMaxControl(10)
+        model.addForce(actuator)
+    model.initSystem()
+    os.chdir(folder)  # CasADi's solver leaves a file while it runs
+    study = opensim.MocoStudy()
+    problem = study.updProblem()
+    problem.setModel(model)
+    problem.setTimeBounds(0, goal.knots * goal.period)
+    for name in driven:
+        path = model.getCoordinateSet().get(name).getAbsolutePathString()
+        problem.setStateInfo(path + "/value", [-2, 2], 0)
+        problem.setStateInfo(path + "/speed", [-80, 80], 0, 0)
+    effort = opensim.MocoControlGoal("effort", SCALE * UNIT**2)
+    problem.addGoal(effort)
+    reach = opensim.MocoMarkerFinalGoal("tip", SCALE * tip["weight"])
+    body = scene._model.bodies[dict((t, b) for h in scene._model.hands for t, b, _ in h.tips)[tip["point"]]].name
+    reach.setPointName("/markerset/" + body + ".tip")
+    reach.setReferenceLocation(opensim.Vec3(*tip["is"]))
+    problem.addGoal(reach)
+    solver = study.initCasADiSolver()
+    solver.set_num_mesh_intervals(intervals)
+    solver.set_verbosity(2)
+    solver.set_optim_convergence_tolerance(1e-4)
+    solver.set_optim_constraint_tolerance(1e-6)
+    solver.set_parallel(0)
+    solver.set_optim_max_iterations(1000)
+    solver.set_multibody_dynamics_mode("implicit")
+    guess = solver.createGuess("bounds")
+    times = np.array([guess.getTime().get(i) for i in range(guess.getNumTimes())])
+    ours = goal.period * np.arange(goal.knots + 1)
+    for name, column in zip(driven, goal.columns):
+        path = model.getCoordinateSet().get(name).getAbsolutePathString()
+        rates = [end.rates[column] for end in found.trajectory.ends]
+        for kind, values in (("value", [end.joints[column] for end in found.trajectory.ends]), ("speed", rates)):
+            guess.setState(f"{path}/{kind}", opensim.Vector.createFromMat(np.interp(times, ours, values)))
+        controls = np.interp(times, ours[1:], found.trajectory.actions[:, goal.columns.index(column)]) / UNIT
+        guess.setControl(f"/forceset/{name}.torque", opensim.Vector.createFromMat(controls))
+        guess.setDerivative(f"{path}/accel", opensim.Vector.createFromMat(np.interp(times, ours, np.gradient(rates, ours))))
+    solver.setGuess(guess)
+    begin = time.perf_counter()
+    solution = study.solve()
+    seconds = time.perf_counter() - begin
+    solution.unseal()
+    return solution.getObjective() / SCALE, seconds, solution.success(), solution.getNumIterations()
+
+
+def main():
+    scene = hs.load("reach")
+    goal = Goal(hs.data_path() / "config" / "goals" / "reach.yaml", scene)
+    best = min((ours(scene, goal) for _ in range(3)), key=lambda found: found.seconds)
+    print(f"handsim, {goal.knots} knots of {1e3 * goal.period:g} ms: cost {best.trajectory.cost:.5g}, {best.seconds:.2f} s, {best.iterations} iterations")
+    for intervals in (int(each) for each in sys.argv[1:] or ("20", "40")):
+        cost, seconds, done, iterations = moco(scene, goal, intervals, best)
+        print(f"Moco, {intervals} intervals: cost {cost:.5g}, {seconds:.1f} s, {iterations} iterations{'' if done else ', not converged'}; handsim's "
+              f"cost is {100 * (best.trajectory.cost / cost - 1):+.2f} %, its time 1/{seconds / best.seconds:.0f}", flush=True)
+    os._exit(0)  # OpenSim's libraries crash at the end of the interpreter
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,79 @@
+"""handsim identify: numbers from recordings with noise, their intervals, and bad input."""
+import json
+
+import handsim as hs
+import numpy as np
+import pytest
+from handsim._identify_command import main
+
+pytest.importorskip("yaml", reason="numbers of a scene are read by PyYAML")
+# A block slides on a table until friction stops it.
+SLIDE = {"objects": [{"name": "block", "shape": "box", "edges": [0.04, 0.05, 0.03], "mass": 0.2, "position": [0, 0, 0.01499],
+                      "velocity": [0.5, 0, 0], "friction": 0.3}],
+         "ground": {"friction": 0.3}, "effects": ["gravity", "ground_contact", "friction"],
+         "solver": {"engine": "articulated", "step": 2e-3}, "duration": 0.3, "record": {"every": 0.01, "contacts": True}}
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("slide")
+    (folder / "slide.yaml").write_text(json.dumps(SLIDE))
+    hs.load(folder / "slide.yaml").run(folder / "run", frames=0)
+    return folder
+
+
+def noisy(folder, seed):
+    """1 mm and 0.05 N, in other units than handsim's."""
+    from handsim._identify_command import _read
+
+    random = np.random.default_rng(seed)
+    columns = _read(folder / "run")[1]
+    rows = [columns["time[s]"], 1e3 * columns["block.x[m]"] + random.normal(size=31), columns["block.force.z[N]"] + 0.05 * random.normal(size=31),
+            columns["block.force.x[N]"] + 0.05 * random.normal(size=31)]
+    file = folder / f"noisy{seed}.csv"
+    np.savetxt(file, np.array(rows).T, delimiter=",", comments="", header="time[s],block.x[mm],block.force.z[N],block.force.x[N]")
+    return file
+
+
+def fit(folder, file, capsys, *more):
+    status = main([str(file), "--scene", str(folder / "slide.yaml"), "--free", "objects.0.mass=0.15,objects.0.friction=0.5", "--json", *more])
+    said = capsys.readouterr()
+    assert status == 0, said.err
+    return json.loads(said.out)
+
+
+def test_mass_and_friction_come_from_noisy_places_and_forces_and_intervals_are_calibrated(recorded, capsys):
+    off = []
+    for seed in range(8):
+        found = fit(recorded, noisy(recorded, seed), capsys)
+        values, half = found["values"], found["intervals"]
+        off += [(values[key] - true) / half[key] * 1.96 for key, true in (("objects.0.mass", 0.2), ("objects.0.friction", 0.3))]
+        assert abs(values["objects.0.mass"] / 0.2 - 1) < 0.02 and abs(values["objects.0.friction"] / 0.3 - 1) < 0.04
+        assert 0.7 < found["residual"] < 1.3
+    # 16 differences over their deviations: chi-square of 16 degrees, 0.1 and 99.9 %: 3.9 and 39.
+    assert 3.9 < np.square(off).sum() < 39
+
+
+def test_a_folder_of_a_run_gives_its_numbers_back_and_a_scene(recorded, tmp_path, capsys):
+    found = fit(recorded, recorded / "run", capsys, "--out", str(tmp_path / "out"))
+    assert abs(found["values"]["objects.0.friction"] - 0.3) < 1e-4 and abs(found["values"]["objects.0.mass"] - 0.2) < 1e-5
+    assert hs.load(tmp_path / "out" / "scene.yaml").masses[1] == pytest.approx(0.2, abs=1e-5)
+
+
+def test_a_number_of_which_the_recording_says_nothing_has_no_interval(recorded, capsys):
+    found = fit(recorded, recorded / "run", capsys, "--columns", "block.x")
+    assert found["intervals"]["objects.0.mass"] is None or found["intervals"]["objects.0.mass"] > 0.05
+
+
+def test_bad_input_is_said(recorded, tmp_path, capsys):
+    def error(*words):
+        assert main([str(word) for word in words]) == 2
+        return capsys.readouterr().err
+
+    scene = ["--scene", recorded / "slide.yaml"]
+    assert "--scene: got nothing" in error(tmp_path)
+    assert "need a key with a number in the resolved scene, or objects.0.weight=VALUE" in error(recorded / "run", *scene, "--free", "objects.0.weight")
+    (tmp_path / "bad.csv").write_text("time[s],nose.x[m]\n0.1,2\n")
+    assert "bad.csv:1:1: columns: got nose.x[m], need" in error(tmp_path / "bad.csv", *scene, "--free", "objects.0.mass")
+    assert "--deviation: got m=x" in error(recorded / "run", *scene, "--free", "objects.0.mass", "--deviation", "m=x")
+    assert "an unknown option" in error(recorded / "run", "--nose")
