@@ -21,6 +21,13 @@ namespace handsim::app {
 
 namespace {
 
+using Size = hand::HandSize;
+constexpr std::pair<const char*, double Size::*> kSizes[] = {{"hand length", &Size::length},
+                                                             {"hand breadth", &Size::breadth},
+                                                             {"palm length", &Size::palm_length},
+                                                             {"hand circumference", &Size::circumference},
+                                                             {"hand thickness", &Size::thickness}};
+
 std::string ranges(const model::Joint& joint) {
   std::string out;
   for (const model::JointAxis& axis : joint.axes)
@@ -36,15 +43,11 @@ std::string mass_rule(const hand::Person& person, const hand::MassRule& rule) {
   if (rule.kind == hand::MassRule::Kind::density) return fmt::format("at {:g} kg/m3{}", rule.density, source);
   if (rule.kind == hand::MassRule::Kind::tissue_density)
     return fmt::format("its volume at {:g} kg/m3{}", rule.density, source);
-  const bool male = person.sex == hand::Sex::male, female = person.sex == hand::Sex::female;
-  return fmt::format("{:g} % of body mass, {}{}",
-                     100 * (male     ? rule.male
-                            : female ? rule.female
-                                     : rule.unknown),
-                     male     ? "as of men"
-                     : female ? "as of women"
-                              : "as of people of unknown sex",
-                     source);
+  const auto [share, whom] = person.sex == hand::Sex::male ? std::pair(rule.male, "men")
+                             : person.sex == hand::Sex::female
+                                 ? std::pair(rule.female, "women")
+                                 : std::pair(rule.unknown, "people of unknown sex");
+  return fmt::format("{:g} % of body mass, as of {}{}", 100 * share, whom, source);
 }
 
 std::string origin(bool measured) { return measured ? "measured" : "predicted"; }
@@ -56,11 +59,9 @@ void print_size(const hand::Person& person, const hand::HandSpec& spec, const ha
   const auto row = [&](const char* what, double value, const std::string& from) {
     print("  {:<18} {:7.1f} mm  {}\n", what, 1e3 * value, from);
   };
-  row("hand length", size.length, origin(size.measured[0]));
-  row("hand breadth", size.breadth, origin(size.measured[1]));
-  row("palm length", size.palm_length, "predicted");
-  row("hand circumference", size.circumference, origin(size.measured[3]));
-  row("hand thickness", size.thickness, "of a slab with half-round edges of that breadth and circumference");
+  const std::string slab = "of a slab with half-round edges of that breadth and circumference";
+  for (std::size_t i = 0; i < 5; ++i)
+    row(kSizes[i].first, size.*kSizes[i].second, i < 4 ? origin(i != 2 && size.measured[i]) : slab);
   for (const auto& [name, finger] : size.fingers)
     row((name + " length").c_str(), finger.length,
         origin(person.fingers.contains(name)) + ", crease at the base to tip");
@@ -110,8 +111,7 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
 void print_whole(const hand::Person& person, const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   const hand::WholeHand whole = hand::whole_hand(hand);
   const bool female = person.sex == hand::Sex::female;
-  const hand::HandInertiaShares& ref =
-      female ? spec.anthropometry.reference_female : spec.anthropometry.reference_male;
+  const auto& ref = female ? spec.anthropometry.reference_female : spec.anthropometry.reference_male;
   print("\nwhole hand, fingers straight, in shares of hand length (reference: {}, {})\n",
         spec.anthropometry.reference_source, female ? "women" : "men");
   const auto row = [](const char* what, double value, double reference) {
@@ -135,11 +135,7 @@ Figures figures_of(const hand::HandSpec& spec, const std::vector<hand::Person>& 
       if (next == out.size()) out.emplace_back(name, std::vector<double>());
       out[next++].second.push_back(value);
     };
-    add("hand length [mm]", 1e3 * hand.size.length);
-    add("hand breadth [mm]", 1e3 * hand.size.breadth);
-    add("palm length [mm]", 1e3 * hand.size.palm_length);
-    add("hand circumference [mm]", 1e3 * hand.size.circumference);
-    add("hand thickness [mm]", 1e3 * hand.size.thickness);
+    for (const auto& [name, value] : kSizes) add(fmt::format("{} [mm]", name), 1e3 * hand.size.*value);
     add("hand mass [g]", 1e3 * hand.mass);
     for (std::size_t i = 0; i < spec.segments.size(); ++i)
       if (!spec.segments[i].carrier) add(spec.segments[i].name + " [mm]", 1e3 * hand.segments[i].length);

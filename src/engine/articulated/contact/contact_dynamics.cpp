@@ -308,11 +308,10 @@ bool ContactDynamics::apply_restitution(Problem& p) {
     if (!(bounced < now)) continue;
     each.bounced = any = true;
     // The opposite stop stays, and the rebound ends there at the latest.
-    if (side < 0) {
+    if (side < 0)
       bound.low = std::min(speed - bounced, bound.high);
-    } else {
+    else
       bound.high = std::max(bounced - speed, bound.low);
-    }
   }
   return any;
 }
@@ -348,12 +347,9 @@ NewtonReport ContactDynamics::solve(double step) {
   NewtonReport report = articulated::solve(system_, w, tolerance);
   int stiffened = 0;
   while (apply_restitution(p) || (stiffened < kTuning.stiffenings && stiffen(p) && ++stiffened > 0)) {
-    const NewtonReport again = articulated::solve(system_, w, tolerance);
-    report = {.iterations = report.iterations + again.iterations,
-              .limit_updates = report.limit_updates + again.limit_updates,
-              .residual = again.residual,
-              .solved = again.solved,
-              .iterative = again.iterative};
+    const NewtonReport before = std::exchange(report, articulated::solve(system_, w, tolerance));
+    report.iterations += before.iterations;
+    report.limit_updates += before.limit_updates;
   }
   take_over(p, step);
   return report;

@@ -80,8 +80,7 @@ class ContactDynamics {
     Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
     Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
   };
-  /// Inverse mass [1/kg] and inverse of the mean moment of inertia [1/(kg m2)]; zero of a body that cannot
-  /// move.
+  /// Inverses of mass [1/kg] and mean moment of inertia [1/(kg m2)]; zero of a body that cannot move.
   struct Mobility {
     double linear = 0, angular = 0;
   };

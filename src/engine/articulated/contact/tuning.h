@@ -28,8 +28,7 @@ struct Tuning {
   int stiffenings = 12;
 
   // Newton's method (newton.cpp).
-  /// Largest |F_i| / (A_ii step) [m/s^2, rad/s^2], no bound of an error. Too large: "contact_residual"; too
-  /// small: rounding, fallbacks.
+  /// Largest |F_i| / (A_ii step) [m/s^2, rad/s^2]. Too large: "contact_residual"; too small: fallbacks.
   double tolerance = 1e-4;
   /// A start with a residual within this share of the tolerance is the solution: 1e-5 m/s^2, as steps with an
   /// earlier factor leave. Larger: what is held creeps; smaller: holds take more steps.
