@@ -186,7 +186,7 @@ void relax(Skin& skin, const SkinField& field, double cell) {
   for (int k = 0; k <= kRelaxations; ++k) {
     const std::vector<Vec3> normals = normals_of(skin, skin.points);
     for (std::size_t i = 0; i < skin.points.size(); ++i) {
-      skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
+      if (k % 2 == 0) skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
       rows.row(static_cast<long>(i)) = skin.points[i].cast<float>();
     }
     if (k == kRelaxations) return;
