@@ -13,6 +13,7 @@ import argparse
 import json
 import shutil
 import sys
+import tempfile
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Callable
@@ -47,6 +48,14 @@ def policy_of(path: Path) -> tuple[Policy, dict[str, str]]:
     return lambda x: run.run(None, {run.input_names[0]: x})[0], {each.key: each.value for each in model.metadata_props}
 
 
+def loaded_again(scene: hs.Scene, folder: Path, given: dict[str, Any]) -> hs.Scene:
+    """The scene from its own files, with other values."""
+    for name, content in scene._core.standalone().items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    return hs.load(folder / "resolved.yaml", given)
+
+
 def run_again(episodes: Episodes, driven: list[dict[str, Any]], out: Path) -> None:
     """The first environment's episode as a run of its scene with a report; each action was held for a step."""
     scene, step = episodes.batch.scene_of(0), episodes.task.scene.step * episodes.task.substeps
@@ -57,16 +66,17 @@ def run_again(episodes: Episodes, driven: list[dict[str, Any]], out: Path) -> No
     rows = np.repeat([next(iter(each.values()))[0] for each in driven], 2, axis=0)
     table = (out / "actions.csv").resolve()
     np.savetxt(table, np.column_stack([times, rows]), "%.17g", ",", header=",".join(["time[s]", *names]), comments="")
-    for name, content in scene._core.standalone().items():
-        (out / "scene" / name).parent.mkdir(parents=True, exist_ok=True)
-        (out / "scene" / name).write_bytes(content)
     given = {"excitations" if muscles else "control.program": str(table), "duration": len(driven) * step}
-    hs.load(out / "scene" / "resolved.yaml", given).run(out, report=hs.has_reports, frames=4)
+    loaded_again(scene, out / "scene", given).run(out, report=hs.has_reports, frames=4)
 
 
 def film(episodes: Episodes, frames: list[list[hs.Frame]], out: Path) -> None:
-    """Of four environments, two by two."""
-    films = [episodes.batch.scene_of(i).draw_frames([row[i] for row in frames], size=(240, 240)) for i in range(4)]
+    """Of four environments, two by two, with skin in place of muscles."""
+    films = []
+    for i in range(4):
+        with tempfile.TemporaryDirectory() as folder:
+            scene = loaded_again(episodes.batch.scene_of(i), Path(folder), {"pictures.muscles": False})
+        films.append(scene.draw_frames([row[i] for row in frames], size=(240, 240)))
     grid = [np.vstack([np.hstack([np.asarray(each[t]) for each in films[j:j + 2]]) for j in (0, 2)])
             for t in range(len(frames))]
     hs.save_video(grid, out / "played.mp4", fps=25)

@@ -21,6 +21,7 @@ constexpr int kBlock = 4;
 constexpr int kRelaxations = 4, kShareRelaxations = 12, kWeightRelaxations = 3;
 
 using Corner = Eigen::Vector3i;
+Corner corner_of(int bits) { return {bits & 1, bits >> 1 & 1, bits >> 2 & 1}; }
 
 /// Samples of a field. Surface nets (Gibson 1998, MICCAI): the surface has a vertex in every cell with
 /// corners of both signs and a quad across every edge with ends of both, so it has the topology of the
@@ -37,6 +38,11 @@ class Grid {
     return (at(c.z()) * at(size_.y()) + at(c.y())) * at(size_.x()) + at(c.x());
   }
   bool inside(const Corner& c) const { return values_[index(c)] < 0; }
+  int corners_inside(const Corner& cell) const {
+    int bits = 0;
+    for (int i = 0; i < 8; ++i) bits |= inside(cell + corner_of(i)) << i;
+    return bits;
+  }
   Vec3 place(const Corner& c) const { return low_ + cell_ * c.cast<double>(); }
   void sample(const Corner& first, int size);
   bool fill(const Corner& c, int a, int b);
@@ -51,8 +57,6 @@ class Grid {
   std::vector<char> near_;     ///< of each sample, whether its cell is one of
   std::vector<Corner> cells_;  ///< by their lowest corners: all that the surface may pass through
 };
-
-Corner corner_of(int bits) { return {bits & 1, bits >> 1 & 1, bits >> 2 & 1}; }
 
 Grid::Grid(const SkinField& field, double cell) : field_(field), cell_(cell) {
   low_ = field.low - Vec3::Constant(2 * cell);
@@ -95,8 +99,7 @@ bool Grid::fill(const Corner& c, int a, int b) {
 
 /// Of a cube with only opposite corners inside, or outside, fills one: at its centre two sheets would meet.
 bool Grid::fill(const Corner& c) {
-  int bits = 0;
-  for (int i = 0; i < 8; ++i) bits |= inside(c + corner_of(i)) << i;
+  const int bits = corners_inside(c);
   for (int i = 0; i < 4; ++i) {
     const int pair = 1 << i | 1 << (7 - i);
     if (bits != pair && bits != (~pair & 0xFF)) continue;
@@ -111,6 +114,7 @@ void Grid::separate() {
   for (bool changed = true; changed;) {
     changed = false;
     for (const Corner& c : cells_) {
+      if (const int bits = corners_inside(c); bits == 0 || bits == 0xFF) continue;
       for (const auto& [a, b] : {std::pair(0, 1), {1, 2}, {2, 0}}) changed = fill(c, a, b) || changed;
       changed = fill(c) || changed;
     }
@@ -136,9 +140,7 @@ Vec3 Grid::vertex(const Corner& cell) const {
 void Grid::polygonise(Skin& skin) const {
   std::vector<std::uint32_t> numbers(values_.size());
   for (const Corner& cell : cells_) {
-    int in = 0;
-    for (int i = 0; i < 8; ++i) in += inside(cell + corner_of(i));
-    if (in == 0 || in == 8) continue;
+    if (const int bits = corners_inside(cell); bits == 0 || bits == 0xFF) continue;
     numbers[index(cell)] = static_cast<std::uint32_t>(skin.points.size());
     skin.points.push_back(vertex(cell));
   }
@@ -186,7 +188,7 @@ void relax(Skin& skin, const SkinField& field, double cell) {
   for (int k = 0; k <= kRelaxations; ++k) {
     const std::vector<Vec3> normals = normals_of(skin, skin.points);
     for (std::size_t i = 0; i < skin.points.size(); ++i) {
-      skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
+      if (k % 2 == 0) skin.points[i] -= std::clamp(field(skin.points[i]), -cell, cell) * normals[i];
       rows.row(static_cast<long>(i)) = skin.points[i].cast<float>();
     }
     if (k == kRelaxations) return;
