@@ -85,6 +85,7 @@ def moco(scene, goal, intervals, found):
     solver.set_parallel(0)
     solver.set_optim_max_iterations(1000)
     solver.set_multibody_dynamics_mode("implicit")
+    solver.set_optim_hessian_approximation("exact")  # with L-BFGS it does not converge in 1000 iterations
     guess = solver.createGuess("bounds")
     times = np.array([guess.getTime().get(i) for i in range(guess.getNumTimes())])
     ours = goal.period * np.arange(goal.knots + 1)
