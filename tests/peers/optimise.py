@@ -57,8 +57,8 @@ def moco(scene, goal, intervals, found):
         actuator = opensim.CoordinateActuator(name)
         actuator.setName(name + ".torque")
         actuator.setOptimalForce(UNIT)
-        actuator.setMinControl(-10)
-        actuator.setMaxControl(10)
+        actuator.setMinControl(-5)
+        actuator.setMaxControl(5)
         model.addForce(actuator)
     model.initSystem()
     os.chdir(folder)  # CasADi's solver leaves a file while it runs
@@ -69,7 +69,7 @@ def moco(scene, goal, intervals, found):
     for name in driven:
         path = model.getCoordinateSet().get(name).getAbsolutePathString()
         problem.setStateInfo(path + "/value", [-2, 2], 0)
-        problem.setStateInfo(path + "/speed", [-80, 80], 0, 0)
+        problem.setStateInfo(path + "/speed", [-50, 50], 0, 0)
     effort = opensim.MocoControlGoal("effort", SCALE * UNIT**2)
     problem.addGoal(effort)
     reach = opensim.MocoMarkerFinalGoal("tip", SCALE * tip["weight"])
@@ -84,8 +84,7 @@ def moco(scene, goal, intervals, found):
     solver.set_optim_constraint_tolerance(1e-6)
     solver.set_parallel(0)
     solver.set_optim_max_iterations(1000)
-    solver.set_multibody_dynamics_mode("implicit")
-    solver.set_optim_hessian_approximation("exact")  # with L-BFGS it does not converge in 1000 iterations
+    solver.set_scale_variables_using_bounds(True)
     guess = solver.createGuess("bounds")
     times = np.array([guess.getTime().get(i) for i in range(guess.getNumTimes())])
     ours = goal.period * np.arange(goal.knots + 1)
@@ -96,7 +95,6 @@ def moco(scene, goal, intervals, found):
             guess.setState(f"{path}/{kind}", opensim.Vector.createFromMat(np.interp(times, ours, values)))
         controls = np.interp(times, ours[1:], found.trajectory.actions[:, goal.columns.index(column)]) / UNIT
         guess.setControl(f"/forceset/{name}.torque", opensim.Vector.createFromMat(controls))
-        guess.setDerivative(f"{path}/accel", opensim.Vector.createFromMat(np.interp(times, ours, np.gradient(rates, ours))))
     solver.setGuess(guess)
     begin = time.perf_counter()
     solution = study.solve()
@@ -110,7 +108,7 @@ def main():
     goal = Goal(hs.data_path() / "config" / "goals" / "reach.yaml", scene)
     best = min((ours(scene, goal) for _ in range(3)), key=lambda found: found.seconds)
     print(f"handsim, {goal.knots} knots of {1e3 * goal.period:g} ms: cost {best.trajectory.cost:.5g}, {best.seconds:.2f} s, {best.iterations} iterations")
-    for intervals in (int(each) for each in sys.argv[1:] or ("20", "40")):
+    for intervals in (int(each) for each in sys.argv[1:] or ("25", "40")):
         cost, seconds, done, iterations = moco(scene, goal, intervals, best)
         print(f"Moco, {intervals} intervals: cost {cost:.5g}, {seconds:.1f} s, {iterations} iterations{'' if done else ', not converged'}; handsim's "
               f"cost is {100 * (best.trajectory.cost / cost - 1):+.2f} %, its time 1/{seconds / best.seconds:.0f}", flush=True)
