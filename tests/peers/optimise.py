@@ -3,7 +3,7 @@
     PYTHONPATH=build/release/python python3 tests/peers/optimise.py
 
 Moco: direct collocation (Hermite-Simpson) by CasADi and IPOPT; the joints without torques are welded. The rates at the end are zero there, and
-cost 0.1 times their squares here. Costs are those of the goal: integral of squared torques [N2 m2 s] and 1000 times the squared distance [m2].
+cost 0.1 times their squares here. Moco starts from the motion that was found here, and does not converge all the same (docs/optimise.md). Costs are those of the goal: integral of squared torques [N2 m2 s] and 1000 times the squared distance [m2].
 """
 import os
 import sys
@@ -84,7 +84,8 @@ def moco(scene, goal, intervals, found):
     solver.set_optim_constraint_tolerance(1e-6)
     solver.set_parallel(0)
     solver.set_optim_max_iterations(1000)
-    solver.set_scale_variables_using_bounds(True)
+    solver.set_multibody_dynamics_mode("implicit")
+    solver.set_implicit_multibody_acceleration_bounds(opensim.MocoBounds(-1e4, 1e4))
     guess = solver.createGuess("bounds")
     times = np.array([guess.getTime().get(i) for i in range(guess.getNumTimes())])
     ours = goal.period * np.arange(goal.knots + 1)
@@ -95,6 +96,7 @@ def moco(scene, goal, intervals, found):
             guess.setState(f"{path}/{kind}", opensim.Vector.createFromMat(np.interp(times, ours, values)))
         controls = np.interp(times, ours[1:], found.trajectory.actions[:, goal.columns.index(column)]) / UNIT
         guess.setControl(f"/forceset/{name}.torque", opensim.Vector.createFromMat(controls))
+        guess.setDerivative(f"{path}/accel", opensim.Vector.createFromMat(np.interp(times, ours, np.gradient(rates, ours))))
     solver.setGuess(guess)
     begin = time.perf_counter()
     solution = study.solve()
