@@ -62,7 +62,9 @@ class Goal:
         if not names:
             of.wrong("actions", self.kind, {"targets": "a scene with control", "excitations": "a scene with muscles"}.get(self.kind, "joints"))
         self.names = names
-        self.columns = self._matching("of", names, ["*"])
+        self.columns = self._matching("of", names, ["*"]) if names else []
+        if not isinstance(of.get("costs"), list) or not of.get("costs"):
+            of.wrong("costs", "nothing" if of.get("costs") is None else repr(of.get("costs"))[:60], "a list of costs")
         self.touch = [[str(word) for word in pair] if isinstance(pair, list) and len(pair) == 2 else [] for pair in of.get("touch", [])]
         self.touch_from = of.real("touch_from", 0, 0, self.knots * self.period * 0.999)
         if [] in self.touch:
@@ -81,7 +83,7 @@ class Goal:
         patterns = [str(each) for each in (given if isinstance(given, list) else [given])]
         for pattern in patterns:
             if not any(fnmatch(name, pattern) for name in names):
-                self.file.choice(key, names) if key in ("angle",) else self.file.wrong(key, pattern, "a name or pattern of " + ", ".join(names[:6]) + ", ...")
+                self.file.wrong(key, pattern, "a name or pattern of " + ", ".join(names[:6]) + ", ...")
         return [i for i, name in enumerate(names) if any(fnmatch(name, pattern) for pattern in patterns)]
 
     def _each(self, key: str, default: float, low: float = -np.inf) -> Array:
@@ -127,12 +129,10 @@ class Goal:
             of.wrong("limits", repr(given), "[low, high]")
         if of.get("first") is not None:
             out.first = np.tile(self._each("first", 0), (self.knots, 1))
-        for i in range(len(of.get("costs") or []) if isinstance(of.get("costs"), list) else 0):
+        for i in range(len(of.get("costs"))):
             term = self._term(out, f"costs.{i}", i)
             if term is not None:
                 out.terms.append(term)
-        if not isinstance(of.get("costs"), list) or not of.get("costs"):
-            of.wrong("costs", repr(of.get("costs")), "a list of costs")
         of.finish()
         return out
 

@@ -343,10 +343,11 @@ class Receding:
                 better = None
             self.damping = max(self.damping / 10, 1e-6) if better is not None else min(self.damping * 10, 10.0)
             found = better or found
-        plan = self.plan if found is None else found.actions
+        plan: Array = self.plan if found is None else found.actions
         self.k, self.before = self.k + 1, plan[0].copy()
         self.plan = np.vstack([plan[1:], plan[-1:]])
-        return plan[0].copy()
+        first: Array = plan[0].copy()
+        return first
 
 
 def receded(problem: Problem, knots: int) -> Array:

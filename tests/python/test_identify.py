@@ -54,6 +54,26 @@ def test_mass_and_friction_come_from_noisy_places_and_forces_and_intervals_are_c
     assert 3.9 < np.square(off).sum() < 39
 
 
+def test_mass_friction_and_tissue_come_within_two_percent():
+    from handsim.identify import _Model, identify
+
+    data = hs.data_path()
+    scene = {**SLIDE, "hands": [{"model": str(data / "handmodels/anatomical.yaml"), "person": str(data / "config/persons/median_man.yaml"), "side": "right",
+                                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2], "rotation": {"axis": [1, 0, 0], "angle": "-90 deg"}},
+                                 "pose": {"index_mcp": ["80 deg", 0], "middle_mcp": ["80 deg", 0]}}],
+             "objects": [{**SLIDE["objects"][0], "position": [0.1, 0.2, 0.01499], "velocity": [0.9, 0, 0]}],
+             "effects": [*SLIDE["effects"], "passive_tissue", "joint_stops"], "contacts": {"rules": [{"between": ["objects", "ground"]}]}}
+    names = ["block.shift.x", "block.force.z", "block.force.x", *(f"right.{finger}_distal.place.{axis}" for finger in ("index", "middle") for axis in "yz")]
+    actions, deviation = np.zeros((150, 20)), {name: 0.05 if "force" in name else 1e-3 for name in names}
+    true = {"objects.0.mass": 0.2, "objects.0.friction": 0.3, "hands.0.tissue.stiffness": 1.0}
+    rows = _Model(scene, list(true), actions, "torques", names, None, None, 150).run(np.array(list(true.values()))).reshape(len(names), 150)
+    random = np.random.default_rng(0)
+    noisy = {name: row + deviation[name] * random.normal(size=150) for name, row in zip(names, rows)}
+    found = identify(scene, {"objects.0.mass": 0.15, "objects.0.friction": 0.5, "hands.0.tissue.stiffness": 1.4}, actions, noisy, deviation=deviation,
+                     kind="torques")
+    assert (np.abs(found.values / list(true.values()) - 1) < 0.02).all() and 0.9 < found.residual < 1.1
+
+
 def test_a_folder_of_a_run_gives_its_numbers_back_and_a_scene(recorded, tmp_path, capsys):
     found = fit(recorded, recorded / "run", capsys, "--out", str(tmp_path / "out"))
     assert abs(found["values"]["objects.0.friction"] - 0.3) < 1e-4 and abs(found["values"]["objects.0.mass"] - 0.2) < 1e-5
