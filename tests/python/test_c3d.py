@@ -186,3 +186,17 @@ def test_without_ezc3d_there_is_one_sentence(tmp_path):
     code = "import sys; sys.modules['ezc3d'] = None; from handsim.__main__ import main; sys.exit(main())"
     out = subprocess.run([sys.executable, "-c", code, "track", str(file), "--out", str(tmp_path / "out")], capture_output=True, text=True, timeout=60)
     assert out.returncode == 2 and "pip install ezc3d" in out.stderr and "Traceback" not in out.stderr and not (tmp_path / "out").exists()
+
+
+def test_other_words_that_end_in_c3d_are_no_recording(points, names, tmp_path):
+    table = write_csv(tmp_path / "a.csv", points)
+    for word in (f"--out={tmp_path / 'x.c3d'}",), ("--out", tmp_path / "y.c3d"):
+        assert command(table, *word).returncode == 0
+    assert (tmp_path / "x.c3d/right.mot").is_file() and (tmp_path / "y.c3d/right.mot").is_file()
+
+
+def test_words_of_other_formats_do_not_start_the_command_anew(tmp_path):
+    # The program calls the package for such words, and the package the program: once each.
+    for words in (("track", tmp_path / "none.csv", "--out", tmp_path / "x.glb"), ("export", "two_hands", "--out", tmp_path / "a.xml", "--set", "title=glb")):
+        out = subprocess.run([sys.executable, "-m", "handsim", *map(str, words)], capture_output=True, text=True, timeout=60)
+        assert out.returncode == (2 if words[0] == "track" else 0) and "Traceback" not in out.stderr, out.stderr
