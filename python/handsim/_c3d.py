@@ -21,6 +21,7 @@ from . import _core
 from ._errors import Error, input_error
 
 UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
+WITH_FILES = ("--out", "--person", "--model", "--markers", "--truth", "--names")
 USAGE = """
 Of a .c3d file alone (pip install ezc3d):
   --names FILE   lines LABEL: NAME, the names of the file's labels in the marker set, or keypoints such as right.index_tip
@@ -197,7 +198,8 @@ def _track(words: Sequence[str], table: Path, recording: str) -> int:
 
 def main(words: Sequence[str]) -> int:
     """``track`` of the command line: of a C3D file after its conversion. :returns: the exit status"""
-    recording = next((word for word, before in zip(words, ["", *words]) if is_c3d(word) and before not in ("--out", "--person", "--model", "--markers", "--truth")), None)
+    recording = next((word for word, before in zip(words, ["", *words])
+                      if is_c3d(word) and not word.startswith("-") and before not in WITH_FILES), None)
     rest, options = [], dict[str, Optional[str]](names=None, up=None)
     try:
         waiting = iter(words)

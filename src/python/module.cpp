@@ -1,5 +1,6 @@
 #include "handsim/python/bindings.h"
 
+#include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/core/error.h"
@@ -52,11 +53,13 @@ bool has_pictures() {
   }
 }
 
-/// `handsim COMMAND ...` in this process. @return its exit status
+/// `handsim COMMAND ...` in this process, the program's own export and track. @return its exit status
 int command_line(const std::vector<std::string>& words) {
   std::vector<const char*> argv = {"handsim"};
   for (const std::string& word : words) argv.push_back(word.c_str());
-  return without_gil([&] { return app::run_command_line(static_cast<int>(argv.size()), argv.data()); });
+  const bool other = words.empty() || (words[0] != "export" && words[0] != "track");
+  const auto more = other ? nullptr : &app::add_other_commands;
+  return without_gil([&] { return app::run_command_line(static_cast<int>(argv.size()), argv.data(), more); });
 }
 
 /// pybind11 before 2.12 reads the arrays of numpy 2 wrongly. @throws py::import_error

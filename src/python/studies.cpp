@@ -139,8 +139,7 @@ void bind_motion(py::module_& module) {
                            int threads, const py::object& progress) {
     app::InverseArguments arguments;
     arguments.motion = motion, arguments.names = names, arguments.loads = loads;
-    arguments.cutoff = cutoff;
-    arguments.clamp = clamp;
+    arguments.cutoff = cutoff, arguments.clamp = clamp;
     arguments.no_check = !check;
     arguments.muscles = least_activation.has_value();
     arguments.co_contraction = least_activation.value_or(0);

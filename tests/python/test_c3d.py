@@ -12,14 +12,14 @@ from handsim import Error
 from handsim._live.streams import KEYPOINTS
 from handsim._live.tracker import HandFilter, turned
 
-ezc3d = pytest.importorskip("ezc3d")
 NAMES = [f"right.{name}" for name in KEYPOINTS]
 LABELS = [f"Ann:R{i:02}" for i in range(21)]
 
 
 @pytest.fixture(scope="module")
 def points():
-    """A hand that turns and bends, 40 frames [m], shape (40, 21, 3), as float32 has them in mm."""
+    """A hand that turns and bends, 40 frames [m], shape (40, 21, 3)."""
+    pytest.importorskip("ezc3d", reason="ezc3d is not installed (pip install ezc3d)")
     filter_ = HandFilter(hs.load("grasp_power_can"), 0)
     low, high = filter_._low, filter_._high
     out = []
@@ -30,6 +30,8 @@ def points():
 
 
 def write(path, points, *, unit="mm", rate=100.0, labels=LABELS, first=0, screen=None):
+    import ezc3d
+
     scale = {"mm": 1e3, "cm": 1e2, "m": 1.0}.get(unit, 1.0)
     file = ezc3d.c3d()
     point = file["parameters"]["POINT"]
@@ -179,8 +181,22 @@ def test_the_command_writes_what_python_returns(points, names, tmp_path):
     assert "--names FILE" in command("--help").stdout
 
 
-def test_without_ezc3d_there_is_one_sentence(points, tmp_path):
-    file = write(tmp_path / "a.c3d", points)
+def test_without_ezc3d_there_is_one_sentence(tmp_path):
+    file = tmp_path / "a.c3d"
     code = "import sys; sys.modules['ezc3d'] = None; from handsim.__main__ import main; sys.exit(main())"
     out = subprocess.run([sys.executable, "-c", code, "track", str(file), "--out", str(tmp_path / "out")], capture_output=True, text=True, timeout=60)
     assert out.returncode == 2 and "pip install ezc3d" in out.stderr and "Traceback" not in out.stderr and not (tmp_path / "out").exists()
+
+
+def test_other_words_that_end_in_c3d_are_no_recording(points, names, tmp_path):
+    table = write_csv(tmp_path / "a.csv", points)
+    for word in (f"--out={tmp_path / 'x.c3d'}",), ("--out", tmp_path / "y.c3d"):
+        assert command(table, *word).returncode == 0
+    assert (tmp_path / "x.c3d/right.mot").is_file() and (tmp_path / "y.c3d/right.mot").is_file()
+
+
+def test_words_of_other_formats_do_not_start_the_command_anew(tmp_path):
+    # The program calls the package for such words, and the package the program: once each.
+    for words in (("track", tmp_path / "none.csv", "--out", tmp_path / "x.glb"), ("export", "two_hands", "--out", tmp_path / "a.xml", "--set", "title=glb")):
+        out = subprocess.run([sys.executable, "-m", "handsim", *map(str, words)], capture_output=True, text=True, timeout=60)
+        assert out.returncode == (2 if words[0] == "track" else 0) and "Traceback" not in out.stderr, out.stderr

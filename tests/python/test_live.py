@@ -503,6 +503,57 @@ def test_the_delay_of_angles_is_13_ms_at_any_rate():
         assert np.abs(filter_.late_angles() - (start + 0.5 * (t - delay))).max() < 2e-3
 
 
+def test_the_filter_is_the_textbook_s_over_its_state_and_past():
+    """Oracle: the same model as one dense Kalman filter (Kalman 1960) whose state also has the angles of two frames before."""
+    from handsim._live import tracker as T
+
+    filter_ = HandFilter(hs.load("grasp_power_can", engine="articulated"), 0)
+    n, m = filter_._size, filter_._size - 6
+    times, pose = moving(filter_, 3)
+    draw = np.random.default_rng(3)
+    P = mean = before = None
+    for k, t in enumerate(times[:25]):
+        points = filter_.points(pose(t)) + draw.normal(0, 2e-3, (21, 3))
+        filter_.finish()
+        if k == 0:
+            filter_.update(points, t)
+            P = np.zeros((3 * n + 2 * m,) * 2)
+            P[:3 * n, :3 * n] = filter_._spread
+            before = np.concatenate((filter_.pose[7:], filter_.pose[7:]))
+            continue
+        # Prediction: constants of the time between, and the newest angles into the past.
+        dt, decay = t - times[k - 1], np.exp(-(t - times[k - 1]) / T.KEPT)
+        F3 = np.array([[1, dt, T.KEPT * (dt - T.KEPT * (1 - decay))], [0, 1, T.KEPT * (1 - decay)], [0, 0, decay]])
+        Q3 = np.array([[dt**5 / 20, dt**4 / 8, dt**3 / 6], [dt**4 / 8, dt**3 / 3, dt**2 / 2], [dt**3 / 6, dt**2 / 2, dt]])
+        F = np.zeros_like(P)
+        F[:3 * n, :3 * n] = np.kron(F3, np.eye(n))
+        F[3 * n:3 * n + m, 6:n] = F[3 * n + m:, 3 * n:3 * n + m] = np.eye(m)
+        P = F @ P @ F.T
+        P[:3 * n, :3 * n] += np.kron(Q3, np.diag(filter_._density))
+        at = filter_.predicted(dt)
+        before = np.concatenate((filter_.pose[7:], before[:m]))
+        # Measurement: derivatives of the points by differences.
+        H = np.zeros((63, len(P)))
+        for j in range(n):
+            step = np.zeros(n)
+            step[j] = 1e-6
+            ends = [np.concatenate((at[:3] + s * step[:3], turned(s * step[3:6], at[3:7]), at[7:] + s * step[6:])) for s in (1, -1)]
+            H[:, j] = (filter_.points(ends[0]) - filter_.points(ends[1])).ravel() / 2e-6
+        R = filter_.noise**2 * np.eye(63)
+        gain = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+        change = gain @ (filter_._sized(points) - filter_.points(at)).ravel()
+        P = P - gain @ H @ P
+        filter_.update(points, t)
+        inside = np.abs(at[7:] + change[6:n] - np.clip(at[7:] + change[6:n], filter_._low, filter_._high)) == 0
+        assert np.allclose(filter_.pose[:3], at[:3] + change[:3], atol=1e-8)
+        assert np.allclose(filter_.pose[7:][inside], (at[7:] + change[6:n])[inside], atol=1e-7)
+        before = np.clip(before + change[3 * n:], np.tile(filter_._low, 2), np.tile(filter_._high, 2))
+        assert np.allclose(filter_._last.ravel(), before, atol=1e-7)
+    filter_.finish()
+    assert np.allclose(filter_._spread, P[:3 * n, :3 * n], rtol=1e-5, atol=1e-9 * np.abs(P).max())
+    assert np.allclose(filter_._shared, P[:3 * n, 3 * n:], rtol=1e-5, atol=1e-9 * np.abs(P).max())
+
+
 def test_without_noise_the_filter_follows_exactly():
     filter_ = HandFilter(hs.load("grasp_power_can", engine="articulated"), 0)
     times, pose = moving(filter_, 4)

@@ -10,15 +10,18 @@ import pytest
 import handsim as hs
 from handsim import Error
 
-pytest.importorskip("mcap_ros2")
-highlevel = pytest.importorskip("rosbags.highlevel")
+
+@pytest.fixture(scope="module")
+def highlevel():
+    pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed (pip install mcap-ros2-support)")
+    return pytest.importorskip("rosbags.highlevel", reason="rosbags is not installed (pip install rosbags)")
 
 
 def export(*words):
     return subprocess.run([sys.executable, "-m", "handsim", "export", *map(str, words)], capture_output=True, text=True, timeout=300)
 
 
-def messages(path):
+def messages(highlevel, path):
     """Times [s] and messages of each topic."""
     out = {}
     with highlevel.AnyReader([path]) as reader:
@@ -28,11 +31,11 @@ def messages(path):
 
 
 @pytest.fixture(scope="module")
-def held(tmp_path_factory):
+def held(highlevel, tmp_path_factory):
     path = tmp_path_factory.mktemp("mcap") / "can.mcap"
     out = export("grasp_power_can", "--engine", "articulated", "--time", 4, "--out", path, "--quiet")
     assert out.returncode == 0, out.stderr
-    return messages(path)
+    return messages(highlevel, path)
 
 
 def test_joints_are_those_of_the_simulation(held):
@@ -75,26 +78,29 @@ def test_contact_holds_the_can_against_its_weight(held):
     assert len(parts) >= 6 and {held[topic][0][1].header.frame_id for topic in parts} == {topic[9:].replace("/", ".") for topic in parts}
 
 
-def test_a_finished_run_is_the_same_file_as_its_scene(tmp_path):
+def test_a_finished_run_is_the_same_file_as_its_scene(highlevel, tmp_path):
     hs.load("dropped_hand", {"duration": "0.3 s"}).run(out=tmp_path / "run")
     for source, name in ((tmp_path / "run", "a.mcap"), (tmp_path / "run/resolved.yaml", "b.mcap")):
         assert export(source, "--fps", 100, "--out", tmp_path / name).returncode == 0
-    a, b = messages(tmp_path / "a.mcap"), messages(tmp_path / "b.mcap")
+    a, b = (messages(highlevel, tmp_path / name) for name in ("a.mcap", "b.mcap"))
     assert a.keys() == b.keys() and all(len(a[topic]) == len(b[topic]) == 31 for topic in a)
     assert all(np.array_equal(x.position, y.position) for (_, x), (_, y) in zip(a["/joint_states"], b["/joint_states"]))
 
 
-def test_wrong_words_end_with_a_reason(tmp_path):
+def test_wrong_words_end_with_a_reason(highlevel, tmp_path):
     for words, said in ((["--stature", 1.7, "--mass", 60, "--sex", "male"], "got a person"), (["two_hands", "--time", 99], "0 to the end of the motion"),
                         (["two_hands", "--fps", 0], "1 to 1000"), (["nothing.yaml"], "nothing.yaml")):
         out = export(*words, "--out", tmp_path / "a.mcap")
         assert out.returncode == 2 and said in out.stderr and "Traceback" not in out.stderr, out.stderr
+
+
+def test_without_the_library_there_is_one_sentence(tmp_path):
     code = "import sys; sys.modules['mcap_ros2'] = None; from handsim.__main__ import main; sys.exit(main())"
     out = subprocess.run([sys.executable, "-c", code, "export", "two_hands", "--out", str(tmp_path / "a.mcap")], capture_output=True, text=True, timeout=60)
     assert out.returncode == 2 and "pip install mcap-ros2-support" in out.stderr and not (tmp_path / "a.mcap").exists()
 
 
-def test_a_run_that_its_scene_does_not_repeat_is_refused(tmp_path):
+def test_a_run_that_its_scene_does_not_repeat_is_refused(highlevel, tmp_path):
     hs.load("dropped_hand", {"duration": "0.1 s"}).run(out=tmp_path)
     table = tmp_path / "trajectory.csv"
     lines = table.read_text().splitlines()

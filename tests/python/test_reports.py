@@ -74,6 +74,9 @@ def test_videos_have_the_frames_asked_for(short, tmp_path):
     assert frames_of(tmp_path / "run.gif")[0] == 9
     with pytest.raises(hs.Error, match="--video: got .*x.avi, need a name that ends in .mp4 or .gif"):
         short.video(tmp_path / "x.avi")
+    for speed in (2.0**64, 1e5, 0.0):  # the first one never ended
+        with pytest.raises(hs.Error, match="--speed: got .*, need one above 0, at most 10000"):
+            short.video(tmp_path / "x.mp4", speed=speed)
 
 
 @needs_ffmpeg

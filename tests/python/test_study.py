@@ -1,4 +1,7 @@
 """Studies give what the commands write."""
+import shutil
+import struct
+
 import numpy as np
 import pytest
 
@@ -17,6 +20,16 @@ def test_effects_lists_every_effect(tmp_path):
 
 
 # Oracle: number and seed of the draws; the same seed gives the same table, in one thread and in two.
+@pytest.mark.skipif(not shutil.which("gnuplot"), reason="gnuplot is not installed")
+def test_the_plot_of_many_keys_and_outcomes_has_24_panels_at_most():
+    # Such a plot was 8,640 pixels tall. The oracle is the size in the PNG's own head.
+    found = hs.study.uncertain("muscle_grip", {"duration": "0.05 s"}, count=4)
+    outcomes = found.summary["outcomes"]
+    width, height = struct.unpack(">II", found.plots["rollouts"][16:24])
+    assert len(outcomes) * max(len(each["keys"]) for each in outcomes.values() if "keys" in each) > 24
+    assert max(width, height) <= 2880 and width * height <= 24 * 480 * 360
+
+
 def test_uncertain_hands_have_intervals():
     """Oracle: a hand's deviations are drawn for each run; those of the first runs do not depend on the count."""
     motion = {"duration": "0.02 s", "solver.engine": "articulated"}

@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import socket
 import subprocess
 import sys
@@ -15,10 +16,6 @@ import handsim as hs
 from handsim._live.streams import points_of
 from handsim._live.tracker import HandFilter
 
-pytest.importorskip("cv2")
-mediapipe = pytest.importorskip("mediapipe")
-if not hasattr(mediapipe, "solutions") or not hs.has_pictures:
-    pytest.skip("needs a mediapipe with solutions, and pictures", allow_module_level=True)
 EXAMPLE = Path(__file__).parents[2] / "python/examples/send_webcam.py"
 SECONDS = 9.0
 
@@ -41,7 +38,11 @@ def heard(film):
     return out
 
 
+@pytest.mark.skipif(not hs.has_pictures or not shutil.which("ffmpeg"), reason="needs pictures and ffmpeg")
 def test_rendered_hands_are_seen_on_their_sides_and_bend_as_they_do(tmp_path):
+    pytest.importorskip("cv2", reason="opencv-python is not installed")
+    if not hasattr(pytest.importorskip("mediapipe", reason="mediapipe is not installed (pip install mediapipe==0.10.14)"), "solutions"):
+        pytest.skip("this mediapipe has no solutions: pip install mediapipe==0.10.14")
     scene = hs.load("every_pose", engine="articulated")
     scene.video(tmp_path / "hands.mp4", SECONDS, fps=15, size=(960, 720), view="dorsal")
     frames = heard(tmp_path / "hands.mp4")
