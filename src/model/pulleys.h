@@ -40,9 +40,8 @@ inline PulleyForces pulley_forces(const FlexorTensions& tensions, double pip) {
   return {turn * (tensions.deep + tensions.superficial), turn * tensions.deep};
 }
 
-/// Tension beyond the PIP's pulleys over the muscle's where the finger yields, one over it where it pulls: a
-/// belt of friction 0.036, so that a PIP of 83 deg has 11 % more after it yielded (Schweizer 2009, J Biomech
-/// 42:1856).
+/// Tension beyond the PIP's pulleys over the muscle's where the finger yields, a belt: a PIP of 83 deg then
+/// has 11 % more moment than where it pulls, with one over it (Schweizer 2009, J Biomech 42:1856).
 inline double sheath_gain(double pip) { return std::exp(0.036 * std::max(0.0, pip)); }
 
 }  // namespace handsim::model

@@ -29,11 +29,9 @@ constexpr double kHighest = 2000;  ///< of the forces that are tried [N]
 constexpr double kMissingShare = 0.01, kMissingTorque = 1e-3;
 constexpr double kInwards = -0.5;     ///< cosine beyond which the other end lies inside the finger's shaft
 constexpr double kFinestLean = 1e-4;  ///< of the search, over the friction
+constexpr double kAtStop = 1e-6;      ///< an axis this near to its stop lies on it [rad]
 
-constexpr double kAtStop = 1e-6;  ///< An axis this near to its stop lies on it [rad].
-
-/// The model with a muscle for each stop that an axis lies on: it pushes back with all that muscles of the
-/// axis can give.
+/// The model with a muscle for each stop that an axis lies on, of all that muscles of the axis can give.
 model::Model with_stops(model::Model model, std::span<const double> q) {
   std::vector<double> most(q.size());
   for (const model::Muscle& muscle : model.muscles) {
@@ -55,8 +53,7 @@ model::Model with_stops(model::Model model, std::span<const double> q) {
   return model;
 }
 
-/// Forces of a contact whose torques muscles have to hold beside those of tissue, bands and stops, at one
-/// posture.
+/// Forces of a contact whose torques muscles hold beside those of tissue, bands and stops, at one posture.
 class Press {
  public:
   /// @param J torques of a force: a column for each of `dofs`, rows in the axes of `normal`

@@ -189,10 +189,10 @@ const nlohmann::json* found_at(const nlohmann::json& all, std::string_view path)
 /// The components of a number (one) or a vector (three); else none.
 std::vector<double> components(const nlohmann::json* found) {
   if (found && found->is_number()) return {found->get<double>()};
-  if (!found || !found->is_array() || found->size() != 3) return {};
   std::vector<double> out;
-  for (const nlohmann::json& each : *found)
-    if (each.is_number()) out.push_back(each.get<double>());
+  if (found && found->is_array() && found->size() == 3)
+    for (const nlohmann::json& each : *found)
+      if (each.is_number()) out.push_back(each.get<double>());
   return out.size() == 3 ? out : std::vector<double>();
 }
 
@@ -234,19 +234,14 @@ class SimulatedScenes {
 };
 
 /// The hands that rows measure, each built once.
-class Subjects {
- public:
-  explicit Subjects(const ValidateSpec& spec) : spec_(spec) {}
+struct Subjects {
+  const ValidateSpec& spec;
+  std::map<std::pair<std::string, std::string>, Subject> built = {};
   const Subject& of(const Measurement& row, const hand::Person& person) {
     const auto key = std::pair(row.person, row.hand);
-    auto found = built_.find(key);
-    if (found == built_.end()) found = built_.emplace(key, Subject(spec_.hand_of(row), person)).first;
-    return found->second;
+    if (!built.contains(key)) built.emplace(key, Subject(spec.hand_of(row), person));
+    return built.at(key);
   }
-
- private:
-  const ValidateSpec& spec_;
-  std::map<std::pair<std::string, std::string>, Subject> built_;
 };
 
 /// Draws hands of each person, and measures all rows that are no simulations on them.
@@ -262,7 +257,7 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
   double done = 0;
   in_threads(0, stop, [&] {
     for (int i = next++; i < count && !stop; i = next++) {
-      Subjects subjects(spec);
+      Subjects subjects{spec};
       for (std::size_t r = 0; r < out.rows.size(); ++r)
         if (const Measurement& of = *out.rows[r].of; of.kind != Measured::simulation) try {
             ours[r][at(i)] = measure(subjects.of(of, drawn.at(of.person).persons[at(i)]), of);
@@ -299,7 +294,7 @@ bool ValidateResult::passed() const {
 
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs,
                             std::optional<int> uncertain, const std::function<void(double)>& progress) {
-  Subjects subjects(spec);
+  Subjects subjects{spec};
   ValidateResult out;
   std::optional<SimulatedScenes> scenes;
   if (runs) scenes.emplace(*runs);
