@@ -10,22 +10,21 @@
 
 namespace handsim {
 
-struct QhullState : qhT {
-  QhullState() : qhT{} { qh_zero(this, nullptr); }
-  ~QhullState() {
-    qh_freeqhull(this, !qh_ALL);
+struct FreeQhull {
+  void operator()(qhT* state) const {
+    qh_freeqhull(state, !qh_ALL);
     int long_blocks = 0, long_bytes = 0;
-    qh_memfreeshort(this, &long_blocks, &long_bytes);
+    qh_memfreeshort(state, &long_blocks, &long_bytes);
+    delete state;
   }
-  QhullState(const QhullState&) = delete;
-  QhullState& operator=(const QhullState&) = delete;
 };
+using QhullState = std::unique_ptr<qhT, FreeQhull>;
 
 /// The hull of points, given one after the other: the state points into them. Null where Qhull fails; its
 /// messages are discarded.
-inline std::unique_ptr<QhullState> run_qhull(std::vector<double>& coordinates, int dimension,
-                                             std::string options) {
-  auto state = std::make_unique<QhullState>();
+inline QhullState run_qhull(std::vector<double>& coordinates, int dimension, std::string options) {
+  QhullState state(new qhT{});
+  qh_zero(state.get(), nullptr);
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> silence(std::fopen("/dev/null", "w"), &std::fclose);
   const int failed = qh_new_qhull(state.get(), dimension, static_cast<int>(coordinates.size()) / dimension,
                                   coordinates.data(), False, options.data(), silence.get(), silence.get());

@@ -83,10 +83,8 @@ class SimulationHandle {
   /// steps each (`length`), of which `done` are done; springs pull; each step waits for its time, unless
   /// `wake` ends the call.
   /// @param springs body, its point [m], its goal in the world [m], stiffness, damping, largest force
-  /// @param start of the first step, by the monotonic clock [s]. @param period between steps [s]; 0: no
-  /// waiting
-  /// @return when each step was complete after its start should have been [s], and the springs' last forces
-  /// [N]
+  /// @param start of the first step, by the monotonic clock [s]. @param period of the steps [s]; 0: no wait
+  /// @return how long after its due start each step was complete [s], and the springs' last forces [N]
   py::tuple advance(const py::object& torques, const py::object& excitations, const py::object& forces,
                     const py::object& targets, const py::object& wrists, const py::array_t<double>& springs,
                     std::array<double, 2> done, std::array<double, 2> length, int substeps, double start,

@@ -88,8 +88,7 @@ void Grid::sample(const Corner& first, int size) {
   }
 }
 
-/// Of a square along two axes with only opposite corners inside, fills one: at its edge four faces would
-/// meet.
+/// Of a square along two axes with only opposite corners inside, fills one: four faces would meet there.
 bool Grid::fill(const Corner& c, int a, int b) {
   const Corner p = c + Corner::Unit(a), q = c + Corner::Unit(b), r = p + Corner::Unit(b);
   if (inside(c) != inside(r) || inside(p) != inside(q) || inside(c) == inside(p)) return false;

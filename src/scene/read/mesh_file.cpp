@@ -165,7 +165,7 @@ Surface convex_hull(const std::vector<Vec3>& points) {
   std::vector<double> input;
   for (const Vec3& point : points) input.insert(input.end(), point.begin(), point.end());
   // Qhull merges coplanar facets into polygons.
-  const std::unique_ptr<QhullState> state = run_qhull(input, 3, "qhull Pp");
+  const QhullState state = run_qhull(input, 3, "qhull Pp");
   if (!state) throw input_error("", "points that span no volume", "points of a solid body");
   qhT* qh = state.get();
 

@@ -58,7 +58,7 @@ WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length)
   for (const Wrench& point : points) coordinates.insert(coordinates.end(), point.begin(), point.end());
   // Qx merges coplanar facets and is exact to rounding; QJ moves the points by some 1e-11, for nearly
   // coplanar ones that defeat the merging.
-  std::unique_ptr<QhullState> hull = run_qhull(coordinates, kDimension, "qhull Qx Pp");
+  QhullState hull = run_qhull(coordinates, kDimension, "qhull Qx Pp");
   if (!hull) hull = run_qhull(coordinates, kDimension, "qhull QJ Pp");
   if (!hull) return out;
   double nearest = std::numeric_limits<double>::infinity();

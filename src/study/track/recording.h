@@ -58,14 +58,11 @@ struct Recording {
 
 /// Reads a recording by its file's ending:
 /// - .csv: `time[s],NAME.x[m],NAME.y[m],NAME.z[m],...` (or [mm]), sensors `NAME.qw,NAME.qx,NAME.qy,NAME.qz`;
-///   keypoints are `right.wrist`, ... or by number, `right.0` to `right.20`. An empty field or `nan`: not
-///   seen.
+///   keypoints are `right.wrist`, ... or by number, `right.0` to `right.20`. Empty or `nan`: not seen.
 /// - .json: `{"frames": [{"time": 0, "hands": [{"side": "right", "points": [[x, y, z], ...]}]}]}` with 21
 ///   points in the usual order, each [x, y, z], {"x":, "y":, "z":} or null; `"rate"` in Hz in place of times,
-///   `"unit"`: m (default) or mm.
-///   Memory grows with the points that were seen, not with the frames.
-/// - .trc: markers as OpenSim and Motion Analysis write them, with the NumFrames and NumMarkers of the
-/// header.
+///   `"unit"`: m (default) or mm. Memory grows with the points that were seen, not with the frames.
+/// - .trc: markers as OpenSim and Motion Analysis write them, with NumFrames and NumMarkers.
 /// @throws Error (input) with the place of what cannot be read.
 Recording read_recording(const std::filesystem::path& path);
 

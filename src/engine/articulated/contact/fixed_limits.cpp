@@ -109,8 +109,8 @@ void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, 
   }
 }
 
-/// Aitken's relaxation of the limits (Irons and Tuck 1969), faster while updates grow; the first after a
-/// start is as careful as any, since it has none to compare with. @returns its factor
+/// Aitken's relaxation of the limits (Irons and Tuck 1969), faster while updates grow, careful at a start.
+/// @returns its factor
 double update_limits(Problem& p, double relaxation, double most) {
   double product = 0, square = 0;
   each_disc(p.contacts, [&](const ContactRows& contact, Disc& disc) {
