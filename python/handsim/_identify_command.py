@@ -200,7 +200,7 @@ def main(arguments: Sequence[str]) -> int:
             raise input_error("--out", f"{out}, which is a file", "a folder")
         found, scene, left, result = _fit(options)
     except Error as error:
-        print("\n".join(f"error: {line}" for line in str(error).splitlines()), file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2 if error.kind == "input" else 1
     if options["--json"]:
         print(json.dumps(result, indent=1))

@@ -51,7 +51,8 @@ class Goal:
         self.paths: dict[str, tuple[int, Array, Array]] = {}
         of = self.file
         of.keys("", KEYS)
-        of.finish()
+        if not isinstance(of.data, dict):
+            of.finish()
         self.kind = of.choice("actions", ACTIONS)
         self.step = scene.step
         self.hold = max(1, self._whole("hold", 10 * self.step, self.step))
@@ -69,7 +70,9 @@ class Goal:
         self.touch_from = of.real("touch_from", 0, 0, self.knots * self.period * 0.999)
         if [] in self.touch:
             of.wrong("touch", repr(of.get("touch")), "a list of pairs of shapes")
-        of.finish()
+        # Without actions and costs nothing else can be read; other problems wait for theirs.
+        if of.get("actions") != self.kind or not self.columns or not isinstance(of.get("costs"), list) or not of.get("costs"):
+            of.finish()
 
     def _whole(self, key: str, default: float, unit: float) -> int:
         value = self.file.real(key, default, unit * (1 - 1e-9), 1e4)
@@ -351,7 +354,7 @@ def main(arguments: Sequence[str]) -> int:
     try:
         return _work(_options(arguments))
     except Error as error:
-        print("\n".join(f"error: {line}" for line in str(error).splitlines()), file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2 if error.kind == "input" else 1
 
 

@@ -87,7 +87,7 @@ class Document:
             return default
         found = number_of(value)
         if found is None or not math.isfinite(found) or not low <= found <= high:
-            limits = "" if low == -math.inf and high == math.inf else f" of {low:g} to {high:g}"
+            limits = "" if low == -math.inf else f" from {low:g}" if high == math.inf else f" of {low:g} to {high:g}"
             self.wrong(key, "nothing" if value is None else repr(value), f"a number{limits}")
             return low if math.isfinite(low) else 0.0
         return found

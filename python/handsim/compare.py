@@ -266,7 +266,7 @@ def main(arguments: Sequence[str]) -> int:
             raise input_error("--out", f"{out}, which is a file", "a folder")
         both = [measure(hand_of(given[0])), measure(hand_of(given[-1], changes))]
     except Error as error:
-        print("\n".join(f"error: {line}" for line in str(error).splitlines()), file=sys.stderr)
+        print(error, file=sys.stderr)
         return 2
     given = [given[0], " ".join([*given[1:], *changes])]
     print(f"A  {given[0]}\nB  {given[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
