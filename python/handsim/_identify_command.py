@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import Error, Problem, input_error
-from ._files import standing_alone, write
+from ._files import read_options, standing_alone, write
 from ._scene import Scene, find_file, load
 from ._table import UNIT
 from ._yaml import UNITS, number_of, scene_number
@@ -39,32 +39,6 @@ Example: handsim identify out/run --scene slide.yaml --free objects.0.mass,objec
 DEVIATIONS = {"m": 1e-3, "rad": 0.01, "N": 0.05, "m/s": 0.02, "rad/s": 0.1}
 BASE = {"mm": "m", "cm": "m", "um": "m", "deg": "rad", "mN": "N", "mm/s": "m/s", "deg/s": "rad/s"}
 Array = NDArray[np.float64]
-
-
-def _options(arguments: Sequence[str]) -> dict[str, Any]:
-    out: dict[str, Any] = {"recording": [], "--set": [], "--json": False}
-    rest = iter(arguments)
-    for each in rest:
-        name, equals, value = each.partition("=") if each.startswith("--") else (each, "", "")
-        if name == "--json":
-            out[name] = True
-        elif name in ("--scene", "--free", "--columns", "--deviation", "--set", "--out"):
-            given = value if equals else next(rest, "")
-            if not given:
-                raise input_error(name, "nothing", "a value")
-            if name == "--set":
-                out[name].append(given)
-            else:
-                out[name] = given
-        elif each.startswith("-"):
-            raise input_error(each, "an unknown option", "one of handsim identify --help")
-        else:
-            out["recording"].append(each)
-    missing = [name for name in ("--scene", "--free") if name not in out] + ([] if len(out["recording"]) == 1 else ["RECORDING"])
-    if missing:
-        raise Error("\n".join(f"{name}: got {len(out['recording']) if name == 'RECORDING' else 'nothing'}, need one" for name in missing),
-                    "input", [Problem(None, None, None, name, "nothing", "one") for name in missing])
-    return out
 
 
 def _numbers(text: str, scene: Scene) -> dict[str, float]:
@@ -169,7 +143,7 @@ def _fit(options: dict[str, Any]) -> tuple[Identified, Scene, list[str], dict[st
     scene = load(find_file(options["--scene"]), changes)
     numbers = _numbers(options["--free"], scene)
     deviations = _deviations(options.get("--deviation"))
-    path = Path(options["recording"][0])
+    path = Path(options["RECORDING"])
     file, columns = _read(path)
     times, used, units, left = _recorded(file, columns, scene, options.get("--columns"), path.is_dir())
     rows = times > scene.step * (1 - 1e-9)
@@ -194,7 +168,8 @@ def main(arguments: Sequence[str]) -> int:
         print(USAGE, end="")
         return 0 if arguments else 2
     try:
-        options = _options(arguments)
+        options = read_options("identify", arguments, "RECORDING", ("--json",),
+                               ("--scene", "--free", "--columns", "--deviation", "--set", "--out"), ("--scene", "--free"))
         out = Path(options["--out"]) if "--out" in options else None
         if out is not None and out.exists() and not out.is_dir():
             raise input_error("--out", f"{out}, which is a file", "a folder")
@@ -202,7 +177,7 @@ def main(arguments: Sequence[str]) -> int:
     except Error as error:
         print(error, file=sys.stderr)
         return 2 if error.kind == "input" else 1
-    if options["--json"]:
+    if options.get("--json"):
         print(json.dumps(result, indent=1))
     else:
         print(f"{'number':44}{'value':>12}{'95 %':>12}")

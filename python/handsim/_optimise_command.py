@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import optimise
 from ._errors import Error, input_error
-from ._files import standing_alone, write
+from ._files import read_options, standing_alone, write
 from ._gradients import ACTIONS, exact_step
 from ._scene import Scene, find_file, load
 from ._simulation import Simulation
@@ -318,27 +318,8 @@ def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
 
 
 def _options(arguments: Sequence[str]) -> dict[str, Any]:
-    out: dict[str, Any] = {"scene": [], "--set": [], "--iterations": "100"}
-    rest = iter(arguments)
-    for each in rest:
-        name, equals, value = each.partition("=") if each.startswith("--") else (each, "", "")
-        if name in ("--no-run", "--quiet"):
-            out[name] = True
-        elif name in ("--goal", "--out", "--set", "--iterations"):
-            given = value if equals else next(rest, "")
-            if not given:
-                raise input_error(name, "nothing", "a value")
-            if name == "--set":
-                out[name].append(given)
-            else:
-                out[name] = given
-        elif each.startswith("-"):
-            raise input_error(each, "an unknown option", "one of handsim optimise --help")
-        else:
-            out["scene"].append(each)
-    missing = [name for name in ("--goal", "--out") if name not in out] + ([] if len(out["scene"]) == 1 else ["SCENE"])
-    if missing:
-        raise Error("\n".join(f"{name}: got {len(out['scene']) if name == 'SCENE' else 'nothing'}, need one" for name in missing))
+    out = read_options("optimise", arguments, "SCENE", ("--no-run", "--quiet"), ("--goal", "--out", "--set", "--iterations"), ("--goal", "--out"))
+    out.setdefault("--iterations", "100")
     if not out["--iterations"].isdigit() or not 0 < int(out["--iterations"]) < 100000:
         raise input_error("--iterations", out["--iterations"], "a whole number from 1")
     if Path(out["--out"]).exists() and not Path(out["--out"]).is_dir():
@@ -359,7 +340,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _work(options: dict[str, Any]) -> int:
-    path, out = find_file(options["scene"][0]), Path(options["--out"])
+    path, out = find_file(options["SCENE"]), Path(options["--out"])
     changes: dict[str, Any] = dict(each.partition("=")[::2] for each in options["--set"])
     scene = load(path, changes)
     goal = Goal(Path(options["--goal"]), scene)
