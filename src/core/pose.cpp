@@ -4,7 +4,14 @@
 
 namespace handsim {
 
-Quat rotation_between(const Vec3& from, const Vec3& to) { return Quat::FromTwoVectors(from, to); }
+Quat rotation_between(const Vec3& from, const Vec3& to) {
+  const Vec3 a = from.normalized(), b = to.normalized();
+  const double cosine = b.dot(a);
+  if (cosine < -1 + 1e-12) return Quat(Eigen::AngleAxisd(M_PI, a.unitOrthogonal()));
+  const double s = std::sqrt(2 * (1 + cosine));
+  const Vec3 v = a.cross(b) * (1 / s);
+  return {0.5 * s, v.x(), v.y(), v.z()};
+}
 
 Vec3 rotation_vector(const Quat& q) {
   // Of q and -q, the one with w >= 0 gives the angle up to pi.

@@ -8,9 +8,9 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
-#include <Eigen/QR>
 
 #include "handsim/core/index.h"
+#include "handsim/core/least_squares.h"
 
 namespace handsim::study {
 
@@ -175,9 +175,7 @@ std::vector<VarianceShare> variance_shares(const std::vector<Input>& inputs, std
   }
   normal = normal.selfadjointView<Eigen::Lower>();
   normal -= sum * sum.transpose() / n;
-  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver;
-  solver.setThreshold(1e-9);
-  const Eigen::VectorXd coefficients = solver.compute(normal).solve(with_y);
+  const Eigen::VectorXd coefficients = LeastSquares(normal, 1e-9).solve(with_y);
   const double unexplained = 1 - coefficients.dot(with_y) / total;
   std::vector<VarianceShare> out;
   for (const Group& group : terms.groups()) {

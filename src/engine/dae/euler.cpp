@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/least_squares.h"
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"
 
@@ -31,10 +32,8 @@ Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matri
   const Matrix schur = jacobian * response;
   // Rows have different units: the scale makes the diagonal of the Schur complement 1.
   const Vector scale = schur.diagonal().cwiseAbs().cwiseSqrt().cwiseInverse();
-  Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition;
-  decomposition.setThreshold(kRankThreshold);
-  decomposition.compute(scale.asDiagonal() * schur * scale.asDiagonal());
-  const Vector impulses = decomposition.solve(scale.cwiseProduct(r - jacobian * free));
+  const LeastSquares scaled(scale.asDiagonal() * schur * scale.asDiagonal(), kRankThreshold);
+  const Vector impulses = scaled.solve(scale.cwiseProduct(r - jacobian * free));
   free += response * scale.cwiseProduct(impulses);
   return free;
 }

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
+#include "handsim/core/least_squares.h"
 
 namespace handsim::engine {
 
@@ -23,14 +24,7 @@ constexpr double kMaxUnreachable = 1e-3;
 constexpr double kMinUnreachable = 1e-6;
 constexpr double kAtRest = 1e-9;  ///< Velocities below this have no usable direction [m/s, rad/s].
 
-using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
-
-Decomposition decompose(const Matrix& jacobian) {
-  Decomposition out;
-  out.setThreshold(kRankThreshold);
-  out.compute(jacobian);
-  return out;
-}
+LeastSquares decompose(const Matrix& jacobian) { return {jacobian, kRankThreshold}; }
 
 Vector values(const std::vector<Row>& rows) {
   Vector out(static_cast<Index>(rows.size()));
@@ -122,7 +116,7 @@ void project_velocities(const System& system, model::State& state) {
   if (system.constraint_count() == 0) return;
   std::vector<Row> rows;
   system.constraints(state, rows);
-  const Decomposition scaled = decompose(system.scaled(system.jacobian(rows, state)));
+  const LeastSquares scaled = decompose(system.scaled(system.jacobian(rows, state)));
   // The second pass removes rounding errors.
   for (int i = 0; i < 2; ++i)
     system.set_velocities(system.velocities(state) - system.from_scaled(scaled.solve(rates(rows, state))),

@@ -320,7 +320,7 @@ void add_tendons(const model::Model& model, const model::State& state, DrawList&
     for (std::size_t i = 1; i < points.size(); ++i) {
       const Vec3 way = points[i] - points[i - 1];
       drawn.solid.half = {0, 0, 0.5 * way.norm()};
-      drawn.solid.pose = {0.5 * (points[i] + points[i - 1]), Quat::FromTwoVectors(Vec3::UnitZ(), way)};
+      drawn.solid.pose = {0.5 * (points[i] + points[i - 1]), rotation_between(Vec3::UnitZ(), way)};
       list.shapes.push_back(drawn);
     }
   }

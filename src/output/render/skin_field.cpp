@@ -236,7 +236,7 @@ void SkinField::add_web() {
     const Vec3 from = base + share * (first.end() - base);
     const Vec3 to = base + 0.8 * share * (beside->hinges[0].centre - base);
     Flesh strand = first;
-    strand.pose = {0.5 * (from + to), Quat::FromTwoVectors(Vec3::UnitZ(), to - from)};
+    strand.pose = {0.5 * (from + to), rotation_between(Vec3::UnitZ(), to - from)};
     strand.half = {0, 0, 0.5 * (to - from).norm()};
     strand.near = kWebThickness * first.near;
     strand.far = kWebThickness * scale_;

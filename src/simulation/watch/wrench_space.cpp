@@ -8,6 +8,7 @@
 
 #include <Eigen/Dense>
 
+#include "handsim/core/least_squares.h"
 #include "handsim/core/qhull.h"
 
 namespace handsim::simulation {
@@ -40,11 +41,11 @@ void add_edges(const WrenchContact& contact, double length, std::vector<Wrench>&
 
 /// Whether the points lie in a hyperplane.
 bool flat(const std::vector<Wrench>& points) {
-  Eigen::Matrix<double, kDimension, Eigen::Dynamic> spread(kDimension, points.size());
+  Eigen::MatrixXd spread(kDimension, points.size());
   for (std::size_t i = 0; i < points.size(); ++i)
     spread.col(static_cast<Eigen::Index>(i)) = points[i] - points.front();
-  const Eigen::JacobiSVD<Eigen::MatrixXd> svd{Eigen::MatrixXd(spread)};
-  return svd.singularValues().size() < kDimension || svd.singularValues()[kDimension - 1] < kFlat;
+  const Eigen::VectorXd sizes = singular_values(spread);
+  return sizes.size() < kDimension || sizes[kDimension - 1] < kFlat;
 }
 
 }  // namespace

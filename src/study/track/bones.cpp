@@ -125,7 +125,7 @@ hand::Person fit_bones(const Recording& recording, const hand::HandSpec& spec, c
       matrix += distances[i].weight * row * row.transpose();
       right += distances[i].weight * (distances[i].measured - at[i]) * row;
     }
-    const Eigen::Vector2d step = matrix.ldlt().solve(right);
+    const Eigen::Vector2d step = matrix.inverse() * right;
     size += step;
     if (step.norm() < 1e-13) break;
   }

@@ -69,7 +69,7 @@ double measure_tip_share(const Subject& subject, const Measurement& of) {
     for (const std::string& name : of.muscles)
       tau[k] += subject.arm(*subject.muscle(name), dofs[at(static_cast<int>(column))], q);
   }
-  const Eigen::Vector3d force = A.partialPivLu().solve(tau);
+  const Eigen::Vector3d force = A.inverse() * tau;
   if (of.direction == "any") return force.head<2>().norm();
   const Vec3 along = tip_direction(of.direction);
   return force[0] * along.y() + force[1] * along.z();
