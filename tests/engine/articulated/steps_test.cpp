@@ -145,6 +145,24 @@ TEST(ArticulatedStop, LetsGoWithoutASpike) {
   EXPECT_NEAR(rates[1], -1.0 / 3.0, 1e-9);
 }
 
+// Oracle: the stop's law, by hand: it pushes only where the servo alone comes back slower than erp depth / h.
+TEST(ArticulatedStop, LetsAServoComeBackFasterFromBeyondIt) {
+  const model::Model model = hinge(model::Stop{0, 1, 0});
+  Settings with = settings({Effect::actuation, Effect::joint_stops}, 1e-3, kEuler);
+  test::set_erp(with, 0.2);
+  const auto engine = make_engine(model, with);
+  for (const double depth : {1e-5, 1e-4, 3e-4, 6e-4, 1e-3, 4e-3}) {
+    model::State state = engine->state();
+    const double start = -depth, speed = 0;
+    model::place_joints(model, std::span(&start, 1), std::span(&speed, 1), state);
+    engine->set_state(state);
+    const Servo servo{0, 0.02, 0, 0.0027, 1};
+    EXPECT_EQ(engine->step({.servos = std::span(&servo, 1)}).lcp_failures, 0) << depth;
+    const double alone = 1e-3 * servo.feed / (kInertia + 1e-3 * servo.damping);
+    EXPECT_NEAR(rate(*engine), std::max(alone, 0.2 * depth / 1e-3), 1e-9) << depth;
+  }
+}
+
 // Oracle: ODE with hard stops (no pull back, so that it does not rebound): both hands come to rest on the
 // same stops on the same way. Of first order, so a tenth of the step brings them ten times as near.
 TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {

@@ -95,9 +95,12 @@ struct Forces : Lanes<V> {
     V now = articulated::select(pull > bound, one, zero);
     now = articulated::select(pull < V(zero - bound), V(zero - one), now);
     const V side = load(a.side), low = load(a.low), high = load(a.high);
-    const V then = q + h * u1;
-    V reached = articulated::select(then < low - touch, V(zero - one), zero);
-    reached = articulated::select(then > high + touch, one, reached);
+    const V then = q + h * u1, share = tree.erp;
+    // From beyond a stop, the way back takes several steps.
+    const V least = articulated::select(q < low, V(q + share * (low - q)), low);
+    const V most = articulated::select(q > high, V(q + share * (high - q)), high);
+    V reached = articulated::select(then < least - touch, V(zero - one), zero);
+    reached = articulated::select(then > most + touch, one, reached);
     // A stop pushes inward only: up from the low end, down from the high one.
     const V held = articulated::select(side * load(a.reaction) <= zero, side, zero);
     reached = articulated::select(side * side > zero, held, reached);
