@@ -27,6 +27,7 @@ from ._reports import report, save_video
 from ._result import Result, Verdict
 from ._scene import Muscle, Scene, data_path, load, scenes
 from ._simulation import Bodies, Contacts, Muscles, Simulation
+from ._smoothing import Smoothing
 from ._table import Quantities, Table
 
 if TYPE_CHECKING:
@@ -56,5 +57,5 @@ def __getattr__(name: str) -> Any:
 
 __all__ = ["Batch", "Bodies", "Contacts", "Derivatives", "Error", "Fault", "Frame", "Hand", "Live", "Motion", "Muscle",
            "Muscles", "Parameters", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation",
-           "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures", "has_reports",
-           "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]
+           "Smoothing", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures",
+           "has_reports", "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

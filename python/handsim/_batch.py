@@ -13,6 +13,7 @@ from ._gradients import Product, Rollout, each
 from ._pictures import Picture
 from ._scene import Camera, Scene, Source, load
 from ._simulation import Array, Forces, Simulation
+from ._smoothing import Smoothing
 
 MOST = 1_000_000
 Mask = Optional[NDArray[np.bool_]]
@@ -167,7 +168,8 @@ class Batch:
         """The motion of one environment now, for `reset`."""
         return self._core.motion(self._index(environment))
 
-    def _rollouts(self, actions: ArrayLike, kind: str, every: Optional[int], work: Any) -> list[Any]:
+    def _rollouts(self, actions: ArrayLike, kind: str, every: Optional[int], work: Any,
+                  smoothing: Any) -> list[Any]:
         all_actions: Array = np.asarray(actions, dtype=float)
         if all_actions.ndim != 3 or len(all_actions) != len(self):
             raise input_error("actions", f"shape {all_actions.shape}", f"shape ({len(self)}, steps, numbers)")
@@ -175,11 +177,11 @@ class Batch:
         def one(i: int) -> Any:
             simulation = Simulation(self.scene_of(i))
             simulation.reset(self.motion(i))
-            return work(i, Rollout(simulation, all_actions[i], kind, every=every))
+            return work(i, Rollout(simulation, all_actions[i], kind, every=every, smoothing=smoothing))
         return each(one, len(self), self._threads)
 
     def vjp(self, actions: ArrayLike, end: ArrayLike, kind: str = "torques", *,
-            every: Optional[int] = None) -> list[Product]:
+            every: Optional[int] = None, smoothing: Union[Smoothing, float, None] = None) -> list[Product]:
         """Gradients of a scalar function of each environment's run of many steps, on all cores; the batch stays where it
         is. Each environment keeps what its `Rollout` says.
 
@@ -187,20 +189,21 @@ class Batch:
         :param end: gradient of the function by the state at the end (`Derivatives.names`), shape (n, s)
         :param kind: torques, targets or excitations
         :param every: steps from one kept motion to the next; None: the root of their number
+        :param smoothing: as in `Rollout`
         """
         rows: Array = np.asarray(end, dtype=float)
         if rows.ndim != 2 or len(rows) != len(self):
             raise input_error("end", f"shape {rows.shape}", f"shape ({len(self)}, s)")
-        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(rows[i]))
+        return self._rollouts(actions, kind, every, lambda i, run: run.vjp(rows[i]), smoothing)
 
     def jvp(self, actions: ArrayLike, start: Optional[ArrayLike] = None, changes: Optional[ArrayLike] = None,
-            kind: str = "torques") -> Array:
+            kind: str = "torques", *, smoothing: Union[Smoothing, float, None] = None) -> Array:
         """Changes of the states after each step, shape (n, steps, s), with changes of the starts, shape (n, s), and of the
-        actions, as these."""
+        actions, as these; smoothing as in `Rollout`."""
         def change(of: Optional[ArrayLike], i: int) -> Any:
             return None if of is None else np.asarray(of)[i]
-        return np.array(self._rollouts(actions, kind, None,
-                                       lambda i, run: run.jvp(change(start, i), change(changes, i))))
+        return np.array(self._rollouts(actions, kind, None, lambda i, run: run.jvp(change(start, i), change(changes, i)),
+                                       smoothing))
 
     def frame(self, environment: int) -> Frame:
         """The state of one environment for `Scene.draw_frames`."""

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from ._errors import input_error, real, whole
 if TYPE_CHECKING:
     from ._core import Motion
     from ._simulation import Simulation
+    from ._smoothing import Smoothing
 
 Array = NDArray[np.float64]
 ACTIONS = ("torques", "targets", "excitations")
@@ -58,8 +59,11 @@ def _made(simulation: "Simulation", action: Mapping[str, Any], bodies: list[str]
     return simulation._core.step_with_derivatives(given[0], given[1], given[2], given[3], given[4], bodies, step_only)
 
 
-def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], bodies: Sequence[str]) -> Derivatives:
+def step_with_derivatives(simulation: "Simulation", action: Mapping[str, Any], bodies: Sequence[str],
+                          smoothing: Optional["Smoothing"] = None) -> Derivatives:
     """Makes the step."""
+    if smoothing is not None:
+        return smoothing.step_with_derivatives(simulation, action, bodies)
     found = _made(simulation, action, list(bodies), False)
     muscles = len(found["activation_by_activation"])
     own = np.diag(found["activation_by_activation"])
@@ -194,7 +198,7 @@ class Parameters:
         for beside in self._beside:
             ends = []
             for other, _ in beside:
-                other._core.reset_beside(self.simulation._core)
+                other._core.reset_beside(self.simulation._core, None)
                 exact_step(other, action)
                 ends.append(_end(other, self.free))
             columns.append(sum(weight * end.against(ends[0]) for end, (_, weight) in zip(ends, beside)))
@@ -231,17 +235,21 @@ class Rollout:
     """
 
     def __init__(self, simulation: "Simulation", actions: ArrayLike, kind: str = "torques", *,
-                 every: Optional[int] = None, keep: bool = False) -> None:
+                 every: Optional[int] = None, keep: bool = False,
+                 smoothing: Union["Smoothing", float, None] = None) -> None:
         """
         :param simulation: where it is now is the start; it is left at the end
         :param actions: of each step, shape (steps, numbers)
         :param kind: torques, targets or excitations, as in `Simulation.step`
         :param every: steps from one kept motion to the next; None: the root of their number
         :param keep: `states` after each step are kept
+        :param smoothing: of the products' Jacobians, as in `Simulation.derivatives`; the run is not disturbed
         """
         if kind not in ACTIONS:
             raise input_error("kind", repr(kind), ", ".join(ACTIONS))
-        self.simulation, self.kind = simulation, kind
+        from ._smoothing import smoothing_of
+
+        self.simulation, self.kind, self.smoothing = simulation, kind, smoothing_of(smoothing)
         try:
             self.actions: Array = np.array(actions, dtype=float)
         except (TypeError, ValueError):
@@ -287,7 +295,7 @@ class Rollout:
     def _pairs(self, first: int, last: int, notes: list[str]) -> list[tuple[Array, Array]]:
         out = []
         for action in self.actions[first:last]:
-            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+            found = step_with_derivatives(self.simulation, {self.kind: action}, (), self.smoothing)
             notes += [note for note in found.notes if note not in notes]
             out.append((found.state, getattr(found, self.kind)))
         self.size = len(out[0][0])
@@ -326,7 +334,7 @@ class Rollout:
         self.simulation.reset(self.motions[0])
         try:
             for action, change in zip(self.actions, given):
-                found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+                found = step_with_derivatives(self.simulation, {self.kind: action}, (), self.smoothing)
                 changed = found.state @ changed + getattr(found, self.kind) @ change
                 out.append(changed)
         finally:
@@ -342,7 +350,7 @@ class Rollout:
         out: list[Array] = []
         for action in self.actions:
             direct = parameters.derivatives(**{self.kind: action})
-            found = step_with_derivatives(self.simulation, {self.kind: action}, ())
+            found = step_with_derivatives(self.simulation, {self.kind: action}, (), self.smoothing)
             out.append(found.state @ out[-1] + direct if out else direct)
         self.simulation.reset(self.end)
         return np.array(out)

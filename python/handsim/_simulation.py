@@ -13,6 +13,7 @@ from ._gradients import Derivatives, Parameters, step_with_derivatives
 from ._pictures import Picture
 from ._result import Verdict, verdicts_of
 from ._scene import Camera, Overrides, Scene, Source, load
+from ._smoothing import Smoothing, smoothing_of
 
 Array = NDArray[np.float64]
 Forces = Optional[Mapping[str, ArrayLike]]
@@ -115,21 +116,24 @@ class Simulation:
 
     def derivatives(self, torques: Optional[ArrayLike] = None, *, targets: Optional[ArrayLike] = None,
                     excitations: Optional[ArrayLike] = None, wrists: Optional[ArrayLike] = None, forces: Forces = None,
-                    bodies: Sequence[str] = (), advance: bool = False) -> Derivatives:
+                    bodies: Sequence[str] = (), advance: bool = False,
+                    smoothing: Union[Smoothing, float, None] = None) -> Derivatives:
         """The Jacobians of the next step with this action, of the articulated engine with semi_implicit_euler. The
         step's contacts are solved to rounding, where `step` allows 1e-4 m/s^2.
 
         :param bodies: names of bodies whose forces are among the derivatives
         :param advance: makes the step; else the simulation stays
+        :param smoothing: derivatives of the mean over disturbances of the state, or their deviation [m]; None: exact ones
         :raises Error: of kind input where there are no derivatives: another engine or method, closed loops, free hands,
             elastic tendons, controllers with explicit torques or feed_forward, and a step whose contacts Newton's
             method does not solve
         """
         action = {"torques": torques, "targets": targets, "excitations": excitations, "wrists": wrists, "forces": forces}
+        smooth = smoothing_of(smoothing)
         before = self.motion()
         made = False
         try:
-            found = step_with_derivatives(self, action, [bodies] if isinstance(bodies, str) else list(bodies))
+            found = step_with_derivatives(self, action, [bodies] if isinstance(bodies, str) else list(bodies), smooth)
             made = advance
             return found
         finally:

@@ -8,5 +8,8 @@ namespace handsim::python {
 
 /// By the names of Derivatives in _gradients.py, and what it makes the rest from.
 py::dict arrays_of(const environment::Derivatives& found, const model::Model& model);
+/// A state after a change of (q, u), as StepDerivatives has them, or none; joints' children are still to be
+/// placed.
+model::State moved(const model::Model& model, model::State state, std::span<const double> by);
 
 }  // namespace handsim::python

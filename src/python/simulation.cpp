@@ -33,6 +33,8 @@ constexpr long kPolledEvery = 16;  ///< Steps between two chances for Python's s
 const std::vector<std::string> kMuscleParts = {"excitation",  "activation",    "fibre_length",
                                                "fibre_speed", "tendon_length", "tendon_force"};
 
+void add(std::vector<double>& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v.z()}); }
+
 environment::Setup setup_of(const SceneHandle& of, bool watch) {
   environment::Setup out;
   out.observe = of.scene->model.muscles.empty() ? std::vector<std::string>() : kMuscleParts;
@@ -194,22 +196,12 @@ class SimulationHandle {
   }
 
   py::tuple bodies() {
-    const auto bodies = read([](const auto& of) { return of.state().bodies; });
-    const auto rows = static_cast<py::ssize_t>(bodies.size());
-    py::array_t<double> p({rows, py::ssize_t{3}}), q4({rows, py::ssize_t{4}}), v({rows, py::ssize_t{3}}),
-        w({rows, py::ssize_t{3}});
-    for (py::ssize_t i = 0; i < rows; ++i) {
-      const model::BodyState& body = bodies[static_cast<std::size_t>(i)];
-      const Quat& turn = body.q;
-      const std::array<double, 4> wxyz = {turn.w(), turn.x(), turn.y(), turn.z()};
-      for (py::ssize_t k = 0; k < 4; ++k) q4.mutable_at(i, k) = wxyz[static_cast<std::size_t>(k)];
-      for (py::ssize_t k = 0; k < 3; ++k) {
-        p.mutable_at(i, k) = body.p[k];
-        v.mutable_at(i, k) = body.v[k];
-        w.mutable_at(i, k) = body.w[k];
-      }
+    std::vector<double> p, q4, v, w;
+    for (const model::BodyState& body : read([](const auto& of) { return of.state().bodies; })) {
+      q4.insert(q4.end(), {body.q.w(), body.q.x(), body.q.y(), body.q.z()});
+      add(p, body.p), add(v, body.v), add(w, body.w);
     }
-    return py::make_tuple(p, q4, v, w);
+    return py::make_tuple(array_of(p, 3), array_of(q4, 4), array_of(v, 3), array_of(w, 3));
   }
 
   py::tuple contacts() {
@@ -219,9 +211,6 @@ class SimulationHandle {
     const std::vector<model::Shape>& shapes = simulation().model().shapes;
     std::vector<std::string> a, b;
     std::vector<double> position, normal, depth, force;
-    const auto add = [](std::vector<double>& out, const Vec3& v) {
-      out.insert(out.end(), {v.x(), v.y(), v.z()});
-    };
     for (const engine::Contact& contact : contacts) {
       a.push_back(shapes[at(contact.shape_a)].name);
       b.push_back(shapes[at(contact.shape_b)].name);
@@ -242,9 +231,8 @@ class SimulationHandle {
  private:
   void publish() {
     const model::State& state = simulation().state();
-    std::copy(state.q.begin(), state.q.end(), q.begin());
-    std::copy(state.u.begin(), state.u.end(), u.begin());
-    std::copy(state.tau.begin(), state.tau.end(), tau.begin());
+    for (const auto& [from, to] : {std::pair(&state.q, &q), {&state.u, &u}, {&state.tau, &tau}})
+      std::ranges::copy(*from, to->begin());
   }
 
   static double seconds() {
@@ -271,7 +259,7 @@ class SimulationHandle {
     added.body = static_cast<int>(index);
     added.force = force;
     added.moment = arm.cross(force);
-    pulled.insert(pulled.end(), {force.x(), force.y(), force.z()});
+    add(pulled, force);
   }
 
   environment::Environment environment_;
@@ -361,9 +349,12 @@ void bind_simulation(py::module_& module) {
       .def("contacts", &Self::contacts)
       .def("reset", &reset_to)
       .def("reset_beside",
-           [](Self& self, Self& other) {
+           [](Self& self, Self& other, const py::object& change) {
              const model::State state = other.read([](const auto& of) { return of.state(); });
-             self.guarded([&] { self.environment().reset_beside(state); });
+             const model::Model& model = self.environment().scene().model;
+             const auto n = static_cast<py::ssize_t>(state.q.size() + 6 * model::free_bodies(model).size());
+             const Numbers by = Numbers::optional(change, {2 * n}, "change");
+             self.guarded([&] { self.environment().reset_beside(moved(model, state, by.span())); });
            })
       .def("snapshot", [](Self& self) { return self.read([](const auto& of) { return of.snapshot(); }); })
       .def("restore",

@@ -3,9 +3,11 @@
 
     pip install --target DIR pin mujoco
     PYTHONPATH=build/release/python python3 tests/peers/derivatives.py --peers DIR [--out FILE.json]
+    PYTHONPATH=build/release/python python3 tests/peers/derivatives.py --hard
 
-Peers run in a process of their own, which may have another NumPy, one after the other with handsim. Times are the least of
-repeated batches, of one thread, of calls from Python.
+Peers run in a process of their own, which may have another NumPy, one after the other with handsim. Times are processor time,
+the least of repeated batches, of one thread, of calls from Python. With --hard: what derivatives of hard cases say, and the
+order of the error of a run's derivatives in its step.
 """
 import argparse
 import json
@@ -19,6 +21,9 @@ from pathlib import Path
 import numpy as np
 
 STATES = 20  # that are compared with Pinocchio
+HARD = [("stability/crank_outer_dead_centre.yaml", 0), ("stability/crossed_fingers.yaml", 0), ("stability/crossed_fingers.yaml", 0.1),
+        ("stability/limp_hands.yaml", 0.5), ("stability/stop_impact.yaml", 0), ("stability/hand_leaves_stops.yaml", 0),
+        ("stability/pinch_pads.yaml", 0.5), ("stability/stack.yaml", 0.5)]
 
 
 def hand():
@@ -35,10 +40,10 @@ def least(call, count=50, batches=15, before=lambda: None):
     out = np.inf
     for _ in range(batches):
         before()
-        start = time.perf_counter()
+        start = time.thread_time()
         for _ in range(count):
             call()
-        out = min(out, (time.perf_counter() - start) / count)
+        out = min(out, (time.thread_time() - start) / count)
     return out
 
 
@@ -193,12 +198,89 @@ def against_mujoco(folder):
             "handsim": [ours, least(lambda: sim._core.step_with_derivatives(*args), before=back)]}
 
 
+def side(sim, change):
+    """The next state, against the start's, from a start that is changed by (q, u)."""
+    from handsim._gradients import _end, _free, exact_step
+
+    start, free = sim.motion(), _free(sim)
+    before = _end(sim, free)
+    sim._core.reset_beside(sim._core, change)
+    exact_step(sim, {})
+    out = _end(sim, free).against(before)
+    sim.reset(start)
+    return out
+
+
+def hard(name, until, changes=None):
+    """What the derivatives of a step say, and how far columns are from differences that know 3e-8 or better."""
+    import handsim as hs
+
+    sim = hs.Simulation(hs.data_path() / "config" / name, changes)
+    sim.step(substeps=max(1, round(until / sim.scene.step)))
+    start = sim.motion()
+    try:
+        found = sim.derivatives()
+    except hs.Error as error:
+        return {"case": name, "time": sim.time, "says": [str(error)]}
+    sim.step()
+    contacts, n, errors = len(sim.contacts.depth), len(found.names) // 2, []
+    sim.reset(start)
+    for j in range(2 * n):
+        try:
+            oracle, known = ridders(lambda by: side(sim, by * (np.arange(2 * n) == j)), 2e-5 if j < n else 2e-4)
+        except hs.Error:
+            sim.reset(start)
+            known = np.inf
+        size = [max(1e-3, np.abs(oracle[half]).max()) if known < np.inf else 1 for half in (slice(n), slice(n, 2 * n))]
+        if known < 3e-8 * min(size):
+            wrong = np.abs(found.state[:, j] - oracle)
+            noted = any(note.split(":")[0] in found.names[j] for note in found.notes)
+            errors.append((noted, max(wrong[:n].max() / size[0], wrong[n:].max() / size[1])))
+    return {"case": name, "time": sim.time, "contacts": contacts, "columns": 2 * n, "noted": sum(noted for noted, _ in errors),
+            "known": sum(not noted for noted, _ in errors), "error": max((e for noted, e in errors if not noted), default=np.nan),
+            "wrong": sum(e > 1e-7 and not noted for noted, e in errors), "says": found.notes}
+
+
+def order(name, until, time):
+    """Largest changes of the derivative of a run's end by its start as the step is halved."""
+    import handsim as hs
+
+    first = hs.Simulation(name, {"solver": "{engine: articulated}"})
+    first.step(substeps=round(until / first.scene.step))
+    found = []
+    for h in (2e-3, 1e-3, 5e-4, 2.5e-4):
+        sim = hs.Simulation(name, {"solver": f"{{engine: articulated, step: {h}}}"})
+        sim._core.reset_beside(first._core, None)
+        by_start = None
+        for _ in range(round(time / h)):
+            state = sim.derivatives(advance=True).state
+            by_start = state if by_start is None else state @ by_start
+        found.append(by_start)
+    return [float(np.abs(a - b).max() / np.abs(b).max()) for a, b in zip(found, found[1:])]
+
+
+def print_hard():
+    for row in (hard(name, until, {"solver": "{engine: articulated}"}) for name, until in HARD):
+        print(f"{row['case']}, {row['time']:.3f} s:", end=" ")
+        if "contacts" in row:
+            print("{contacts} contacts; of {columns} columns a note names {noted}, {known} others are known with errors up to "
+                  "{error:.2g}, {wrong} above 1e-7".format(**row), end="")
+        print("".join(f"\n    {note}" for note in row["says"]))
+    for name, until, time in (("prototype_poses", 0.35, 0.1), ("every_pose", 0.35, 0.1), ("grasp_pinch", 2.5, 0.02)):
+        changes = order(name, until, time)
+        print(f"{name}, {time} s: from one step to half of it", *(f"{c:.3g}" for c in changes),
+              "ratios", *(f"{a / b:.2f}" for a, b in zip(changes, changes[1:])))
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peers", help="folder with pin and mujoco")
     parser.add_argument("--out", help="JSON with all figures")
     parser.add_argument("--run", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--hard", action="store_true", help="hard cases alone")
     options = parser.parse_args()
+    if options.hard:
+        return print_hard()
     if options.run:
         name, given, found = options.run
         with np.load(given) as arrays:

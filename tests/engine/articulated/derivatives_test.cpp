@@ -271,5 +271,19 @@ TEST(Derivatives, OfServosAndStopsThatBounceAreThoseOfDifferences) {
   EXPECT_LT(state_error(beside, 1e-5), 1e-7);
 }
 
+TEST(Derivatives, OfAJointAtRestOnItsStopAreSaidToHoldToOneSide) {
+  model::Model model = engine::test::hinged_body();
+  for (const double place : {0.0, 0.5}) {
+    model.joints[0].axes[0].stop = model::Stop{place - 0.5, 0.5, 0};
+    model.joints[0].axes[0].initial = place - 0.5;
+    const std::vector<std::string> on_stop = Beside(model, smooth_settings()).derivatives().notes;
+    model.joints[0].axes[0].initial = place - 0.4;
+    const std::vector<std::string> off_stop = Beside(model, smooth_settings()).derivatives().notes;
+    EXPECT_EQ(on_stop,
+              std::vector<std::string>{"pin.axis0: on its stop: one-sided, for positions within the range"});
+    EXPECT_TRUE(off_stop.empty());
+  }
+}
+
 }  // namespace
 }  // namespace handsim::engine::articulated

@@ -15,8 +15,7 @@ constexpr double kFarthest = 1e-5;  ///< A point further away is another one [m]
 
 /// A pose after a twist about a point.
 Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
-  Vec3 axis = Vec3::Zero();
-  axis[direction % 3] = size;
+  const Vec3 axis = size * Vec3::Unit(direction % 3);
   if (direction >= 3) return {pose.p + axis, pose.q};
   const Quat turn = rotation_quaternion(axis);
   return {about + turn * (pose.p - about), turn * pose.q};
@@ -40,9 +39,8 @@ void ContactSlopes::find_responses(const Touch& touch, const model::State& start
     const Contact& contact = contact_.contacts()[touch.first + k];
     if (contact.depth >= 0) continue;
     coming = true;
-    Spatial along;
-    along << (contact.position - about_).cross(contact.normal), contact.normal;
-    responses_[k].depth = -along.transpose();
+    const Vec3 arm = contact.position - about_;
+    responses_[k].depth << -arm.cross(contact.normal).transpose(), -contact.normal.transpose();
     note(contact, "not yet touching: its place and normal are taken as fixed");
   }
   for (int direction = 0; direction < 6 && !coming; ++direction) difference(touch, x_WA, x_WB, direction);

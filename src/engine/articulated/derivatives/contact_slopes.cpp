@@ -21,6 +21,27 @@ constexpr double kNear = 1e-8;  ///< After larger steps the next has a factor of
 /// carries none is about to close; friction this near to its limit is about to stick or slide.
 constexpr double kLeastImpulse = 1e-6, kLeastSpeed = 1e-8, kLimitMargin = 1e-6;
 
+/// A wrench about a point, as it is about another one that r leads away from.
+Spatial shifted(Spatial wrench, const Vec3& r) {
+  wrench.head<3>() += r.cross(Vec3(wrench.tail<3>()));
+  return wrench;
+}
+
+/// Moment and force of impulses in a contact's frame, there.
+Spatial wrench_of(const ContactRows& rows, const double* p, const Mat3& E) {
+  Spatial out;
+  out << Vec3::Zero(), p[0] * E.col(0);
+  for (std::size_t k = 0; k < rows.disc_count; ++k) {
+    const Disc& disc = rows.discs[k];
+    const double* own = p + disc.row;
+    if (disc.kind == Disc::Kind::spinning)
+      out.head<3>() += own[0] * E.col(0);
+    else
+      out.segment<3>(disc.kind == Disc::Kind::sliding ? 3 : 0) += own[0] * E.col(1) + own[1] * E.col(2);
+  }
+  return out;
+}
+
 }  // namespace
 
 ContactSlopes::ContactSlopes(const model::Model& model, Mechanism& mechanism, ContactDynamics& contact,
@@ -169,18 +190,13 @@ void ContactSlopes::begin_pair(int shape_a, int shape_b) {
 /// Generalised forces S . W of the pair's wrench W, for rates that move one body and not the other.
 void ContactSlopes::end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u) {
   const Vec3 apart = a_.origin - b_.origin;
-  // On b at its origin: the opposite wrench.
-  const auto on_b = [&](const Spatial& wrench) {
-    Spatial out = -wrench;
-    out.head<3>() -= apart.cross(Vec3(wrench.tail<3>()));
-    return out;
-  };
   for (const bool a : {true, false}) {
+    // On b at its origin: the opposite wrench.
     if (!a) {
-      total_ = on_b(total_);
+      total_ = shifted(-total_, apart);
       for (Column& column : columns_) {
-        column.by_q = on_b(column.by_q);
-        column.by_u = on_b(column.by_u);
+        column.by_q = shifted(-column.by_q, apart);
+        column.by_u = shifted(-column.by_u, apart);
       }
     }
     for (const Column& row : columns_) {
@@ -247,17 +263,10 @@ Spatial ContactSlopes::wrench(const Point& point, const Change& change) const {
       r.segment<2>(first) = (disc.kind == Disc::Kind::sliding ? v : w).tail<2>();
   }
   const Eigen::Matrix<double, 6, 1> p = -(point.law * r);
-  Vec3 force = p[0] * n + turn.cross(point.force), moment = turn.cross(point.moment);
-  for (std::size_t k = 0; k < rows.disc_count; ++k) {
-    const Disc& disc = rows.discs[k];
-    const auto first = static_cast<Eigen::Index>(disc.row);
-    if (disc.kind == Disc::Kind::spinning)
-      moment += p[first] * n;
-    else
-      (disc.kind == Disc::Kind::sliding ? force : moment) += E.rightCols<2>() * p.segment<2>(first);
-  }
-  Spatial out;
-  out << moment + change.place.cross(point.force), force;
+  Spatial out = wrench_of(rows, p.data(), E);
+  const Vec3 moment = point.push.head<3>(), force = point.push.tail<3>();
+  out.head<3>() += turn.cross(moment) + change.place.cross(force);
+  out.tail<3>() += turn.cross(force);
   return out;
 }
 
@@ -285,31 +294,15 @@ void ContactSlopes::find_target(Point& point, const Touch& touch, double step) c
 void ContactSlopes::add_contact(Point& point, const ContactResponse& response) {
   const ContactRows& rows = *point.rows;
   const Vec3 &c = point.contact->position, r_a = c - a_.origin;
-  point.force = point.frame.col(0) * rows.impulse[0];
-  point.moment = Vec3::Zero();
-  for (std::size_t k = 0; k < rows.disc_count; ++k) {
-    const Disc& disc = rows.discs[k];
-    const double* p = rows.impulse.data() + disc.row;
-    if (disc.kind == Disc::Kind::spinning)
-      point.moment += point.frame.col(0) * p[0];
-    else
-      (disc.kind == Disc::Kind::sliding ? point.force : point.moment) +=
-          point.frame.col(1) * p[0] + point.frame.col(2) * p[1];
-  }
-  const auto at_origin = [&](Spatial wrench) {
-    wrench.head<3>() += r_a.cross(Vec3(wrench.tail<3>()));
-    return wrench;
-  };
-  Spatial own;
-  own << point.moment, point.force;
-  total_ += at_origin(own);
+  point.push = wrench_of(rows, rows.impulse.data(), point.frame);
+  total_ += shifted(point.push, r_a);
   bounces_ = bounces_ || point.by_approach != 0;
   for (Column& column : columns_) {
-    column.by_q += at_origin(wrench(point, moved(point, column, response)));
+    column.by_q += shifted(wrench(point, moved(point, column, response)), r_a);
     if (point.by_approach == 0 || column.of_a == column.of_b) continue;
     Change rate;
     rate.start = column.of_a ? twist(a_, column.dof, c) : Spatial(-twist(b_, column.dof, c));
-    column.by_u += at_origin(wrench(point, rate));
+    column.by_u += shifted(wrench(point, rate), r_a);
   }
 }
 

@@ -1,8 +1,8 @@
 // Derivatives of the contacts' part of a step: of the residual F = A x - g - J^T p - servos at its solution x
 // by positions and rates. Impulses follow Coulomb's law at the row velocities, so that their derivatives are
 // those of Newton's method with the active set of the solution. Places, normals and depths of contacts depend
-// on how the two shapes lie to each other: six numbers of a pair, by differences of fourth order of the
-// narrow phase itself, for shapes of every kind. How bodies' motion and rows depend on positions is analytic.
+// on how the two shapes lie to each other: six numbers of a pair, by central differences of the narrow phase.
+// How bodies' motion and rows depend on positions is analytic.
 #pragma once
 
 #include <string>
@@ -68,8 +68,8 @@ class ContactSlopes {
     const ContactRows* rows = nullptr;
     const double* r = nullptr;  ///< row velocities
     Mat3 frame;
-    Law6 law;  ///< minus the derivative of impulses by r
-    Vec3 force, moment;
+    Law6 law;             ///< minus the derivative of impulses by r
+    Spatial push;         ///< moment and force of the impulses there
     Spatial end, start;   ///< velocity of a against b there
     double by_depth = 0;  ///< derivatives of the target
     double by_approach = 0;

@@ -62,11 +62,7 @@ class DynamicsSlopes {
   NodeKind kind(int node) const { return kind_[static_cast<std::size_t>(node)]; }
   const Spatial& axis(int dof) const { return dofs_[static_cast<std::size_t>(dof)].S; }
   /// Whether position j moves the axis of rate i, of two on one branch.
-  bool moves_axis(int j, int i) const {
-    return node(i) != node(j) ? j < i
-                              : (kind(node(i)) == NodeKind::free && j - first_dof(node(j)) >= 3 &&
-                                 i - first_dof(node(i)) < 3);
-  }
+  bool moves_axis(int j, int i) const { return node(i) != node(j) ? j < i : is_shift(j) && !is_shift(i); }
   /// A free body's position, and not its turn.
   bool is_shift(int dof) const {
     return kind(node(dof)) == NodeKind::free && dof - first_dof(node(dof)) >= 3;

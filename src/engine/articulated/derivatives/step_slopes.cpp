@@ -5,6 +5,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
+#include "handsim/model/kinematics.h"
 
 namespace handsim::engine::articulated {
 
@@ -47,12 +48,10 @@ void StepSlopes::order() {
     singles_.back().stiffness = axis.tissue->stiffness;
     singles_.back().damping = axis.tissue->damping;
   }
-  for (int body = 0; body < static_cast<int>(model_.bodies.size()); ++body) {
-    const int node = mechanism_.topology().node_of_body[at(body)];
-    if (node == kNoNode || nodes[at(node)].kind != NodeKind::free) continue;
-    free_bodies_.push_back(body);
-    for (int k = 0; k < 6; ++k) dof_of_.push_back(tree_.first_dof(node) + k);
-  }
+  free_bodies_ = model::free_bodies(model_);
+  for (const int body : free_bodies_)
+    for (int k = 0; k < 6; ++k)
+      dof_of_.push_back(tree_.first_dof(mechanism_.topology().node_of_body[at(body)]) + k);
 }
 
 /// As `Scene.coordinates` of the package has it.
@@ -125,10 +124,13 @@ void StepSlopes::add_singles(StepDerivatives& out) {
     const int i = each.dof;
     by_q_(i, i) += h * each.stiffness;
     by_u_(i, i) += h * (h * each.stiffness + each.damping);
+    const double rate = *each.u + h * du_[at(i)];
+    if (std::abs(each.room(*each.q)) <= kOnStop && (each.held() || each.room(*each.q + h * rate) <= kOnStop))
+      out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
     if (*each.axis.servo_limit > 0) {
       out.driven[each.coordinate] = each.in_range();
       const ServoLaw<double> law = each.axis.servo();
-      const double rate = *each.u + h * du_[at(i)], pull = law.pull(h * rate, rate);
+      const double pull = law.pull(h * rate, rate);
       if (std::abs(std::abs(pull) - *each.axis.servo_limit) <= kEdge * *each.axis.servo_limit)
         out.notes.push_back(name_of(each) + ": its servo is at its limit: one-sided");
       if (!each.in_range()) continue;
@@ -149,8 +151,7 @@ void StepSlopes::add_lone(int node) {
   const Mat3 I = of.inertia.asDiagonal();
   const Vec3 w = read3(view.u, s), spin = R.transpose() * w;
   const int first = tree_.first_dof(node);
-  Vec3 x;
-  for (int k = 0; k < 3; ++k) x[k] = settings_.step * du_[at(first + k)];
+  const Vec3 x = settings_.step * Vec3::Map(&du_[at(first)]);
   Vec3 y = Vec3::Zero();
   Mat3 slope = Mat3::Zero();
   const std::optional<Vec3> end = spin.isZero(0) ? spin : spun(of.inertia, spin, settings_.step);
@@ -159,10 +160,8 @@ void StepSlopes::add_lone(int node) {
     slope = I * (Mat3::Identity() - spun_slope(of.inertia, *end, settings_.step));
   }
   const Mat3 inertia = R * I * R.transpose();
-  by_q_.middleCols(first, 6).setZero();
-  by_q_.middleRows(first, 6).setZero();
-  by_u_.middleCols(first, 6).setZero();
-  by_u_.middleRows(first, 6).setZero();
+  for (auto* each : {&by_q_, &by_u_})
+    each->middleCols(first, 6).setZero(), each->middleRows(first, 6).setZero();
   by_q_.block<3, 3>(first, first) = inertia * cross_matrix(x) - cross_matrix(inertia * x + R * y) +
                                     R * slope * R.transpose() * cross_matrix(w);
   by_u_.block<3, 3>(first, first) = R * slope * R.transpose();
@@ -186,7 +185,7 @@ void StepSlopes::add_forces(const StepInput& input) {
 }
 
 /// The row of a coordinate on its stop: x = bound(q, u).
-void StepSlopes::hold(const Single& each, StepDerivatives& out) {
+void StepSlopes::hold(const Single& each) {
   const AxisView& a = each.axis;
   const double h = settings_.step, side = *a.side, room = side < 0 ? *each.q - *a.low : *a.high - *each.q;
   const double share = room < -kOnStop ? settings_.erp() : 1, target = share * room / h,
@@ -194,8 +193,6 @@ void StepSlopes::hold(const Single& each, StepDerivatives& out) {
   // A rebound ends on the opposite stop at the latest.
   const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.bounce * speed;
   const bool bounces = speed > 0 && *a.bounce > 0 && rebound < target, free = bounces && rebound > across;
-  if (std::abs(room) <= kOnStop)
-    out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
   const int i = each.dof;
   K_.row(i).setZero();
   by_q_.row(i).setZero();
@@ -203,6 +200,7 @@ void StepSlopes::hold(const Single& each, StepDerivatives& out) {
   K_(i, i) = 1;
   by_q_(i, i) = free ? 0 : (bounces ? 1 : share) / h;
   by_u_(i, i) = free ? -*a.bounce : 0;
+  held_[each.coordinate] = 1;
 }
 
 /// How positions turn with the step: dq' = exp(h w') dq + h J(h w') du'.
@@ -313,10 +311,7 @@ void StepSlopes::move(Eigen::MatrixXd& of, bool of_state) const {
 void StepSlopes::solve(StepDerivatives& out) {
   held_.assign(dof_of_.size(), 0);
   for (const Single& each : singles_)
-    if (each.held()) {
-      hold(each, out);
-      held_[each.coordinate] = 1;
-    }
+    if (each.held()) hold(each);
   find_turns();
   find_groups();
   find_loads(out);

@@ -1,9 +1,8 @@
 // Derivatives of one step of semi_implicit_euler. With the change of rates x = h du, the step satisfies
-//   F = h ID(q, u, x/h) - h forces(q, u) + W x - J^T p = 0,  u' = u + x,  q' = q + h u' (balls and free
-//   bodies
-// turn by exp(h w')), so that by the implicit function theorem dx = -K^-1 (dF/dq dq + dF/du du + ...), with
-// K = dF/dx: inertia, implicit springs and dampers, tendons, contacts. A coordinate on its stop has its bound
-// in place of its row.
+//   F = h ID(q, u, x/h) - h forces(q, u) + W x - J^T p = 0,  u' = u + x,  q' = q + h u'
+// (balls and free bodies turn by exp(h w')), so that by the implicit function theorem dx = -K^-1 (dF/dq dq +
+// dF/du du + ...), with K = dF/dx: inertia, implicit springs and dampers, tendons, contacts. A coordinate on
+// its stop has its bound in place of its row.
 // Found at the start of the step, with the solution; nothing of the step changes but that contacts are solved
 // to rounding first, where a step itself ends with an error of 1e-4 m/s^2.
 #pragma once
@@ -35,6 +34,9 @@ class StepSlopes {
     const double *q = nullptr, *u = nullptr;
     double stiffness = 0, damping = 0;  ///< of tissue
     bool held() const { return *axis.side != 0; }
+    double room(double at) const {
+      return std::min(at - *axis.low, *axis.high - at);
+    }  ///< to the nearer stop
     bool in_range() const { return *axis.servo_limit > 0 && *axis.saturated == 0; }
   };
   void order();
@@ -45,7 +47,7 @@ class StepSlopes {
   void add_muscles(const StepInput& input, const model::State& start, StepDerivatives& out);
   void differentiate_activations(const StepInput& input, const model::State& start, StepDerivatives& out);
   Eigen::VectorXd tendon_torques(const StepInput& input);
-  void hold(const Single& each, StepDerivatives& out);
+  void hold(const Single& each);
   std::string name_of(const Single& each) const;
   void solve(StepDerivatives& out);
   void find_groups();
