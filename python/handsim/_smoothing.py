@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Optional, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ._errors import Error, input_error, real, seed_of, whole
+from ._errors import Error, input_error, real, whole
 from ._gradients import Array, Derivatives, _end, step_with_derivatives
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Smoothing(NamedTuple):
                               bodies: Sequence[str]) -> Derivatives:
         """Makes the step, undisturbed. `notes` are those of that step."""
         whole("smoothing.pairs", self.pairs, 1)
-        random = np.random.default_rng([seed_of(self.seed), simulation.steps])
+        random = np.random.default_rng([whole("smoothing.seed", self.seed, 0), simulation.steps])
         before = simulation.motion()
         exact = step_with_derivatives(simulation, action, bodies)
         after = simulation.motion()
@@ -102,4 +102,7 @@ def smoothing_of(given: Any) -> Optional[Smoothing]:
     """Of an argument; a number is the deviation [m]."""
     if given is None or isinstance(given, Smoothing):
         return given
-    return Smoothing(real("smoothing", given))
+    try:
+        return Smoothing(real("smoothing", given))
+    except Error:
+        raise input_error("smoothing", repr(given), "a deviation [m], or a Smoothing") from None

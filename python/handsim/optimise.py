@@ -17,6 +17,7 @@ from ._core import Motion
 from ._errors import Error, input_error
 from ._gradients import ACTIONS, _End, _end, _free, cross, exact_step, rotation_vector, step_with_derivatives
 from ._simulation import Bodies, Simulation
+from ._smoothing import Smoothing
 
 Array = NDArray[np.float64]
 Residual = Callable[[Simulation, int], tuple[Array, Array]]
@@ -110,6 +111,8 @@ class Problem:
         self.before: Optional[Array] = None
         """The action before the first one, from which its rate counts; None: it does not count."""
         self.terms: list[Term] = []
+        self.smoothing: Optional[Smoothing] = None
+        """Of the run's Jacobians: sees contacts that the motion does not make yet, or loses."""
 
     def _scenes_own(self, knots: int) -> Array:
         """Actions of the scene itself, shape (knots, numbers)."""
@@ -170,7 +173,7 @@ class Problem:
             simulation.reset(of.motions[k])
             by_state = by_action = np.zeros((0, 0))
             for step in range(self.hold):
-                found = step_with_derivatives(simulation, {self.kind: self.whole(k, action)}, ())
+                found = step_with_derivatives(simulation, {self.kind: self.whole(k, action)}, (), self.smoothing)
                 own = getattr(found, self.kind)[:, self.columns]
                 by_action = found.state @ by_action + own if step else own
                 by_state = found.state @ by_state if step else found.state

@@ -2,6 +2,7 @@
 import handsim as hs
 import numpy as np
 import pytest
+from handsim import optimise
 
 DATA = hs.data_path()
 SCENE = {"hands": [{"model": str(DATA / "handmodels" / "anatomical.yaml"),
@@ -131,6 +132,22 @@ def test_smoothed_gradients_of_a_run_find_a_contact_that_exact_ones_do_not_see(t
     assert abs(run.states[-1, tip.rate] + 0.05) < 1e-3
 
 
+def test_optimal_control_finds_that_contact_too(tip):
+    costs = []
+    for smoothing in (None, hs.Smoothing(DEVIATION, 8)):
+        tip.above(2e-4)
+        problem = optimise.Problem(tip.sim, "targets", [tip.target], knots=8, hold=5)
+        problem.smoothing = smoothing
+        problem.effort[:] = 1e-3
+        row = np.zeros((1, tip.size))
+        row[0, tip.rate] = 1
+        end = np.zeros(9)
+        end[-1] = 1
+        problem.terms = [optimise.Term("push", end, lambda sim, k: (np.array([sim.bodies.velocity[-1, 2] + 0.05]), row))]
+        costs.append(optimise.solve(problem, most=5).trajectory.cost)
+    assert costs[0] == 0.05**2 and costs[1] < 0.01 * costs[0]
+
+
 def test_a_simulation_stays_and_the_same_seed_gives_the_same_bits(tip):
     sim = tip.above(1e-4)
     before, time = sim.motion(), sim.time
@@ -145,7 +162,7 @@ def test_a_simulation_stays_and_the_same_seed_gives_the_same_bits(tip):
 
 def test_wrong_smoothing_says_what_is_needed(tip):
     sim = tip.above(1e-4)
-    for wrong, need in ((-1e-4, "none negative"), (hs.Smoothing(np.ones(3)), r"shape \(\d+,\)"), ("much", "a finite number"),
+    for wrong, need in ((-1e-4, "none negative"), (hs.Smoothing(np.ones(3)), r"shape \(\d+,\)"), ("much", "or a Smoothing"),
                         (hs.Smoothing(1e-4, 0), "smoothing.pairs: got 0"), (hs.Smoothing(1e-4, 8, -1), "seed: got -1")):
         with pytest.raises(hs.Error, match=need):
             sim.derivatives(smoothing=wrong)
