@@ -160,6 +160,19 @@ def test_a_simulation_stays_and_the_same_seed_gives_the_same_bits(tip):
     assert sim.time == there and (sim.q == q).all()
 
 
+def test_states_that_no_step_is_made_of_are_left_out_and_counted(tip):
+    sim = tip.above(1e-4)
+    rates = np.zeros(tip.size)
+    rates[tip.size // 2 + tip.joint] = 1e3
+    found = sim.derivatives(smoothing=hs.Smoothing(rates, 16))
+    assert "of 16 pairs are left out: " in found.notes[-1] and np.isfinite(found.state).all()
+    before = sim.time
+    with pytest.raises(hs.Error, match="state.right"):
+        sim.derivatives(smoothing=hs.Smoothing(50 * rates, 16))
+    sim.step()
+    assert sim.time > before
+
+
 def test_wrong_smoothing_says_what_is_needed(tip):
     sim = tip.above(1e-4)
     for wrong, need in ((-1e-4, "none negative"), (hs.Smoothing(np.ones(3)), r"shape \(\d+,\)"), ("much", "or a Smoothing"),
