@@ -3,8 +3,6 @@
 #include <memory>
 #include <string>
 
-#include <fmt/format.h>
-
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
 #include "handsim/simulation/watch/state_hash.h"

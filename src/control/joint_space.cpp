@@ -1,7 +1,5 @@
 #include "handsim/control/joint_space.h"
 
-#include <algorithm>
-
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 

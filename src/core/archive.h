@@ -1,6 +1,6 @@
 // Serialises numbers and text to bytes and back, bit for bit on any machine: eight bytes per number, least
 // significant first. One function template lists the fields of a type for both directions:
-//   template <class Archive, class T> void carry(Archive& archive, T& value) { archive(value.a); ... }
+//   template <class Archive, class T> void carry(Archive& archive, T& value) { archive(value.a, value.b); }
 // The reader checks every count: it never reads or allocates more than the bytes that are left.
 #pragma once
 
@@ -38,6 +38,10 @@ class ArchiveWriter {
   void operator()(const std::vector<T>& values) {
     word(values.size());
     for (const T& value : values) (*this)(value);
+  }
+  template <class A, class B, class... More>
+  void operator()(const A& a, const B& b, const More&... more) {
+    (*this)(a), (*this)(b), ((*this)(more), ...);
   }
   /// A count, then each element by `carry(archive, element)`.
   template <class T, class Carry>
@@ -79,6 +83,10 @@ class ArchiveReader {
   void operator()(std::vector<T>& values) {
     values.resize(size());
     for (T& value : values) (*this)(value);
+  }
+  template <class A, class B, class... More>
+  void operator()(A& a, B& b, More&... more) {
+    (*this)(a), (*this)(b), ((*this)(more), ...);
   }
   template <class T, class Carry>
   void list(std::vector<T>& values, Carry&& carry) {

@@ -1,7 +1,6 @@
 #include "handsim/model/muscle.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "handsim/core/index.h"
 

@@ -41,10 +41,7 @@ template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);
   for (auto& body : state.bodies) {
-    archive(body.p);
-    archive(body.q);
-    archive(body.v);
-    archive(body.w);
+    archive(body.p, body.q, body.v, body.w);
   }
   archive.each(state.tau);
   archive.each(state.tau_servo);

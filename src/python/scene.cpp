@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <map>
 
 #include "handsim/core/index.h"

@@ -1,7 +1,6 @@
 #include "handsim/environment/environment.h"
 
 #include <algorithm>
-#include <cmath>
 #include <condition_variable>
 #include <utility>
 

@@ -1,5 +1,4 @@
 #include "handsim/app/motion_command.h"
-#include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <thread>
 
 #include <fmt/format.h>
@@ -133,8 +132,7 @@ void ArticulatedEngine::set_state(const model::State& state) {
 void ArticulatedEngine::save(ArchiveWriter& out) const {
   if (failure_) throw Error(*failure_);
   mechanism_.save(out);
-  out(smooth_ ? smooth_->size() : 0.0);
-  out(contact_ != nullptr);
+  out(smooth_ ? smooth_->size() : 0.0, contact_ != nullptr);
   if (contact_) contact_->save(out);
   if (fast_spin_) fast_spin_->save(out);
 }

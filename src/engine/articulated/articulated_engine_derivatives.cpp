@@ -1,5 +1,4 @@
 // Steps with derivatives.
-#include <algorithm>
 
 #include "handsim/engine/articulated/articulated_engine.h"
 

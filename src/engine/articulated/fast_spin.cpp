@@ -81,19 +81,13 @@ void FastSpin::forget() {
 
 void FastSpin::save(ArchiveWriter& out) const {
   for (const Tree& tree : trees_) {
-    out(tree.watched);
-    out(tree.turned);
-    out(tree.energy);
-    out(tree.credit);
+    out(tree.watched, tree.turned, tree.energy, tree.credit);
   }
 }
 
 void FastSpin::restore(ArchiveReader& in) {
   for (Tree& tree : trees_) {
-    in(tree.watched);
-    in(tree.turned);
-    in(tree.energy);
-    in(tree.credit);
+    in(tree.watched, tree.turned, tree.energy, tree.credit);
     if (!(std::isfinite(tree.turned) && std::isfinite(tree.energy) && tree.credit >= 0))
       in.refuse(fmt::format("a tree's energy of {:g} J", tree.energy), "finite numbers");
   }

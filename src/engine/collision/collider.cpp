@@ -18,12 +18,7 @@ Clearance::Pair pair_of(std::size_t i, std::size_t j) {
 
 template <class Archive, class T>
 void carry(Archive& archive, T& contact) {
-  archive(contact.shape_a);
-  archive(contact.shape_b);
-  archive(contact.position);
-  archive(contact.normal);
-  archive(contact.depth);
-  archive(contact.force);
+  archive(contact.shape_a, contact.shape_b, contact.position, contact.normal, contact.depth, contact.force);
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "handsim/engine/collision/polytope.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <vector>
 

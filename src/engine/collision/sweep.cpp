@@ -1,7 +1,6 @@
 #include "handsim/engine/collision/sweep.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "handsim/core/index.h"

@@ -103,11 +103,9 @@ class Gear final : public Integrator {
 
   /// The history of the integrator follows from its last restart and the ends of the steps since then.
   void save(ArchiveWriter& out) const override {
-    out(torques_);
-    out(ida_.has_value());
+    out(torques_, ida_.has_value());
     if (!ida_) return;
-    out(ends_);
-    out(first_end_);
+    out(ends_, first_end_);
     carry(out, origin_);
   }
 
@@ -122,8 +120,7 @@ class Gear final : public Integrator {
     if (!runs) return;
     long ends = 0;
     double end = 0;
-    in(ends);
-    in(end);
+    in(ends, end);
     model::State origin = state;
     carry(in, origin);
     require_state(system_.model(), origin);

@@ -32,10 +32,7 @@ Vec3 tangential(const Vec3& v, const Vec3& normal) { return v - v.dot(normal) * 
 
 template <class Archive, class Pair>
 void carry_pair(Archive& archive, Pair& pair) {
-  archive(pair.shape_a);
-  archive(pair.shape_b);
-  archive(pair.shift);
-  archive(pair.turn);
+  archive(pair.shape_a, pair.shape_b, pair.shift, pair.turn);
 }
 
 constexpr double kAtLimit = 1 - 1e-6;  ///< Friction of this share of its limit is at it.
@@ -49,10 +46,7 @@ constexpr double kMostForce = 1e12;  ///< No contact of a saved state has more [
 
 template <class Archive, class Point>
 void carry_point(Archive& archive, Point& point) {
-  archive(point.shape_a);
-  archive(point.shape_b);
-  archive(point.position);
-  archive(point.force);
+  archive(point.shape_a, point.shape_b, point.position, point.force);
 }
 
 }  // namespace

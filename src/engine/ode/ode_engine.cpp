@@ -98,8 +98,7 @@ void OdeEngine::set_state(const model::State& state) {
 
 void OdeEngine::save(ArchiveWriter& out) const {
   if (failure_) throw Error(*failure_);
-  out(stop_rows_);
-  out(contacts_ != nullptr);
+  out(stop_rows_, contacts_ != nullptr);
   if (contacts_) contacts_->save(out);
 }
 

@@ -1,6 +1,5 @@
 #include "handsim/output/export/export.h"
 
-#include <algorithm>
 #include <map>
 
 #include <fmt/format.h>

@@ -1,7 +1,5 @@
 #include <algorithm>
 
-#include <fmt/format.h>
-
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
 

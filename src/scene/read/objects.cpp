@@ -1,9 +1,7 @@
 #include "handsim/scene/read/objects.h"
 
 #include <algorithm>
-#include <array>
 #include <charconv>
-#include <cmath>
 #include <filesystem>
 
 #include <fmt/format.h>

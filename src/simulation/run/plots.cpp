@@ -1,7 +1,5 @@
 #include "handsim/simulation/run/run.h"
 
-#include <algorithm>
-
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"

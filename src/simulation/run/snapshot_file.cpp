@@ -33,8 +33,7 @@ std::string snapshot_text(const RunSnapshot& snapshot) {
   out.word(kSnapshotVersion);
   out(snapshot.scene->size());
   carry(out, *snapshot.scene);
-  out(snapshot.time);
-  out(snapshot.bytes);
+  out(snapshot.time, snapshot.bytes);
   std::string text = std::string(kMagic) + out.take();
   ArchiveWriter sum;
   sum.word(hash_bytes(text));
@@ -59,8 +58,7 @@ RunSnapshot parse_snapshot(std::string_view text, const std::string& name) {
   Fingerprint scene(in.size());
   carry(in, scene);
   out.scene = std::make_shared<const Fingerprint>(std::move(scene));
-  in(out.time);
-  in(out.bytes);
+  in(out.time, out.bytes);
   in.finish();
   out.sum = hash_bytes(out.bytes);
   return out;

@@ -89,11 +89,9 @@ std::vector<std::pair<std::string, ContactSum>> ContactSums::fingers() const {
 }
 
 void ContactSums::save(ArchiveWriter& out) const {
-  out(time_);
-  out(pairs_.size());
+  out(time_, pairs_.size());
   for (const auto& [things, sum] : pairs_) {
-    out(things.first);
-    out(things.second);
+    out(things.first, things.second);
     carry(out, sum);
   }
   out(fingers_.size());

@@ -40,8 +40,7 @@ void carry_pose(Archive& archive, T& pose) {
   if constexpr (std::same_as<Archive, ArchiveReader>)
     pose = there ? std::optional<Pose>(Pose()) : std::nullopt;
   if (!pose) return;
-  archive(pose->p);
-  archive(pose->q);
+  archive(pose->p, pose->q);
 }
 
 }  // namespace

@@ -61,8 +61,7 @@ struct PartForces {
 /// Names its fields to an archive (core/archive.h).
 template <class Archive, class T>
 void carry_part(Archive& archive, T& part) {
-  archive(part.part);
-  archive(part.contacts);
+  archive(part.part, part.contacts);
   for (auto* force : {&part.normal, &part.friction}) archive(*force);
 }
 

@@ -1,11 +1,9 @@
 #include "handsim/study/accuracy/accuracy.h"
 
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
 
-#include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"

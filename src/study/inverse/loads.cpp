@@ -1,7 +1,6 @@
 #include "handsim/study/inverse/loads.h"
 
 #include <algorithm>
-#include <array>
 
 #include <fmt/format.h>
 

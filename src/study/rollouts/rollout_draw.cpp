@@ -1,7 +1,6 @@
 #include "handsim/study/rollouts/rollout_draw.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

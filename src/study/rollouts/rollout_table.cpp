@@ -53,9 +53,7 @@ void carry_cell(ArchiveReader& in, Cell& cell) {
 
 template <class Archive, class Head>
 void carry_head(Archive& archive, Head& head) {
-  archive(head.title);
-  archive(head.size);
-  archive(head.seed);
+  archive(head.title, head.size, head.seed);
   archive.list(head.columns, [](auto& each, auto& column) {
     each(column.name);
     carry_role(each, column.role);

@@ -4,7 +4,6 @@
 #include <limits>
 #include <utility>
 
-#include <fmt/format.h>
 #include <hdf5.h>
 
 #include "handsim/core/error.h"

@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
-
-#include <fmt/format.h>
 
 #include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"

@@ -123,12 +123,7 @@ void ContactDynamics::select_dofs() {
 
 template <class Archive, class T>
 void ContactDynamics::carry(Archive& archive, T& point) {
-  archive(point.shape_a);
-  archive(point.shape_b);
-  archive(point.index);
-  archive(point.impulse);
-  archive(point.moment);
-  archive(point.open);
+  archive(point.shape_a, point.shape_b, point.index, point.impulse, point.moment, point.open);
   for (auto& tangent_stiffness : point.tangent_stiffness) archive(tangent_stiffness);
 }
 

@@ -273,9 +273,7 @@ void SparseFactor::forget() {
 }
 
 void SparseFactor::save(ArchiveWriter& out) const {
-  out(failures_);
-  out(problems_to_pass_);
-  out(active_);
+  out(failures_, problems_to_pass_, active_);
   if (active_.empty()) return;
   out(layout_);
   for (const std::vector<double>* each : {&M_, &C_, &G_, &K_}) out(*each);

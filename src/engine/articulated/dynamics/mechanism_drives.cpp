@@ -1,5 +1,4 @@
 // What acts on a mechanism's coordinates from step to step: torques, servos, stops in force; and its archive.
-#include <algorithm>
 #include <cmath>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"
@@ -115,15 +114,13 @@ void Mechanism::carry(Archive& archive, Self& self) {
     for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_.u[slot.u + k * n]);
   }
   for (auto& base : self.bases_) {
-    archive(base.pose.p);
-    archive(base.pose.q);
+    archive(base.pose.p, base.pose.q);
     for (auto* v : {&base.v, &base.w, &base.dv, &base.dw}) archive(*v);
   }
   of_width(self.kernel_->width, [&](auto w) {
     const In<w> in(self);
     for (const Driven& each : self.driven_) {
-      archive(in.axis[each.axis].side[each.lane]);
-      archive(in.axis[each.axis].saturated[each.lane]);
+      archive(in.axis[each.axis].side[each.lane], in.axis[each.axis].saturated[each.lane]);
     }
   });
 }

@@ -1,7 +1,6 @@
 #include "handsim/engine/articulated/dynamics/smooth.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace handsim::engine::articulated {

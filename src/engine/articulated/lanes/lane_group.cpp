@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
-#include <limits>
 
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
