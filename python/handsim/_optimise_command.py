@@ -14,10 +14,10 @@ from . import optimise
 from ._errors import Error, input_error
 from ._files import read_options, standing_alone, write
 from ._gradients import ACTIONS, exact_step
+from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, find_file, load
 from ._simulation import Simulation
 from ._yaml import Document, number_of
-from .compare import COLORS, _axes, _line
 from .optimise import Optimum, Problem, Term
 
 USAGE = """handsim optimise SCENE --goal GOAL.yaml --out DIR
@@ -299,22 +299,20 @@ def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
     for name, rows in places.items():
         path, term = goal.paths[name][2], next(term for term in problem.terms if term.name == name)
         asked, done = 1e3 * path[term.weight > 0], 1e3 * np.array(rows)[term.weight[1:] > 0]
-        axes = np.sort(np.argsort(np.ptp(np.nan_to_num(asked), axis=0))[1:])
+        shown = np.sort(np.argsort(np.ptp(np.nan_to_num(asked), axis=0))[1:])
         if len(asked) > 1:
-            both = np.nan_to_num(np.vstack([asked, done]))[:, axes]
+            both = np.nan_to_num(np.vstack([asked, done]))[:, shown]
             size = max(float(np.ptp(both, axis=0).max()), 0.1)
             middle = (both.max(axis=0) + both.min(axis=0)) / 2
             limits = (float(middle[0] - 0.6 * size), float(middle[0] + 0.6 * size), float(middle[1] - 0.6 * size), float(middle[1] + 0.6 * size))
-            drawn.append(_axes(name.partition(": ")[2] + ": asked (orange), found (blue)", ("xyz"[axes[0]], "xyz"[axes[1]]), limits,
-                               _line(asked[:, axes].tolist(), COLORS[1], False) + _line(done[:, axes].tolist(), COLORS[0], False),
-                               float(10**np.floor(np.log10(size))), "mm"))
+            drawn.append(axes(name.partition(": ")[2] + ": asked (orange), found (blue)", ("xyz"[shown[0]] + ", mm", "xyz"[shown[1]] + ", mm"), limits,
+                              line(asked[:, shown].tolist(), COLORS[1], False) + line(done[:, shown].tolist(), COLORS[0], False),
+                              float(10**np.floor(np.log10(size)))))
     costs = np.log10(np.maximum(found.history, 1e-300))
     limits = (0.0, max(len(costs) - 1, 1) / 10, float(np.floor(costs.min())), float(np.floor(costs.max()) + 1))
-    drawn.append(_axes("cost", ("iterations", "cost"), limits, _line([(i / 10, cost) for i, cost in enumerate(costs.tolist())], COLORS[0], False), 1.0,
-                       "tens; powers of ten", False).replace("iterations, tens; powers of ten", "iterations, tens").replace("cost, tens; powers", "cost, powers"))
-    parts = "".join(f'<g transform="translate({430 * i} 0)">{each}</g>' for i, each in enumerate(drawn))
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {430 * len(drawn)} 400" width="{430 * len(drawn)}" height="400" '
-            f'font-family="sans-serif" font-size="11"><rect width="100%" height="100%" fill="white"/>{parts}</svg>')
+    drawn.append(axes("cost", ("iterations, tens", "cost, powers of ten"), limits,
+                      line([(i / 10, cost) for i, cost in enumerate(costs.tolist())], COLORS[0], False), 1.0, False))
+    return sheet_of(drawn, len(drawn))
 
 
 def _options(arguments: Sequence[str]) -> dict[str, Any]:
