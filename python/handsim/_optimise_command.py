@@ -150,9 +150,12 @@ class Goal:
         weight = self._weights(key)
         label = f"{number}: {kind} {name}"
         if kind == "angle":
-            of.choice(f"{key}.angle", scene.coordinates)
-            value = of.real(f"{key}.is", None)
-            return Term(label, weight, optimise.angle(problem, scene.coordinates.index(name), value)) if name in scene.coordinates else None
+            rows = [i for i, each in enumerate(scene.coordinates) if fnmatch(each, name)]
+            if not rows:
+                of.choice(f"{key}.angle", scene.coordinates)
+                return None
+            start = problem.simulation.q[rows].copy()
+            return Term(label, weight, optimise.angle(problem, rows, of.real(f"{key}.is", None) if of.get(f"{key}.is") is not None else start))
         if kind == "still":
             rows = [i for i, each in enumerate(scene.coordinates) if fnmatch(each, name)]
             for k, body in enumerate(problem.free):
@@ -180,19 +183,14 @@ class Goal:
             offset = offset + np.array(of.reals(f"{key}.offset", 3))
         start = problem.places.point(problem.simulation.bodies, body, offset)[0] if of.get(f"{key}.relative") is True else np.zeros(3)
         if of.get(f"{key}.path") is None:
-            place = of.get(f"{key}.is")
-            if not isinstance(place, list) or len(place) != 3:
-                of.wrong(f"{key}.is", repr(place), "[x, y, z], ~ where it is free")
-                return None
-            fixed = np.array([np.nan if each is None else of.real(f"{key}.is.{i}", None) for i, each in enumerate(place)])
-            path = np.tile(start + fixed, (self.knots + 1, 1))
+            path = np.tile(start + np.array(of.reals(f"{key}.is", 3, free=True)), (self.knots + 1, 1))
         else:
             rows = of.get(f"{key}.path")
             if not isinstance(rows, list) or not rows:
-                of.wrong(f"{key}.path", repr(rows), "a list of [time, x, y, z]")
+                of.wrong(f"{key}.path", repr(rows), "a list of [time, x, y, z], ~ where it is free")
                 return None
-            table = np.array([of.reals(f"{key}.path.{i}", 4) for i in range(len(rows))])
-            if (np.diff(table[:, 0]) <= 0).any():
+            table = np.array([of.reals(f"{key}.path.{i}", 4, free=True) for i in range(len(rows))])
+            if not (np.diff(table[:, 0]) > 0).all() or np.isnan(table[:, 0]).any():
                 of.wrong(f"{key}.path", "times that do not increase", "times that do")
                 return None
             times = self.period * np.arange(self.knots + 1)

@@ -58,6 +58,6 @@ def sheet_of(drawn: Sequence[str], columns: int, legend: str = "") -> str:
     """Pictures in rows, as one SVG; a legend stands above them."""
     top = 30 if legend else 0
     parts = "".join(f'<g transform="translate({430 * (i % columns)} {top + 400 * (i // columns)})">{each}</g>' for i, each in enumerate(drawn))
-    width, height = 430 * columns, top + 400 * (-(-len(drawn) // columns))
+    width, height = 430 * columns, (40 if legend else 0) + 400 * (-(-len(drawn) // columns))
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" font-family="sans-serif" '
             f'font-size="11"><rect width="100%" height="100%" fill="white"/>{legend}{parts}</svg>')
