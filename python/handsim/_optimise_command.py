@@ -150,12 +150,12 @@ class Goal:
         weight = self._weights(key)
         label = f"{number}: {kind} {name}"
         if kind == "angle":
+            value = of.real(f"{key}.is", None) if of.get(f"{key}.is") is not None else None
             rows = [i for i, each in enumerate(scene.coordinates) if fnmatch(each, name)]
             if not rows:
                 of.choice(f"{key}.angle", scene.coordinates)
                 return None
-            start = problem.simulation.q[rows].copy()
-            return Term(label, weight, optimise.angle(problem, rows, of.real(f"{key}.is", None) if of.get(f"{key}.is") is not None else start))
+            return Term(label, weight, optimise.angle(problem, rows, problem.simulation.q[rows].copy() if value is None else value))
         if kind == "still":
             rows = [i for i, each in enumerate(scene.coordinates) if fnmatch(each, name)]
             for k, body in enumerate(problem.free):
@@ -195,6 +195,9 @@ class Goal:
                 return None
             times = self.period * np.arange(self.knots + 1)
             path = start + np.array([np.interp(times, table[:, 0], table[:, k]) for k in (1, 2, 3)]).T
+        if np.isnan(path).all(axis=1).any():
+            of.wrong(key, "a place of which all axes are free", "a number of one axis at least")
+            return None
         self.paths[label] = body, offset, path
         return Term(label, weight, optimise.point(problem, body, offset, path))
 
@@ -286,6 +289,24 @@ def touching(goal: Goal, problem: Problem, found: Optimum) -> dict[str, float]:
     return {name: times / max(count, 1) for name, times in out.items()}
 
 
+def _path(title: str, times: Array, asked: Array, done: Array) -> str:
+    """A path [mm] in the plane in which it is longest; over time where an axis is free."""
+    free = np.isnan(asked).any(axis=0)
+    shown = np.flatnonzero(~free) if free.any() else np.sort(np.argsort(np.ptp(asked, axis=0))[1:])
+    both = np.vstack([asked, done])[:, shown]
+    low, high = both.min(axis=0), both.max(axis=0)
+    size = max(float((high - low).max()), 0.1)
+    ticks = float(10**np.floor(np.log10(size)))
+    if free.any():
+        limits = (0.0, float(times[-1]) * 10, float(low.min()) - 0.1 * size, float(high.max()) + 0.1 * size)
+        lines = [line(np.column_stack([10 * times, rows[:, k]]).tolist(), color, False) for rows, color in ((asked, COLORS[1]), (done, COLORS[0])) for k in shown]
+        return axes(title, ("time, 0.1 s", ", ".join("xyz"[k] for k in shown) + ", mm"), limits, "".join(lines), ticks if ticks < size / 4 else ticks / 2, False)
+    x, y = (low + high) / 2
+    limits = (float(x - 0.6 * size), float(x + 0.6 * size), float(y - 0.6 * size), float(y + 0.6 * size))
+    return axes(title, ("xyz"[shown[0]] + ", mm", "xyz"[shown[1]] + ", mm"), limits,
+                line(asked[:, shown].tolist(), COLORS[1], False) + line(done[:, shown].tolist(), COLORS[0], False), ticks)
+
+
 def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
     """SVG: paths of points, asked and found, and the cost of each iteration."""
     drawn, simulation = [], problem.simulation
@@ -296,16 +317,10 @@ def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
             places[name].append(problem.places.point(simulation.bodies, body, offset)[0])
     for name, rows in places.items():
         path, term = goal.paths[name][2], next(term for term in problem.terms if term.name == name)
-        asked, done = 1e3 * path[term.weight > 0], 1e3 * np.array(rows)[term.weight[1:] > 0]
-        shown = np.sort(np.argsort(np.ptp(np.nan_to_num(asked), axis=0))[1:])
-        if len(asked) > 1:
-            both = np.nan_to_num(np.vstack([asked, done]))[:, shown]
-            size = max(float(np.ptp(both, axis=0).max()), 0.1)
-            middle = (both.max(axis=0) + both.min(axis=0)) / 2
-            limits = (float(middle[0] - 0.6 * size), float(middle[0] + 0.6 * size), float(middle[1] - 0.6 * size), float(middle[1] + 0.6 * size))
-            drawn.append(axes(name.partition(": ")[2] + ": asked (orange), found (blue)", ("xyz"[shown[0]] + ", mm", "xyz"[shown[1]] + ", mm"), limits,
-                              line(asked[:, shown].tolist(), COLORS[1], False) + line(done[:, shown].tolist(), COLORS[0], False),
-                              float(10**np.floor(np.log10(size)))))
+        kept = term.weight > 0
+        if kept.sum() > 1:
+            drawn.append(_path(name.partition(": ")[2] + ": asked (orange), found (blue)", problem.period * np.flatnonzero(kept),
+                               1e3 * path[kept], 1e3 * np.array(rows)[kept[1:]]))
     costs = np.log10(np.maximum(found.history, 1e-300))
     limits = (0.0, max(len(costs) - 1, 1) / 10, float(np.floor(costs.min())), float(np.floor(costs.max()) + 1))
     drawn.append(axes("cost", ("iterations, tens", "cost, powers of ten"), limits,
