@@ -1,12 +1,14 @@
 """A finger's reach by torques: cost and time of handsim beside OpenSim Moco on the exported model, each with its own grid.
 
-    PYTHONPATH=build/release/python python3 tests/peers/optimise.py
+    PYTHONPATH=build/release/python python3 tests/peers/optimise.py [--intervals N...] [--out FILE.json]
 
 Moco: direct collocation (Hermite-Simpson) by CasADi and IPOPT, from the motion that was found here; the joints without torques are welded. The rates at
 the end are zero there, and cost 0.1 times their squares here. IPOPT has to remember as many gradients as the problem has free directions (6 is its default),
 and variables scaled by their bounds; without either it ends nowhere near. Costs are those of the goal: integral of squared torques [N2 m2 s] and
 1000 times the squared distance [m2]. handsim's steps are of first order: its cost comes nearer with smaller ones. Times are CPU times of one thread.
 """
+import argparse
+import json
 import os
 import sys
 import tempfile
@@ -120,13 +122,21 @@ def moco(scene, goal, intervals, found):
 
 
 def main():
-    runs = [ours(*grid) for grid in GRIDS]
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--intervals", nargs="+", type=int, default=(12, 25, 40), help="of Moco's meshes")
+    options.add_argument("--out", type=lambda path: Path(path).resolve(), help="JSON with all figures")
+    given = options.parse_args()
+    runs, figures = [ours(*grid) for grid in GRIDS], {"handsim": [], "moco": []}
     for (step, hold), (_, _, found, seconds) in zip(GRIDS, runs):
+        figures["handsim"].append({"step": step, "hold": hold, "cost": found.trajectory.cost, "seconds": seconds})
         print(f"handsim, steps of {step}, torques held for {hold}: cost {found.trajectory.cost:.5g}, {seconds:.2f} s, {found.iterations} iterations", flush=True)
-    for intervals in (int(each) for each in sys.argv[1:] or ("12", "25", "40")):
+    for intervals in given.intervals:
         cost, took, done, iterations = moco(*runs[0][:2], intervals, runs[0][2])
+        figures["moco"].append({"intervals": intervals, "cost": cost, "seconds": took, "converged": done, "iterations": iterations})
         print(f"Moco, {intervals} intervals: cost {cost:.5g}, {took:.1f} s, {iterations} iterations{'' if done else ', not converged'}; handsim's costs are "
               + " and ".join(f"{100 * (found.trajectory.cost / cost - 1):+.2f} % (time 1/{took / seconds:.0f})" for _, _, found, seconds in runs), flush=True)
+    if given.out:
+        given.out.write_text(json.dumps(figures, indent=1))
     os._exit(0)  # OpenSim's libraries crash at the end of the interpreter
 
 
