@@ -98,6 +98,9 @@ class Reach:
         """Of the task's observation: without the fingertips' own places and turns, which the goals less the fingertips stand for."""
         return np.concatenate([observation[:, :40], observation[:, -35:]], axis=1) * self.scale
 
+    def over(self, state):
+        return False
+
     def won(self, terminated, truncated):
         return terminated
 
@@ -145,6 +148,11 @@ class Hold:
         n = self.task.actions
         can = observation[:, 2 * n:]
         return np.concatenate([observation[:, :2 * n], can[:, :3], can[:, 10:13], can[:, 7:10]], axis=1) * self.scale
+
+    def over(self, state):
+        """Half of the cans have fallen: gradients say nothing of these."""
+        n = self.task.actions
+        return np.median(np.linalg.norm((state - self.start)[:, n + 3:n + 6], axis=1)) > self.task.dropped
 
     def won(self, terminated, truncated):
         return truncated
@@ -198,7 +206,7 @@ def main():
     options.add_argument("--rate", type=float, default=3e-3)
     options.add_argument("--out", type=Path, default=Path("out/learned"))
     given = options.parse_args()
-    random = np.random.default_rng(0)
+    random, state = np.random.default_rng(0), None
     learned = {"reach": Reach, "hold": Hold}[given.task](given.hands)
     hands, n = learned.hands, learned.task.actions
     sizes = [len(learned.scale), 128, 128, n]
@@ -217,7 +225,7 @@ def main():
     rows, spent, steps = [], 0.0, 0
     for update in range(given.updates):
         start = time.process_time()
-        if update % learned.every == 0:
+        if update % learned.every == 0 or learned.over(state):
             learned.begin(random)
             seen = [hands.seen(each) for each in hands.each]
             state, places = jnp.array([row[0] for row in seen]), jnp.array([row[1] for row in seen])
