@@ -39,7 +39,7 @@ def gradients_times():
 def gradients_peers():
     found = figures("gradients", "derivatives.json")
     if "mujoco" not in found:
-        raise Missing("peers, which ./dev peers fetches")
+        raise Missing("out/pin with pin and mujoco")
     mujoco, pinocchio = found["mujoco"], found["pinocchio"]
     rows = [["handsim: a whole step with all Jacobians", number(mujoco["handsim"][0]), micro(mujoco["handsim"][1])]]
     rows += [[f"MuJoCo {mujoco['version']}, `mjd_transitionFD`, {way}", number(mujoco[way][0]), micro(mujoco[way][1])] for way in ("forward", "centred")]
@@ -50,11 +50,11 @@ def gradients_peers():
 def reach():
     found = figures("reach", "reach.json")
     ours = found["handsim"]
-    rows = [[f"handsim, steps of {each['step']}, torques held for {each['hold']}", f"{each['cost']:.3e}", f"{each['seconds']:.2f} s", *[""] * len(ours)] for each in ours]
+    rows = [[f"handsim, steps of {each['step']}, torques held for {each['hold']}", number(each["cost"], 4), f"{each['seconds']:.2f} s", *[""] * len(ours)] for each in ours]
     for each in found["moco"]:
-        beside = [f"{100 * (one['cost'] / each['cost'] - 1):+.2f} %, 1/{each['seconds'] / one['seconds']:.0f} of its time" for one in ours]
-        rows.append([f"Moco, {each['intervals']} intervals" + ("" if each["converged"] else ", not converged"), f"{each['cost']:.3e}", f"{each['seconds']:.1f} s", *beside])
-    return table(["", "cost", "CPU time, one thread", *(f"handsim beside it, {each['step']}" for each in ours)], rows)
+        beside = [f"{100 * (one['cost'] / each['cost'] - 1):+.2f} %, 1/{each['seconds'] / one['seconds']:.0f}" for one in ours]
+        rows.append([f"Moco, {each['intervals']} intervals" + ("" if each["converged"] else ", not converged"), number(each["cost"], 4), f"{each['seconds']:.1f} s", *beside])
+    return table(["reach", "cost", "CPU time, one thread", *(f"handsim's cost and time beside it, {each['step']}" for each in ours)], rows)
 
 
 TABLES = {"gradients-errors": ("gradients", gradients_errors), "gradients-times": ("gradients", gradients_times), "gradients-peers": ("gradients", gradients_peers),

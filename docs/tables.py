@@ -26,6 +26,8 @@ TABLES = {**measured.TABLES, **measured_gradients.TABLES}
 
 # Packages that ./dev peers fetches.
 PACKAGES = ROOT / "build" / "peers" / "packages"
+# Python packages pin and mujoco of PyPI.
+PIN = ROOT / "out" / "pin"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES),
                "HANDSIM_DRAKE_STEPS": str(ROOT / "tests" / "peers" / "drake_steps.py")}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -138,7 +140,8 @@ STUDIES = {
 }
 # Benchmarks of studies of their own; "speed" runs all others.
 BENCHMARKS = {"environment": "^(batch_|muscles_in_lanes|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
-# Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx (PyPI).
+# Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
+# pin and mujoco (PyPI).
 ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach")
 
 
@@ -168,7 +171,7 @@ def command_of(name, label, build):
         return [python_of(build), "tests/peers/optimise.py", "--out", str(OUT / name / "reach.json")]
     if name == "gradients":
         return {"errors": [str(build / "tests" / "test_derivatives"), "--gtest_filter=SceneDerivatives.*"],
-                "times": [python_of(build), "tests/peers/derivatives.py", "--peers", str(PACKAGES), "--out", str(OUT / name / "derivatives.json")]}[label]
+                "times": [python_of(build), "tests/peers/derivatives.py", *(["--peers", str(PIN)] if PIN.exists() else []), "--out", str(OUT / name / "derivatives.json")]}[label]
     if name == "contacts":
         return [str(build / "tests" / "contact_cost"), str(OUT / name / label)]
     if name == "export":
