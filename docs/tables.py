@@ -18,10 +18,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.dont_write_bytecode = True
-from measured import CLIMBS, CONTROLLERS, OUT, PERSONS, ROOT, TABLES, Missing  # noqa: E402
+import measured  # noqa: E402
+import measured_gradients  # noqa: E402
+from measured import CLIMBS, CONTROLLERS, OUT, PERSONS, ROOT, Missing  # noqa: E402
+
+TABLES = {**measured.TABLES, **measured_gradients.TABLES}
 
 # Packages that ./dev peers fetches.
 PACKAGES = ROOT / "build" / "peers" / "packages"
+# Python packages pin and mujoco of PyPI.
+PIN = ROOT / "out" / "pin"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES),
                "HANDSIM_DRAKE_STEPS": str(ROOT / "tests" / "peers" / "drake_steps.py")}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -127,13 +133,16 @@ STUDIES = {
     "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "learning": Study("10 min", {"run": None}),
     "skin": Study("1 min", {"run": None}),
+    "gradients": Study("1 min", {"errors": None, "times": None}),
+    "reach": Study("1 min", {"run": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
 # Benchmarks of studies of their own; "speed" runs all others.
 BENCHMARKS = {"environment": "^(batch_|muscles_in_lanes|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
-# Studies that run only if they are named: ./dev peers builds their programs; learning needs envpool and onnx (PyPI).
-ONLY_IF_NAMED = ("peers", "learning")
+# Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
+# pin and mujoco (PyPI).
+ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach")
 
 
 # Running studies and writing pages.
@@ -158,6 +167,11 @@ def command_of(name, label, build):
         return [python_of(build), "tests/peers/learning.py", "--minutes", "2", "--out", str(OUT / name)]
     if name == "skin":
         return [python_of(build), "tests/output/skin_figures.py", str(OUT / name / "skin.json")]
+    if name == "reach":
+        return [python_of(build), "tests/peers/optimise.py", "--out", str(OUT / name / "reach.json")]
+    if name == "gradients":
+        return {"errors": [str(build / "tests" / "test_derivatives"), "--gtest_filter=SceneDerivatives.*"],
+                "times": [python_of(build), "tests/peers/derivatives.py", *(["--peers", str(PIN)] if PIN.exists() else []), "--out", str(OUT / name / "derivatives.json")]}[label]
     if name == "contacts":
         return [str(build / "tests" / "contact_cost"), str(OUT / name / label)]
     if name == "export":
@@ -192,7 +206,7 @@ def run_study(name, build, handsim):
             continue
         print("+", shlex.join(command), flush=True)
         # The package is built for the interpreter's own numpy, which those packages replace.
-        own = name in ("agreement", "skin")
+        own = name in ("agreement", "skin", "gradients", "reach")
         paths = os.pathsep.join([str(build / "python"), *([] if own else [ENVIRONMENT["PYTHONPATH"]])])
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": paths})
         (OUT / name / f"{label}.txt").write_text(done.stdout)

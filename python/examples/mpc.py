@@ -16,7 +16,7 @@ import numpy as np
 import handsim as hs
 from handsim import optimise
 from handsim._gradients import rotation_vector
-from handsim.compare import COLORS, _axes, _line
+from handsim._plot import COLORS, axes, line, sheet_of
 
 HOLD = 2  # steps of a knot: 10 ms
 
@@ -98,11 +98,9 @@ def main():
     for key, unit in (("distance_mm", "mm"), ("turn_deg", "deg")):
         lines = [result[name][key] for name in result]
         top = max(map(max, lines)) * 1.1
-        drawn.append(_axes(f"{key.split('_')[0]} (orange: springs alone, blue: controlled)", ("time, s", f"off, {unit}"), (0, given.seconds, 0, top),
-                           "".join(_line([(0.01 * i, y) for i, y in enumerate(line)], color, False) for line, color in zip(lines, COLORS[::-1])), 0.5 if top < 5 else 5, "-", False).replace(", -</text>", "</text>"))
-    parts = "".join(f'<g transform="translate({430 * i} 0)">{each}</g>' for i, each in enumerate(drawn))
-    (given.out / "mpc.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 860 400" width="860" height="400" font-family="sans-serif" font-size="11">'
-                                       f'<rect width="100%" height="100%" fill="white"/>{parts}</svg>')
+        drawn.append(axes(f"{key.split('_')[0]} (orange: springs alone, blue: controlled)", ("time, s", f"off, {unit}"), (0, given.seconds, 0, top),
+                          "".join(line([(0.01 * i, y) for i, y in enumerate(each)], color, False) for each, color in zip(lines, COLORS[::-1])), 0.5 if top < 5 else 5, False))
+    (given.out / "mpc.svg").write_text(sheet_of(drawn, 2))
     if given.video:
         pictures = scene.draw_frames(frames, size=(320, 240))
         film = hs._core.video(given.out / "mpc.mp4", 320, 240, 25)

@@ -22,6 +22,9 @@ from onnx import helper, numpy_helper
 from handsim.gym import TASKS, Episodes
 from handsim.gym.__main__ import options_of
 
+LASTING = ("hold",)
+"""Tasks of which an episode is a success when it lasts to its end."""
+
 
 class Net:
     """A perceptron with two hidden layers (tanh); Adam (Kingma & Ba 2014). All arrays are float32."""
@@ -131,7 +134,8 @@ def collect(episodes, policy, observation, options, random, ended):
         rows.append((x, action, -0.5 * np.square(noise).sum(axis=1) - policy.log_deviation.sum(), value, options.scale * reward, over, rest))
         observation = after
         if over.any():
-            ended += zip(terminated[over] & ~episodes.batch.failed[over], collect.total[over])
+            won = (truncated if options.task in LASTING else terminated)[over]
+            ended += zip(won & ~episodes.batch.failed[over], collect.total[over])
             collect.total[over] = 0
             observation = episodes.reset(over)
     return [np.array(column) for column in zip(*rows)], observation

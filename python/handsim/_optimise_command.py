@@ -14,10 +14,10 @@ from . import optimise
 from ._errors import Error, input_error
 from ._files import read_options, standing_alone, write
 from ._gradients import ACTIONS, exact_step
+from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, find_file, load
 from ._simulation import Simulation
 from ._yaml import Document, number_of
-from .compare import COLORS, _axes, _line
 from .optimise import Optimum, Problem, Term
 
 USAGE = """handsim optimise SCENE --goal GOAL.yaml --out DIR
@@ -150,9 +150,12 @@ class Goal:
         weight = self._weights(key)
         label = f"{number}: {kind} {name}"
         if kind == "angle":
-            of.choice(f"{key}.angle", scene.coordinates)
-            value = of.real(f"{key}.is", None)
-            return Term(label, weight, optimise.angle(problem, scene.coordinates.index(name), value)) if name in scene.coordinates else None
+            value = of.real(f"{key}.is", None) if of.get(f"{key}.is") is not None else None
+            rows = [i for i, each in enumerate(scene.coordinates) if fnmatch(each, name)]
+            if not rows:
+                of.choice(f"{key}.angle", scene.coordinates)
+                return None
+            return Term(label, weight, optimise.angle(problem, rows, problem.simulation.q[rows].copy() if value is None else value))
         if kind == "still":
             rows = [i for i, each in enumerate(scene.coordinates) if fnmatch(each, name)]
             for k, body in enumerate(problem.free):
@@ -180,23 +183,21 @@ class Goal:
             offset = offset + np.array(of.reals(f"{key}.offset", 3))
         start = problem.places.point(problem.simulation.bodies, body, offset)[0] if of.get(f"{key}.relative") is True else np.zeros(3)
         if of.get(f"{key}.path") is None:
-            place = of.get(f"{key}.is")
-            if not isinstance(place, list) or len(place) != 3:
-                of.wrong(f"{key}.is", repr(place), "[x, y, z], ~ where it is free")
-                return None
-            fixed = np.array([np.nan if each is None else of.real(f"{key}.is.{i}", None) for i, each in enumerate(place)])
-            path = np.tile(start + fixed, (self.knots + 1, 1))
+            path = np.tile(start + np.array(of.reals(f"{key}.is", 3, free=True)), (self.knots + 1, 1))
         else:
             rows = of.get(f"{key}.path")
             if not isinstance(rows, list) or not rows:
-                of.wrong(f"{key}.path", repr(rows), "a list of [time, x, y, z]")
+                of.wrong(f"{key}.path", repr(rows), "a list of [time, x, y, z], ~ where it is free")
                 return None
-            table = np.array([of.reals(f"{key}.path.{i}", 4) for i in range(len(rows))])
-            if (np.diff(table[:, 0]) <= 0).any():
+            table = np.array([of.reals(f"{key}.path.{i}", 4, free=True) for i in range(len(rows))])
+            if not (np.diff(table[:, 0]) > 0).all() or np.isnan(table[:, 0]).any():
                 of.wrong(f"{key}.path", "times that do not increase", "times that do")
                 return None
             times = self.period * np.arange(self.knots + 1)
             path = start + np.array([np.interp(times, table[:, 0], table[:, k]) for k in (1, 2, 3)]).T
+        if np.isnan(path).all(axis=1).any():
+            of.wrong(key, "a place of which all axes are free", "a number of one axis at least")
+            return None
         self.paths[label] = body, offset, path
         return Term(label, weight, optimise.point(problem, body, offset, path))
 
@@ -288,6 +289,24 @@ def touching(goal: Goal, problem: Problem, found: Optimum) -> dict[str, float]:
     return {name: times / max(count, 1) for name, times in out.items()}
 
 
+def _path(title: str, times: Array, asked: Array, done: Array) -> str:
+    """A path [mm] in the plane in which it is longest; over time where an axis is free."""
+    free = np.isnan(asked).any(axis=0)
+    shown = np.flatnonzero(~free) if free.any() else np.sort(np.argsort(np.ptp(asked, axis=0))[1:])
+    both = np.vstack([asked, done])[:, shown]
+    low, high = both.min(axis=0), both.max(axis=0)
+    size = max(float((high - low).max()), 0.1)
+    ticks = float(10**np.floor(np.log10(size)))
+    if free.any():
+        limits = (0.0, float(times[-1]) * 10, float(low.min()) - 0.1 * size, float(high.max()) + 0.1 * size)
+        lines = [line(np.column_stack([10 * times, rows[:, k]]).tolist(), color, False) for rows, color in ((asked, COLORS[1]), (done, COLORS[0])) for k in shown]
+        return axes(title, ("time, 0.1 s", ", ".join("xyz"[k] for k in shown) + ", mm"), limits, "".join(lines), ticks if ticks < size / 4 else ticks / 2, False)
+    x, y = (low + high) / 2
+    limits = (float(x - 0.6 * size), float(x + 0.6 * size), float(y - 0.6 * size), float(y + 0.6 * size))
+    return axes(title, ("xyz"[shown[0]] + ", mm", "xyz"[shown[1]] + ", mm"), limits,
+                line(asked[:, shown].tolist(), COLORS[1], False) + line(done[:, shown].tolist(), COLORS[0], False), ticks)
+
+
 def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
     """SVG: paths of points, asked and found, and the cost of each iteration."""
     drawn, simulation = [], problem.simulation
@@ -298,23 +317,15 @@ def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
             places[name].append(problem.places.point(simulation.bodies, body, offset)[0])
     for name, rows in places.items():
         path, term = goal.paths[name][2], next(term for term in problem.terms if term.name == name)
-        asked, done = 1e3 * path[term.weight > 0], 1e3 * np.array(rows)[term.weight[1:] > 0]
-        axes = np.sort(np.argsort(np.ptp(np.nan_to_num(asked), axis=0))[1:])
-        if len(asked) > 1:
-            both = np.nan_to_num(np.vstack([asked, done]))[:, axes]
-            size = max(float(np.ptp(both, axis=0).max()), 0.1)
-            middle = (both.max(axis=0) + both.min(axis=0)) / 2
-            limits = (float(middle[0] - 0.6 * size), float(middle[0] + 0.6 * size), float(middle[1] - 0.6 * size), float(middle[1] + 0.6 * size))
-            drawn.append(_axes(name.partition(": ")[2] + ": asked (orange), found (blue)", ("xyz"[axes[0]], "xyz"[axes[1]]), limits,
-                               _line(asked[:, axes].tolist(), COLORS[1], False) + _line(done[:, axes].tolist(), COLORS[0], False),
-                               float(10**np.floor(np.log10(size))), "mm"))
+        kept = term.weight > 0
+        if kept.sum() > 1:
+            drawn.append(_path(name.partition(": ")[2] + ": asked (orange), found (blue)", problem.period * np.flatnonzero(kept),
+                               1e3 * path[kept], 1e3 * np.array(rows)[kept[1:]]))
     costs = np.log10(np.maximum(found.history, 1e-300))
     limits = (0.0, max(len(costs) - 1, 1) / 10, float(np.floor(costs.min())), float(np.floor(costs.max()) + 1))
-    drawn.append(_axes("cost", ("iterations", "cost"), limits, _line([(i / 10, cost) for i, cost in enumerate(costs.tolist())], COLORS[0], False), 1.0,
-                       "tens; powers of ten", False).replace("iterations, tens; powers of ten", "iterations, tens").replace("cost, tens; powers", "cost, powers"))
-    parts = "".join(f'<g transform="translate({430 * i} 0)">{each}</g>' for i, each in enumerate(drawn))
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {430 * len(drawn)} 400" width="{430 * len(drawn)}" height="400" '
-            f'font-family="sans-serif" font-size="11"><rect width="100%" height="100%" fill="white"/>{parts}</svg>')
+    drawn.append(axes("cost", ("iterations, tens", "cost, powers of ten"), limits,
+                      line([(i / 10, cost) for i, cost in enumerate(costs.tolist())], COLORS[0], False), 1.0, False))
+    return sheet_of(drawn, len(drawn))
 
 
 def _options(arguments: Sequence[str]) -> dict[str, Any]:

@@ -92,12 +92,13 @@ class Document:
             return low if math.isfinite(low) else 0.0
         return found
 
-    def reals(self, key: str, count: int) -> list[float]:
+    def reals(self, key: str, count: int, free: bool = False) -> list[float]:
+        """With ``free``, ~ is NaN."""
         value = self.get(key)
         if not isinstance(value, list) or len(value) != count:
-            self.wrong(key, "nothing" if value is None else repr(value), f"a list of {count} numbers")
+            self.wrong(key, "nothing" if value is None else repr(value), f"a list of {count} numbers" + (", ~ where it is free" if free else ""))
             return [0.0] * count
-        return [self.real(f"{key}.{i}", None) for i in range(count)]
+        return [math.nan if free and value[i] is None else self.real(f"{key}.{i}", None) for i in range(count)]
 
     def choice(self, key: str, known: Sequence[str], default: Optional[str] = None) -> str:
         value = self.get(key, default)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Error, input_error
 from ._hand import Hand
+from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, find_file
 from ._statics import Statics, grip, key_pinch, polytope, thumb_workspace, tip_pinch
 
@@ -28,7 +29,6 @@ the first hand of each counts, at rest and as it is built, with its wrist. Witho
 
 Example: handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/compare
 """
-COLORS = ("#2b6cb0", "#dd6b20")
 PRESS = {"index_mcp.flexion": 45.0, "index_pip.flexion": 45.0, "index_dip.flexion": 10.0}
 THUMB = {"thumb_mcp.flexion": 15.0, "thumb_ip.flexion": -15.0}
 PLANES: list[dict[str, Any]] = [
@@ -124,44 +124,6 @@ def table(names: Sequence[str], both: Sequence[dict[str, Any]]) -> list[tuple[st
     return list(unique.values())
 
 
-def _axes(title: str, labels: tuple[str, str], limits: tuple[float, float, float, float], drawn: str, ticks: float, unit: str,
-          equal: bool = True) -> str:
-    """A picture with axes, as SVG."""
-    left, right, low, high = limits
-    width, height = 420.0, 360.0
-    per = (width - 70) / (right - left), (height - 80) / (high - low)
-    if equal:
-        per = (min(per), min(per))
-    x0, y0 = 50 + (width - 70 - per[0] * (right - left)) / 2 - per[0] * left, 34 + per[1] * high
-    box = (x0 + per[0] * left, 34.0, per[0] * (right - left), per[1] * (high - low))
-    lines = []
-    for axis in (0, 1):
-        start, end = (left, right) if axis == 0 else (low, high)
-        for k in range(int(np.ceil(start / ticks)), int(np.floor(end / ticks)) + 1):
-            value = k * ticks
-            x, y = x0 + per[0] * value, y0 - per[1] * value
-            style = "#888" if k == 0 else "#e4e4e4"
-            if axis == 0:
-                lines.append(f'<line x1="{x:.1f}" y1="{box[1]:.1f}" x2="{x:.1f}" y2="{box[1] + box[3]:.1f}" stroke="{style}"/>'
-                             f'<text x="{x:.1f}" y="{box[1] + box[3] + 14:.1f}" text-anchor="middle">{value:g}</text>')
-            else:
-                lines.append(f'<line x1="{box[0]:.1f}" y1="{y:.1f}" x2="{box[0] + box[2]:.1f}" y2="{y:.1f}" stroke="{style}"/>'
-                             f'<text x="{box[0] - 5:.1f}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
-    bottom = box[1] + box[3] + 30
-    return (f'<svg viewBox="0 0 {width:g} {bottom + 12:g}" width="{width:g}" height="{bottom + 12:g}"><text x="{width / 2:g}" y="18" text-anchor="middle" '
-            f'font-weight="bold">{html.escape(title)}</text>{"".join(lines)}'
-            f'<g transform="translate({x0:.2f} {y0:.2f}) scale({per[0]:.4f} {-per[1]:.4f})">{drawn}</g>'
-            f'<text x="{box[0] + box[2] / 2:.1f}" y="{bottom:.1f}" text-anchor="middle">{labels[0]}, {unit}</text>'
-            f'<text transform="translate({box[0] - 34:.1f} {box[1] + box[3] / 2:.1f}) rotate(-90)" text-anchor="middle">{labels[1]}, '
-            f'{unit}</text></svg>')
-
-
-def _line(points: Sequence[Sequence[float]], color: str, closed: bool) -> str:
-    kind, fill = ("polygon", f'fill="{color}" fill-opacity="0.15"') if closed else ("polyline", 'fill="none"')
-    text = " ".join(f"{x:.3f},{y:.3f}" for x, y in points)
-    return f'<{kind} points="{text}" {fill} stroke="{color}" stroke-width="2" vector-effect="non-scaling-stroke"/>'
-
-
 def _runs(cells: Sequence[Sequence[float]]) -> list[list[float]]:
     """Neighbouring cells of 3 mm as one: x of the first, y, and width."""
     out: list[list[float]] = []
@@ -183,27 +145,28 @@ def pictures(both: Sequence[dict[str, Any]]) -> list[str]:
     """SVG of all pictures."""
     out = []
     for k, plane in enumerate(PLANES):
-        lines = [np.array(each["planes"][k]) for each in both]
+        lines = [np.array(hand["planes"][k]) for hand in both]
         people = np.array(plane["points"])
-        drawn = "".join(_line(line.tolist(), color, True) for line, color in zip(lines, COLORS))
+        drawn = "".join(line(each.tolist(), color, True) for each, color in zip(lines, COLORS))
         for x, y, spread in plane["points"]:
             ends = [(x - spread * (x != 0), y - spread * (x == 0)), (x + spread * (x != 0), y + spread * (x == 0))]
-            drawn += _line(ends, "#222", False) + _line([(x, y), (x, y)], "#222", False).replace('stroke-width="2"',
+            drawn += line(ends, "#222", False) + line([(x, y), (x, y)], "#222", False).replace('stroke-width="2"',
                                                                                                'stroke-width="8" stroke-linecap="round"')
         spread = np.array([[x + s * (x != 0) * np.sign(x), y + s * (x == 0) * np.sign(y)] for x, y, s in people])
         limits = _limits(np.vstack([*lines, spread, np.zeros((1, 2))]))
-        out.append(_axes(plane["title"], plane["labels"], limits, drawn, 20 if max(np.abs(limits)) < 100 else 50, "N"))
-    for view, (title, labels) in enumerate((("reach of the thumb's tip, from the palm", ("ulnar", "distal")),
-                                            ("reach of the thumb's tip, from the end", ("ulnar", "dorsal")))):
+        labels = (plane["labels"][0] + ", N", plane["labels"][1] + ", N")
+        out.append(axes(plane["title"], labels, limits, drawn, 20 if max(np.abs(limits)) < 100 else 50))
+    for view, (title, labels) in enumerate((("reach of the thumb's tip, from the palm", ("ulnar, mm", "distal, mm")),
+                                            ("reach of the thumb's tip, from the end", ("ulnar, mm", "dorsal, mm")))):
         drawn = ""
         for each, color in zip(both, COLORS):
             cells = "".join(f'<rect x="{x - 1.5}" y="{y - 1.5}" width="{width}" height="3"/>' for x, y, width in _runs(each["workspace"][view]))
             drawn += f'<g fill="{color}" fill-opacity="0.35">{cells}</g>'
         limits = _limits(np.vstack([np.array(each["workspace"][view], dtype=float) for each in both]))
-        out.append(_axes(title, labels, limits, drawn, 20, "mm"))
+        out.append(axes(title, labels, limits, drawn, 20))
     for joint in JOINTS[:4]:
-        drawn = "".join(_line(list(zip(WRIST, each["tenodesis"][joint])), color, False) for each, color in zip(both, COLORS))
-        out.append(_axes(f"rest of {joint}, muscles at rest", ("wrist flexion", joint + " flexion"), (-65, 65, -20, 105), drawn, 20, "deg", False))
+        drawn = "".join(line(list(zip(WRIST, each["tenodesis"][joint])), color, False) for each, color in zip(both, COLORS))
+        out.append(axes(f"rest of {joint}, muscles at rest", ("wrist flexion, deg", joint + " flexion, deg"), (-65, 65, -20, 105), drawn, 20, False))
     return out
 
 
@@ -222,15 +185,9 @@ def page(names: Sequence[str], both: Sequence[dict[str, Any]]) -> str:
 
 def sheet(names: Sequence[str], both: Sequence[dict[str, Any]], columns: int = 3) -> str:
     """All pictures in one SVG."""
-    drawn = pictures(both)
-    parts = []
-    for i, each in enumerate(drawn):
-        parts.append(f'<g transform="translate({430 * (i % columns)} {30 + 400 * (i // columns)})">{each}</g>')
     legend = "".join(f'<text x="{20 + 430 * k}" y="20" fill="{color}" font-weight="bold" font-size="14">{letter}: {html.escape(name)}</text>'
                      for k, (letter, name, color) in enumerate(zip("AB", names, COLORS)))
-    width, height = 430 * columns, 40 + 400 * (-(-len(drawn) // columns))
-    return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" font-family="sans-serif" '
-            f'font-size="11"><rect width="100%" height="100%" fill="white"/>{legend}{"".join(parts)}</svg>')
+    return sheet_of(pictures(both), columns, legend)
 
 
 def _share(a: float, b: float) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import time
-from typing import Callable, NamedTuple, Optional, Sequence
+from typing import Callable, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -368,11 +368,11 @@ def receded(problem: Problem, knots: int) -> Array:
 
 # Residuals of terms.
 
-def angle(problem: Problem, row: int, value: float) -> Residual:
-    """A coordinate's difference to a value."""
-    by = np.zeros((1, problem.places.size))
-    by[0, row] = 1
-    return lambda simulation, k: (np.array([simulation.q[row] - value]), by)
+def angle(problem: Problem, rows: Union[int, Sequence[int]], values: Union[float, Array]) -> Residual:
+    """Differences of coordinates to a value, or to one each."""
+    which = np.atleast_1d(rows)
+    by = np.eye(problem.places.size)[which]
+    return lambda simulation, k: (simulation.q[which] - values, by)
 
 
 def point(problem: Problem, body: int, offset: Array, path: Array) -> Residual:

@@ -136,6 +136,48 @@ def test_a_reach_by_torques_arrives():
     assert found.converged and np.linalg.norm(place - goal.file.get("costs.0.is")) < 1e-5
 
 
+def test_muscles_lift_a_block_in_a_pinch_and_hold_it(tmp_path):
+    goal = hs.data_path() / "config" / "goals" / "lift.yaml"
+    status, out, err = command("optimise", "muscle_pinch", "--goal", goal, "--out", tmp_path / "out", "--no-run", "--iterations", 3)
+    result = json.loads((tmp_path / "out" / "optimise.json").read_text())
+    assert status in (0, 1) and result["played_difference"] < 1e-6 and all(share == 1 for share in result["touch"].values()), (out, err)
+    # What is written lifts it by excitations alone; those of the scene do not.
+    held = []
+    for source in (tmp_path / "out" / "scene.yaml", "muscle_pinch"):
+        simulation = hs.Simulation(source)
+        assert not simulation.scene.axes and len(simulation.scene.muscles) == 41
+        block, lifted = simulation.scene.bodies.index("block"), 0
+        start = simulation.bodies.position[block][2]
+        for _ in range(600):
+            simulation.step()
+            touched = {name for contacts in (simulation.contacts.a, simulation.contacts.b) for name in contacts}
+            lifted += simulation.bodies.position[block][2] - start >= 0.02 and "ground" not in touched
+        held.append(0.002 * lifted)
+    assert held[0] >= 0.5 and held[1] == 0
+
+
+def test_angles_by_pattern_count_from_the_start_and_paths_may_leave_axes_free(tmp_path):
+    from handsim._optimise_command import Goal
+
+    (tmp_path / "goal.yaml").write_text("actions: torques\nof: right.index_*\nduration: 0.1\ncosts:\n  - {angle: 'right.index_*', weight: 3}\n"
+                                        "  - {point: right.index_tip, relative: true, path: [[0, ~, 0, ~], [0.1, ~, 0.02, ~]], weight: 5}\n")
+    scene = hs.load("reach", {"hands.0.pose.index_pip": 0.3})
+    simulation = hs.Simulation(scene)
+    problem = Goal(tmp_path / "goal.yaml", scene).problem(simulation)
+    angles, path = (term.residual for term in problem.terms)
+    body, offset = next((body, offset) for name, body, offset in scene._model.hands[0].tips if name == "right.index_tip")
+    before = problem.places.point(simulation.bodies, body, offset)[0]
+    q = simulation.q + 0.01 * np.arange(len(simulation.q))
+    simulation.reset(q=q)
+    off, by = angles(simulation, 5)
+    np.testing.assert_allclose(off, 0.01 * np.arange(4, 8), atol=1e-15)
+    np.testing.assert_array_equal(by, np.eye(problem.places.size)[4:8])
+    off, by = path(simulation, 5)
+    place, moved = problem.places.point(simulation.bodies, body, offset)
+    np.testing.assert_allclose(off, [place[1] - before[1] - 0.01], atol=1e-15)
+    np.testing.assert_array_equal(by, moved[1:2])
+
+
 def test_all_that_is_wrong_with_a_goal_is_said_with_its_place(files, capsys):
     (files / "goal.yaml").write_text("actions: torques\nhold: 3 ms\ncost: []\n")
     assert main([str(files / "rail.yaml"), "--goal", str(files / "goal.yaml"), "--out", str(files / "out")]) == 2
@@ -146,6 +188,12 @@ def test_all_that_is_wrong_with_a_goal_is_said_with_its_place(files, capsys):
     assert "actions: got torques, need torques of a hand" in said
     for text in ("4:13: costs.0.point: got 'cat', need cart", "4:22: costs.0.is: got [1, 2], need", "costs.0.at: got 0.7, need a number of",
                  "costs.1.weight: got nothing"):
+        assert text in said, (text, said)
+    (files / "goal.yaml").write_text("actions: torques\nduration: 0.5\ncosts:\n  - {point: cart, is: [~, ~, ~], weight: 1}\n  - {angle: 'cat*', weight: 1}\n"
+                                     "  - {point: cart, path: [[~, 1, 2, 3]], weight: 1}\n")
+    assert main([str(files / "rail.yaml"), "--goal", str(files / "goal.yaml"), "--out", str(files / "out")]) == 2
+    said = capsys.readouterr().err
+    for text in ("4:5: costs.0: got a place of which all axes are free", "5:13: costs.1.angle: got 'cat*', need", "costs.2.path: got times that do not increase"):
         assert text in said, (text, said)
     assert not (files / "out").exists()
     assert main([str(files / "rail.yaml")]) == 2 and "--goal: got nothing" in capsys.readouterr().err
