@@ -86,8 +86,9 @@ void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
   for (const simulation::FingerLoad& load : grip.fingers)
     print(
         "      {:<7} tendons: deep {:.3g} N, superficial {:.3g} N; pulleys: A2 {:.3g} N ({:.0f} % of what "
-        "cadaver fingers bore), A4 {:.3g} N\n",
-        load.finger, load.deep, load.superficial, load.a2, 100 * load.a2 / model::kPulleyStrength, load.a4);
+        "cadaver fingers bore), A4 {:.3g} N ({:.0f} %)\n",
+        load.finger, load.deep, load.superficial, load.a2, 100 * load.a2 / model::kA2Strength, load.a4,
+        100 * load.a4 / model::kA4Strength);
 }
 
 void print_climbs(const simulation::RunResult& result) {

@@ -266,7 +266,9 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
   HandMuscles out;
   const double scale = size.length / file.hand_length;
   out.strength = grip_strength(file.norms, person).own / file.grip_strength;
-  if (file.grip_hand_length) out.strength *= std::min(1.2, *file.grip_hand_length / size.length);
+  // The power: by norms of eight groups of 1.57 to 1.87 m (docs/muscles.md).
+  if (file.grip_hand_length)
+    out.strength *= std::min(1.2, std::pow(*file.grip_hand_length / size.length, 1.5));
   std::vector<double> rest;
   for (const HandAxis& axis : axes) rest.push_back(axis.rest);
   for (const MuscleSpec& spec : file.muscles) {

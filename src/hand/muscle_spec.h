@@ -94,7 +94,8 @@ struct HandMuscles {
 /// Arms, fibres, tendons and the stiffness of bands scale with hand length; forces with the person's or
 /// the norm's grip strength, and below the norm's smallest stature with the square of stature, as areas do.
 /// On a dynamometer's bar the shorter arms of a shorter hand need more force for the same grip: forces scale
-/// with `grip_hand_length` over hand length, too, by 1.2 at most, since children take a nearer handle.
+/// with `grip_hand_length` over hand length to the power 1.5, too, by 1.2 at most, since children take a
+/// nearer handle.
 HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& axes, const HandSize& size,
                           const Person& person);
 

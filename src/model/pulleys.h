@@ -1,10 +1,10 @@
 // Forces on the flexor pulleys of a finger from its tendons' tensions and its PIP angle. A2 and A4 stand on
-// both sides of the PIP; the tendons turn there by the angle of the joint, half of it at each pulley. A
-// tendon of tension T that turns by an angle t presses with 2 T sin(t / 2); so a pulley carries 2 T sin(PIP /
-// 4). The superficial flexor ends between the two and loads A2 alone. With the tensions and pulley forces at
-// failure of Schoeffl 2009 (J Biomech 42:2183), 348 N and 287 N in a crimp, 371 N and 121 N in a slope grip,
-// at PIP angles of 87 and 39 deg (Fischer 2024, Bioengineering 11:370), this gives 258 and 125 N.
-// Bowstringing is left out, and friction in the sheath but for sheath_gain().
+// both sides of the PIP; the tendons turn there by the angle of the joint, 0.55 of it at A2. A tendon of
+// tension T that turns by an angle t presses with 2 T sin(t / 2). The superficial flexor ends between the two
+// and loads A2 alone. Deep tendons of cadavers had 348 N at failure in a crimp, A2 287 N and A4 226 N; in a
+// slope grip 371, 121 and 103 N (Schoeffl 2009, J Biomech 42:2183). By these forces they turned by 87 and 35
+// deg, of which A2 had 0.56 and 0.54; at PIP angles of 87 and 39 deg (Fischer 2024, Bioengineering 11:370)
+// the law gives 282 and 233 N, 138 and 113 N. Bowstringing is left out, and friction but for sheath_gain().
 #pragma once
 
 #include <algorithm>
@@ -12,9 +12,10 @@
 
 namespace handsim::model {
 
-/// Largest force on A2 [N]: of 12 cadaver fingers loaded in a crimp until something tore, 287 N (Schoeffl
-/// 2009).
-inline constexpr double kPulleyStrength = 287;
+/// Largest forces on A2 and A4 [N]: of 12 cadaver fingers loaded in a crimp until something tore (Schoeffl
+/// 2009). In half of them that was A4.
+inline constexpr double kA2Strength = 287, kA4Strength = 226;
+inline constexpr double kA2Turn = 0.55;  ///< share of the PIP's angle by which tendons turn at A2
 
 /// Tensions of a finger's flexors [N].
 struct FlexorTensions {
@@ -36,8 +37,8 @@ struct PulleyForces {
 
 /// @param pip angle of the PIP [rad]
 inline PulleyForces pulley_forces(const FlexorTensions& tensions, double pip) {
-  const double turn = 2 * std::sin(std::max(0.0, pip) / 4);
-  return {turn * (tensions.deep + tensions.superficial), turn * tensions.deep};
+  const auto turned = [&](double share) { return 2 * std::sin(share * std::max(0.0, pip) / 2); };
+  return {turned(kA2Turn) * (tensions.deep + tensions.superficial), turned(1 - kA2Turn) * tensions.deep};
 }
 
 /// Tension beyond the PIP's pulleys over the muscle's where the finger yields, a belt: a PIP of 83 deg then

@@ -131,14 +131,18 @@ TEST(Climb, TheHoldBearsTheLoadAndTheHand) {
   EXPECT_NEAR(up, wanted, 0.01 * wanted);
 }
 
-/// Both tendons press on A2, the deep one on A4, none where the PIP is straight; a fingertip's force takes a
-/// tendon that is stronger than it, since its lever is longer than the tendon's arm.
+/// Both tendons press on A2, the deep one on A4, where it turns less by 0.45 over 0.55, none where the PIP is
+/// straight; a fingertip's force takes a tendon that is stronger than it, since its lever is longer than the
+/// tendon's arm. Ligaments hold a part of the DIP's moment only where it lies on its stop: elsewhere the deep
+/// flexor holds all of it, as the hand is almost at rest.
 void expect_pulleys(const LoadedGrip& grip) {
   EXPECT_EQ(grip.fingers.size(), 4u);
   double pulleys = 0;
   for (const FingerLoad& load : grip.fingers) {
     if (load.deep == 0) continue;
-    EXPECT_NEAR(load.a2 * load.deep, load.a4 * (load.deep + load.superficial), 1e-6) << load.finger;
+    const double part = load.deep / (load.deep + load.superficial) * load.a2;
+    EXPECT_GE(part, load.a4) << load.finger;
+    EXPECT_LE(part, 0.55 / 0.45 * load.a4 + 1e-6) << load.finger;
     EXPECT_LT(load.a2, load.deep + load.superficial) << load.finger;
     pulleys += load.a4;
   }

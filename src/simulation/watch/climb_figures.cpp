@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "handsim/model/kinematics.h"
 #include "handsim/model/pulleys.h"
 #include "handsim/simulation/watch/summary_json.h"
 
@@ -16,7 +17,7 @@ void carry_loaded(Archive& archive, T& grip) {
   carry_all(archive, grip.time, grip.load, grip.travel, grip.contacts);
   archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
   archive.list(grip.fingers, [](auto& each, auto& load) {
-    carry_all(each, load.finger, load.deep, load.superficial, load.a2, load.a4);
+    carry_all(each, load.finger, load.deep, load.superficial, load.a2, load.a4, load.ligaments);
   });
 }
 
@@ -27,8 +28,11 @@ Json fingers_json(const std::vector<FingerLoad>& fingers) {
                    {"FDP_N", each.deep},
                    {"FDS_N", each.superficial},
                    {"A2_N", each.a2},
-                   {"A2_of_strength", each.a2 / model::kPulleyStrength},
-                   {"A4_N", each.a4}});
+                   {"A2_of_FDP_N", each.deep > 0 ? each.a2 * each.deep / (each.deep + each.superficial) : 0},
+                   {"A2_of_strength", each.a2 / model::kA2Strength},
+                   {"A4_N", each.a4},
+                   {"A4_of_strength", each.a4 / model::kA4Strength},
+                   {"DIP_on_ligaments", each.ligaments}});
   return out;
 }
 
@@ -76,7 +80,7 @@ void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& 
   }
 }
 
-FingerLoad ClimbWatch::Flexors::load(const model::State& state) const {
+FingerLoad ClimbWatch::Flexors::load(const model::State& state, const Eigen::VectorXd& held) const {
   const auto arm = [&](const model::TendonPath& path, std::size_t dof) {
     const model::PathState at = model::path_state(path, state.q);
     for (std::size_t i = 0; i < path.arms.size(); ++i)
@@ -90,12 +94,14 @@ FingerLoad ClimbWatch::Flexors::load(const model::State& state) const {
     tensions = model::flexor_tensions(state.tau[dip], state.tau[pip], arm(deep, dip), arm(deep, pip),
                                       arm(superficial, pip));
   const model::PulleyForces pulleys = model::pulley_forces(tensions, state.q[pip]);
-  return {finger, tensions.deep, tensions.superficial, pulleys.a2, pulleys.a4};
+  const double extends = -held[static_cast<Eigen::Index>(dip)], flexes = tensions.deep * arm(deep, dip);
+  return {finger,     tensions.deep, tensions.superficial,
+          pulleys.a2, pulleys.a4,    extends > 0 ? std::max(0.0, 1 - flexes / extends) : 0};
 }
 
 ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& built,
                        double step)
-    : plan_(plan), half_step_(step / 2) {
+    : model_(&model), plan_(plan), half_step_(step / 2) {
   find_flexors(model, built);
   const model::HandIndex& hand = model.hands[plan.hand];
   dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
@@ -115,16 +121,21 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   out.load = load_at(plan_, out.time);
   out.travel = figures_.travel;
   PartForces parts;
+  Eigen::VectorXd held = Eigen::VectorXd::Zero(model_->dof_count());
   for (const engine::Contact& contact : engine.contacts()) {
     const auto a = static_cast<std::size_t>(contact.shape_a), b = static_cast<std::size_t>(contact.shape_b);
     const bool first = of_hold_[b];
     const int part = part_of_shape_[first ? a : b];
     if (!(first || of_hold_[a]) || part < 0 || contact.normal_force() <= 0) continue;
     parts.add(part, contact);
+    const int body = model_->shapes[first ? a : b].body;
+    held += (first ? 1 : -1) *
+            model::jacobian(*model_, engine.state(), body, contact.position).topRows<3>().transpose() *
+            contact.force;
     ++out.contacts;
   }
   out.parts = parts.touched();
-  for (const Flexors& each : flexors_) out.fingers.push_back(each.load(engine.state()));
+  for (const Flexors& each : flexors_) out.fingers.push_back(each.load(engine.state(), held));
   return out;
 }
 

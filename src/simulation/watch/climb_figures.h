@@ -27,6 +27,7 @@ struct FingerLoad {
   std::string finger;
   double deep = 0, superficial = 0;
   double a2 = 0, a4 = 0;
+  double ligaments = 0;  ///< share of the hold's moment about the DIP that the deep flexor leaves to the stop
 };
 
 /// The grip under one load.
@@ -85,8 +86,10 @@ class ClimbWatch {
     model::TendonPath deep, superficial;
     std::size_t dip = 0, pip = 0;                                ///< coordinates
     std::optional<std::size_t> deep_muscle, superficial_muscle;  ///< in Model::muscles
-    FingerLoad load(const model::State& state) const;
+    /// @param held moments of the hold's forces on the finger, by coordinate [N m]
+    FingerLoad load(const model::State& state, const Eigen::VectorXd& held) const;
   };
+  const model::Model* model_;
   std::vector<Flexors> flexors_;
   scene::ClimbPlan plan_;
   double half_step_;

@@ -135,6 +135,7 @@ double measure_once(const Subject& subject, const Measurement& of) {
           of.finger.empty() ? std::vector{*subject.dof(of.axis)} : subject.finger_dofs(of.finger),
           {})[at(*subject.dof(of.axis))];
     case Measured::pulley_force:
+      if (of.segment == "A4") return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a4;
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
     case Measured::sheath_friction:
       return 1 - std::pow(model::sheath_gain(of.angles.at(0)), -2);

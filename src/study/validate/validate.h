@@ -29,7 +29,7 @@ enum class Measured {
                     ///< [rad]
   coupled_angle,  ///< of an axis where tissue, bands and resting muscles balance, others held at a pose; with
                   ///< a finger all its axes may turn [rad]
-  pulley_force,   ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
+  pulley_force,   ///< on A2 or A4, for a tension of the deep flexor at a PIP angle (model/pulleys.h) [N]
   sheath_friction,  ///< share of a yielding finger's force that a shortening one has less, by the sheath [1]
   hand_mass,        ///< [kg]
   centre_of_mass,   ///< of the hand from the wrist, share of hand length [1]
@@ -49,7 +49,8 @@ struct Measurement {
   std::string hand;                     ///< of ValidateSpec::hands; empty: that of the file
   std::optional<std::size_t> over_row;  ///< row above, whose value divides this one's
   std::string muscle, axis, finger, direction;
-  std::string segment;  ///< tip_force: whose middle is pressed; empty: the fingertip
+  std::string
+      segment;  ///< tip_force: whose middle is pressed; empty: the fingertip. pulley_force: the pulley
   std::vector<std::string> muscles;
   std::vector<std::string> balanced;     ///< axes without a moment: grip_force; joint_moment, of all muscles
   std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1

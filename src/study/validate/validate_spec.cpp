@@ -213,8 +213,10 @@ class RowReader {
     if (row.kind == Measured::tip_force && reader.has("segment"))
       row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
     if (row.kind == Measured::loaded_rotation) row.load = reader.number("load", {Dimension::none, 0, 1});
-    if (row.kind == Measured::pulley_force)
+    if (row.kind == Measured::pulley_force) {
       row.tension = reader.number("tension", {Dimension::force, 0, 1e4});
+      if (reader.has("pulley")) row.segment = known_name(reader, "pulley", {"A2", "A4"}, "A2 or A4");
+    }
     if (row.kind == Measured::pulley_force || row.kind == Measured::sheath_friction)
       row.angles = {reader.number("pip", kAngle)};
     if (row.kind == Measured::simulation) read_simulation(reader, row);
