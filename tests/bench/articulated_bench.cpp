@@ -4,10 +4,14 @@
 #include <ode/ode.h>
 
 #include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
 
 #include "bench/one_hand.h"
 #include "bench/paired.h"
 #include "handsim/engine/articulated/articulated_engine.h"
+#include "handsim/engine/articulated/derivatives/dynamics_slopes.h"
 #include "handsim/engine/ode/ode_engine.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
@@ -313,6 +317,56 @@ void read_state(benchmark::State& state) {
   }
 }
 BENCHMARK(read_state);
+
+/// Derivatives of forward dynamics by positions and rates, and the inverse inertia: what Pinocchio's
+/// computeABADerivatives finds, whose time is in tests/peers/derivatives.py. Counter: coordinates.
+void derivatives_of_dynamics(benchmark::State& state) {
+  const Load load = one_hand();
+  engine::Settings settings = load.scene.spec.solver;
+  settings.use(engine::ArticulatedMethod::semi_implicit_euler);
+  engine::articulated::Mechanism mechanism(load.scene.model, settings);
+  engine::articulated::DynamicsSlopes slopes(mechanism);
+  model::State at = model::initial_state(load.scene.model);
+  for (std::size_t i = 0; i < at.q.size(); ++i) {
+    at.q[i] += 0.3 * std::sin(static_cast<double>(i));
+    at.u[i] = std::cos(static_cast<double>(i));
+  }
+  mechanism.take(at);
+  mechanism.update_bases();
+  const int n = slopes.size();
+  // Coordinates of a finger depend on no other finger's.
+  std::vector<std::pair<int, int>> chains;
+  std::vector<std::size_t> rate;
+  for (int i = 0; i < n; ++i) {
+    rate.push_back(mechanism.slot(static_cast<std::size_t>(slopes.node(i))).u);
+    if (slopes.parent_dof(i) < 0) chains.emplace_back(i, 0);
+    ++chains.back().second;
+  }
+  std::vector<double> du(rate.size());
+  Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n), by_q = inverse, by_u = inverse;
+  for (auto unused : state) {
+    (void)unused;
+    mechanism.kernel().kinematics(mechanism.tree());
+    mechanism.kernel().prepare_smooth(mechanism.tree());
+    mechanism.kernel().solve(mechanism.tree());
+    for (std::size_t i = 0; i < du.size(); ++i) du[i] = mechanism.du()[rate[i]];
+    slopes.find(du);
+    for (const auto& [first, size] : chains) {
+      const auto block = [&, first = first, size = size](auto& of) {
+        return of.block(first, first, size, size);
+      };
+      const Eigen::MatrixXd H = block(slopes.inertia());
+      block(inverse) = H.partialPivLu().inverse();
+      block(by_q) = -block(inverse).lazyProduct(block(slopes.by_position()));
+      block(by_u) = -block(inverse).lazyProduct(block(slopes.by_rate()));
+    }
+    benchmark::DoNotOptimize(by_q.data());
+    benchmark::DoNotOptimize(by_u.data());
+  }
+  state.counters["coordinates"] = n;
+  state.counters["largest"] = by_q.cwiseAbs().maxCoeff();
+}
+BENCHMARK(derivatives_of_dynamics);
 
 }  // namespace
 }  // namespace handsim::bench

@@ -14,10 +14,10 @@ namespace {
 
 template <class Archive, class T>
 void carry_loaded(Archive& archive, T& grip) {
-  carry_all(archive, grip.time, grip.load, grip.travel, grip.contacts);
+  archive(grip.time, grip.load, grip.travel, grip.contacts);
   archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
   archive.list(grip.fingers, [](auto& each, auto& load) {
-    carry_all(each, load.finger, load.deep, load.superficial, load.a2, load.a4, load.ligaments);
+    each(load.finger, load.deep, load.superficial, load.a2, load.a4, load.ligaments);
   });
 }
 
@@ -167,8 +167,8 @@ void ClimbWatch::update(const engine::Engine& engine) {
 template <class Archive, class Self>
 void ClimbWatch::carry(Archive& archive, Self& self) {
   auto& figures = self.figures_;
-  carry_all(archive, figures.failed, figures.carried, figures.carried_time, figures.failure_time,
-            figures.travel, self.start_, self.loading_);
+  archive(figures.failed, figures.carried, figures.carried_time, figures.failure_time, figures.travel,
+          self.start_, self.loading_);
   archive.list(self.grips_, [](auto& each, auto& grip) { carry_loaded(each, grip); });
 }
 

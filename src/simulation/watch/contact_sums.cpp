@@ -37,8 +37,8 @@ void end_step(Sums& sums, double time, double step) {
 
 template <class Archive, class T>
 void carry(Archive& archive, T& sum) {
-  carry_all(archive, sum.contacts, sum.force, sum.normal, sum.friction, sum.normal_time, sum.largest_normal,
-            sum.largest_at);
+  archive(sum.contacts, sum.force, sum.normal, sum.friction, sum.normal_time, sum.largest_normal,
+          sum.largest_at);
 }
 
 }  // namespace

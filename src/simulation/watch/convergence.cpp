@@ -49,7 +49,7 @@ template <class Archive, class Self>
 void Convergence::carry(Archive& archive, Self& self) {
   archive(self.lcp_failures_);
   archive.each(self.rungs_);
-  carry_all(archive, self.iterative_, self.measured_, self.limit_steps_);
+  archive(self.iterative_, self.measured_, self.limit_steps_);
   for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::carry(archive, *peak);
 }
 

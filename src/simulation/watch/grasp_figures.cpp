@@ -19,8 +19,8 @@ template <class Archive, class T>
 void carry_grip(Archive& archive, T& grip) {
   archive(grip.time);
   archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
-  carry_all(archive, grip.contacts, grip.others, grip.normal, grip.friction_used, grip.wrenches.force_closure,
-            grip.wrenches.epsilon, grip.wrenches.volume);
+  archive(grip.contacts, grip.others, grip.normal, grip.friction_used, grip.wrenches.force_closure,
+          grip.wrenches.epsilon, grip.wrenches.volume);
 }
 
 template <class Archive, class T>
@@ -28,9 +28,8 @@ void carry_figures(Archive& archive, T& figures) {
   archive(figures.complete);
   carry_grip(archive, figures.hold);
   carry_grip(archive, figures.after);
-  carry_all(archive, figures.slip, figures.spin, figures.shaken_shift, figures.shaken_time, figures.shift,
-            figures.turn, figures.held, figures.left, figures.left_time, figures.last_part,
-            figures.moved_time);
+  archive(figures.slip, figures.spin, figures.shaken_shift, figures.shaken_time, figures.shift, figures.turn,
+          figures.held, figures.left, figures.left_time, figures.last_part, figures.moved_time);
 }
 
 template <class Archive, class T>

@@ -78,9 +78,9 @@ void Ledger::update(Step& step) {
 
 template <class Archive, class Self>
 void Ledger::carry(Archive& archive, Self& self) {
-  carry_all(archive, self.timed_, self.steps_, self.contacts_, self.collide_calls_, self.step_ns_,
-            self.check_ns_, self.collide_ns_, self.tissue_ns_, self.control_ns_, self.servo_ns_);
-  for (auto& count : self.counts_) carry_all(archive, count.steps, count.rows);
+  archive(self.timed_, self.steps_, self.contacts_, self.collide_calls_, self.step_ns_, self.check_ns_,
+          self.collide_ns_, self.tissue_ns_, self.control_ns_, self.servo_ns_);
+  for (auto& count : self.counts_) archive(count.steps, count.rows);
 }
 
 void Ledger::save(ArchiveWriter& out) const { carry(out, *this); }

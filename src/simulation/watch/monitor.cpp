@@ -98,8 +98,8 @@ void Monitor::update_stops(const model::State& state) {
 
 template <class Archive, class Self>
 void Monitor::carry(Archive& archive, Self& self) {
-  for (auto& stopped : self.stopped_) carry_all(archive, stopped.overshoot, stopped.allowed);
-  carry_all(archive, self.gap2_, self.gap_time_, self.gap_joint_);
+  for (auto& stopped : self.stopped_) archive(stopped.overshoot, stopped.allowed);
+  archive(self.gap2_, self.gap_time_, self.gap_joint_);
   simulation::carry(archive, self.excess_);
 }
 

@@ -24,7 +24,7 @@ struct Peak {
 
 template <class Archive, class T>
 requires std::same_as<std::remove_const_t<T>, Peak>
-void carry(Archive& archive, T& peak) { carry_all(archive, peak.value, peak.time, peak.where); }
+void carry(Archive& archive, T& peak) { archive(peak.value, peak.time, peak.where); }
 
 /// A larger joint gap ends a run [m]; segments of a hand are shorter than this.
 inline constexpr double kLargestGap = 0.1;

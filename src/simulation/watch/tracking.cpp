@@ -161,14 +161,14 @@ template <class Archive, class Self>
 void Tracking::carry(Archive& archive, Self& self) {
   archive(self.steps_);
   for (auto& axis : self.axes_)
-    carry_all(archive, axis.square_sum, axis.largest, axis.largest_time, axis.torque, axis.from, axis.to,
-              axis.last_outside, axis.beyond, axis.error_before, axis.error_now, axis.at_limit);
-  for (auto& hand : self.hands_) carry_all(archive, hand.phase, hand.moving, hand.window);
+    archive(axis.square_sum, axis.largest, axis.largest_time, axis.torque, axis.from, axis.to,
+            axis.last_outside, axis.beyond, axis.error_before, axis.error_now, axis.at_limit);
+  for (auto& hand : self.hands_) archive(hand.phase, hand.moving, hand.window);
   // Names are the scene's; what figures() derives is not kept.
   for (auto& figure : self.figures_) {
     for (auto* peak : {&figure.steady_error, &figure.overshoot, &figure.settling_time})
       simulation::carry(archive, *peak);
-    carry_all(archive, figure.holds, figure.movements, figure.unsettled);
+    archive(figure.holds, figure.movements, figure.unsettled);
   }
 }
 

@@ -146,9 +146,8 @@ void Tunnelling::add_verdicts(const scene::Criteria& criteria, std::vector<Verdi
 
 template <class Archive, class Self>
 void Tunnelling::carry(Archive& archive, Self& self) {
-  carry_all(archive, self.depth_, self.depth_time_, self.deep_a_, self.deep_b_);
-  for (auto& met : self.events_)
-    carry_all(archive, met.a, met.b, met.time, met.passed, met.depth, met.depth_time);
+  archive(self.depth_, self.depth_time_, self.deep_a_, self.deep_b_);
+  for (auto& met : self.events_) archive(met.a, met.b, met.time, met.passed, met.depth, met.depth_time);
 }
 
 void Tunnelling::save(ArchiveWriter& out) const {

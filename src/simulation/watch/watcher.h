@@ -104,12 +104,6 @@ class EachTask : public Watcher {
   std::vector<Watch> each_;
 };
 
-/// Saves or restores fields in this order (core/archive.h).
-template <class Archive, class... Fields>
-void carry_all(Archive& archive, Fields&... fields) {
-  (archive(fields), ...);
-}
-
 using Watchers = std::vector<std::unique_ptr<Watcher>>;
 /// Makes the watchers of a simulation at its start.
 using MakeWatchers = std::function<Watchers(const Watched&)>;
