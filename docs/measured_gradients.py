@@ -43,6 +43,8 @@ def gradients_peers():
     mujoco, pinocchio = found["mujoco"], found["pinocchio"]
     rows = [["handsim: a whole step with all Jacobians", number(mujoco["handsim"][0]), micro(mujoco["handsim"][1])]]
     rows += [[f"MuJoCo {mujoco['version']}, `mjd_transitionFD`, {way}", number(mujoco[way][0]), micro(mujoco[way][1])] for way in ("forward", "centred")]
+    if pinocchio["dynamics"]:
+        rows.append(["handsim: derivatives of forward dynamics alone", "", micro(pinocchio["dynamics"])])
     rows += [[f"Pinocchio {pinocchio['version']}, `computeABADerivatives` alone", f"differs from handsim's by {number(pinocchio['error'])}", micro(pinocchio["pinocchio"])]]
     return table(["a hand of 20 coordinates", "error", "time"], rows)
 

@@ -10,6 +10,7 @@
 
 #include "bench/one_hand.h"
 #include "bench/paired.h"
+#include "handsim/core/index.h"
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/articulated/derivatives/dynamics_slopes.h"
 #include "handsim/engine/ode/ode_engine.h"
@@ -326,21 +327,24 @@ void derivatives_of_dynamics(benchmark::State& state) {
   settings.use(engine::ArticulatedMethod::semi_implicit_euler);
   engine::articulated::Mechanism mechanism(load.scene.model, settings);
   engine::articulated::DynamicsSlopes slopes(mechanism);
-  model::State at = model::initial_state(load.scene.model);
-  for (std::size_t i = 0; i < at.q.size(); ++i) {
-    at.q[i] += 0.3 * std::sin(static_cast<double>(i));
-    at.u[i] = std::cos(static_cast<double>(i));
+  model::State start = model::initial_state(load.scene.model);
+  for (std::size_t i = 0; i < start.q.size(); ++i) {
+    start.q[i] += 0.3 * std::sin(static_cast<double>(i));
+    start.u[i] = std::cos(static_cast<double>(i));
   }
-  mechanism.take(at);
+  mechanism.take(start);
   mechanism.update_bases();
   const int n = slopes.size();
   // Coordinates of a finger depend on no other finger's.
-  std::vector<std::pair<int, int>> chains;
-  std::vector<std::size_t> rate;
+  using Small = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, 8, 8>;
+  std::vector<std::vector<int>> fingers;
+  std::vector<std::size_t> finger_of, rate;
   for (int i = 0; i < n; ++i) {
     rate.push_back(mechanism.slot(static_cast<std::size_t>(slopes.node(i))).u);
-    if (slopes.parent_dof(i) < 0) chains.emplace_back(i, 0);
-    ++chains.back().second;
+    const int parent = slopes.parent_dof(i);
+    finger_of.push_back(parent < 0 ? fingers.size() : finger_of[static_cast<std::size_t>(parent)]);
+    if (parent < 0) fingers.emplace_back();
+    fingers[finger_of.back()].push_back(i);
   }
   std::vector<double> du(rate.size());
   Eigen::MatrixXd inverse = Eigen::MatrixXd::Zero(n, n), by_q = inverse, by_u = inverse;
@@ -351,14 +355,22 @@ void derivatives_of_dynamics(benchmark::State& state) {
     mechanism.kernel().solve(mechanism.tree());
     for (std::size_t i = 0; i < du.size(); ++i) du[i] = mechanism.du()[rate[i]];
     slopes.find(du);
-    for (const auto& [first, size] : chains) {
-      const auto block = [&, first = first, size = size](auto& of) {
-        return of.block(first, first, size, size);
+    for (const std::vector<int>& finger : fingers) {
+      const auto size = static_cast<Eigen::Index>(finger.size());
+      const auto part = [&](const Eigen::MatrixXd& of) {
+        Small out(size, size);
+        for (Eigen::Index j = 0; j < size; ++j)
+          for (Eigen::Index i = 0; i < size; ++i) out(i, j) = of(finger[at(i)], finger[at(j)]);
+        return out;
       };
-      const Eigen::MatrixXd H = block(slopes.inertia());
-      block(inverse) = H.partialPivLu().inverse();
-      block(by_q) = -block(inverse).lazyProduct(block(slopes.by_position()));
-      block(by_u) = -block(inverse).lazyProduct(block(slopes.by_rate()));
+      const auto put = [&](const Small& found, Eigen::MatrixXd& to) {
+        for (Eigen::Index j = 0; j < size; ++j)
+          for (Eigen::Index i = 0; i < size; ++i) to(finger[at(i)], finger[at(j)]) = found(i, j);
+      };
+      const Small own = part(slopes.inertia()).llt().solve(Small::Identity(size, size));
+      put(own, inverse);
+      put(-own * part(slopes.by_position()), by_q);
+      put(-own * part(slopes.by_rate()), by_u);
     }
     benchmark::DoNotOptimize(by_q.data());
     benchmark::DoNotOptimize(by_u.data());

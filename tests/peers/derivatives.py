@@ -133,8 +133,18 @@ def against_pinocchio(folder):
         ours = (found.state[n:, :n] / h, (found.state[n:, n:] - np.eye(n)) / h, found.torques[n:] / h)
         worst = max([worst, *(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(ours, theirs["found"][i]))])
     args = (None, None, None, None, None, [], False)
-    return {"error": worst, "pinocchio": float(theirs["time"]), "version": str(theirs["version"]),
+    return {"error": worst, "pinocchio": float(theirs["time"]), "version": str(theirs["version"]), "dynamics": dynamics(),
             "handsim": least(lambda: sim._core.step_with_derivatives(*args), before=lambda: sim.reset(q=q[-1], u=u[-1]))}
+
+
+def dynamics():
+    """Time of what Pinocchio's function does [s], by the benchmarks of the build; None without them."""
+    bench = Path(__file__).parents[2] / "build" / "release" / "tests" / "bench_handsim"
+    if not bench.exists():
+        return None
+    text = subprocess.run([bench, "--benchmark_filter=derivatives_of_dynamics", "--benchmark_repetitions=5", "--benchmark_format=json"],
+                          check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+    return 1e-9 * min(row["cpu_time"] for row in json.loads(text)["benchmarks"] if row["run_type"] == "iteration")
 
 
 def error(found, step, start):
@@ -314,6 +324,9 @@ def main():
         out |= {"pinocchio": against_pinocchio(options.peers), "mujoco": against_mujoco(options.peers)}
         print("Pinocchio {version}: differ by {error:.2g}; {0:.1f} us, handsim's whole step {1:.1f} us".format(
             1e6 * out["pinocchio"]["pinocchio"], 1e6 * out["pinocchio"]["handsim"], **out["pinocchio"]))
+        if out["pinocchio"]["dynamics"]:
+            print("handsim's derivatives of dynamics alone {0:.1f} us, {1:.2f} of Pinocchio's time".format(
+                1e6 * out["pinocchio"]["dynamics"], out["pinocchio"]["dynamics"] / out["pinocchio"]["pinocchio"]))
         for name in ("forward", "centred", "handsim"):
             e, t = out["mujoco"][name]
             print(f"MuJoCo {out['mujoco']['version']} {name}: error {e:.2g}, {1e6 * t:.1f} us")

@@ -7,7 +7,11 @@ import pytest
 
 import handsim as hs
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed")
+try:
+    import torch
+except ImportError:
+    torch = None
+pytestmark = pytest.mark.skipif(torch is None, reason="PyTorch is not installed")
 
 
 @pytest.fixture(scope="module")
