@@ -325,10 +325,10 @@ def played(problem: Problem) -> Optional[Trajectory]:
 
 
 class Receding:
-    """Model predictive control: at each knot one iteration over the next knots, and the first of their actions."""
+    """Model predictive control: at each knot one iteration, or some, over the next knots, and the first of their actions."""
 
-    def __init__(self, problem: Problem, knots: int) -> None:
-        self.problem, self.knots, self.k = problem, knots, 0
+    def __init__(self, problem: Problem, knots: int, iterations: int = 1) -> None:
+        self.problem, self.knots, self.iterations, self.k = problem, knots, iterations, 0
         self.plan: Array = problem.first[:knots].copy()
         self.before, self.damping = problem.before, 1e-4
 
@@ -338,14 +338,15 @@ class Receding:
         window = self.problem.window(self.k, knots, start, self.plan[:knots], self.before)
         found = played(window)
         if found is not None:
-            try:
-                better, _ = window.improved(found, self.damping, window.linear(found), 0.25)
-            except Error as error:
-                if error.kind == "physics":
-                    raise
-                better = None
-            self.damping = max(self.damping / 10, 1e-6) if better is not None else min(self.damping * 10, 10.0)
-            found = better or found
+            for _ in range(self.iterations):
+                try:
+                    better, _cost = window.improved(found, self.damping, window.linear(found), 0.25)
+                except Error as error:
+                    if error.kind == "physics":
+                        raise
+                    better = None
+                self.damping = max(self.damping / 10, 1e-6) if better is not None else min(self.damping * 10, 10.0)
+                found = better or found
         plan: Array = self.plan if found is None else found.actions
         self.k, self.before = self.k + 1, plan[0].copy()
         self.plan = np.vstack([plan[1:], plan[-1:]])
@@ -355,7 +356,7 @@ class Receding:
 
 def receded(problem: Problem, knots: int) -> Array:
     """Actions of the whole run by windows of some knots: a first guess where a whole run is far from linear."""
-    control, motion, out = Receding(problem, knots), problem.start, []
+    control, motion, out = Receding(problem, knots, 2), problem.start, []
     simulation = problem.simulation
     for k in range(len(problem.first)):
         out.append(control.action(motion))
