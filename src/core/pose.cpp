@@ -6,10 +6,15 @@ namespace handsim {
 
 Quat rotation_between(const Vec3& from, const Vec3& to) {
   const Vec3 a = from.normalized(), b = to.normalized();
+  const Vec3 normal = a.cross(b);
   const double cosine = b.dot(a);
-  if (cosine < -1 + 1e-12) return Quat(Eigen::AngleAxisd(M_PI, a.unitOrthogonal()));
+  // Near opposite directions 1 + cosine has lost its digits: half a turn, and what is left.
+  if (cosine < -1 + 1e-4) {
+    const Vec3 axis = normal.norm() > 1e-12 ? Vec3(normal.normalized()) : a.unitOrthogonal();
+    return rotation_between(-a, b) * Eigen::AngleAxisd(M_PI, axis);
+  }
   const double s = std::sqrt(2 * (1 + cosine));
-  const Vec3 v = a.cross(b) * (1 / s);
+  const Vec3 v = normal * (1 / s);
   return {0.5 * s, v.x(), v.y(), v.z()};
 }
 

@@ -25,6 +25,18 @@ TEST(Pose, MirrorOfARotationIsTheRotationAboutTheMirroredAxis) {
   EXPECT_LT((Eigen::AngleAxisd(1.1, mirrored_axis(axis)).toRotationMatrix() - expected).norm(), 1e-15);
 }
 
+// Oracle: where it turns the first direction, and the angle between them.
+TEST(Pose, RotationBetweenIsTheShortestAlsoForOppositeDirections) {
+  const Vec3 from(0.3, -1.2, 0.4), side = from.unitOrthogonal();
+  for (const double angle : {0.0, 1e-9, 1e-3, 1.0, 3.0, M_PI - 1e-5, M_PI - 1e-7, M_PI}) {
+    const Vec3 to = 2.5 * (std::cos(angle) * from.normalized() + std::sin(angle) * side);
+    const Quat turn = rotation_between(from, to);
+    EXPECT_NEAR(turn.norm(), 1, 1e-12) << angle;
+    EXPECT_LT((turn * from.normalized() - to.normalized()).norm(), 1e-10) << angle;
+    EXPECT_NEAR(rotation_vector(turn).norm(), angle, 1e-9) << angle;
+  }
+}
+
 TEST(Pose, RotationVectorsGoThereAndBack) {
   for (const double angle : {0.0, 1e-14, 1e-9, 1e-3, 1.0, 3.0, 3.14159}) {
     const Vec3 r = angle * Vec3(0.6, -0.8, 0).normalized();
