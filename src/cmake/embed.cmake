@@ -1,7 +1,10 @@
-# handsim_embed(TARGET NAMESPACE FILE...) puts files into the program as string_views: NAMESPACE::page_html for page.html.
+# handsim_embed(FOLDER NAMESPACE FILE...) puts files into the program as string_views: NAMESPACE::page_html for page.html.
 # The assembler reads them, so that the compiler need not parse megabytes. NAME=PATH gives a file another name; an empty
 # PATH is an empty text.
-function(handsim_embed target namespace)
+function(handsim_embed folder namespace)
+  string(REPLACE "/" "_" target handsim_${folder})
+  string(REPLACE "handsim_" "" name ${target})
+  get_property(unit GLOBAL PROPERTY HANDSIM_UNIT_OF_${name})
   set(declared)
   set(defined)
   set(depends)
@@ -28,7 +31,7 @@ function(handsim_embed target namespace)
   set(source ${CMAKE_CURRENT_BINARY_DIR}/${target}_assets.cpp)
   file(CONFIGURE OUTPUT ${source} @ONLY CONTENT
        "// Made by cmake/embed.cmake.\n#include <string_view>\n\n@declared@\nnamespace @namespace@ {\n@defined@}\n")
-  target_sources(${target} PRIVATE ${source})
+  target_sources(${unit} PRIVATE ${source})
   set_source_files_properties(${source} PROPERTIES OBJECT_DEPENDS "${depends}" SKIP_UNITY_BUILD_INCLUSION ON
                                                    SKIP_PRECOMPILE_HEADERS ON)
 endfunction()

@@ -164,15 +164,15 @@ TEST(MotionTable, ATableOfAnotherHandIsRefused) {
 // = fc / (sqrt(2) - 1)^(1/4), so 1/sqrt(2) at the cut-off; no delay. 1 %: the bilinear transform bends the
 // frequency axis by (pi f h)^2 / 3.
 TEST(LowPass, HasTheResponseOfAButterworthFilterWithoutDelay) {
-  constexpr double kStep = 1e-3, kCutoff = 6;
+  constexpr double kSample = 1e-3, kCutoff = 6;
   for (const double frequency : {1.0, 6.0, 20.0}) {
     std::vector<double> values;
-    for (int i = 0; i < 10'000; ++i) values.push_back(std::sin(2 * M_PI * frequency * i * kStep));
-    low_pass(values, kStep, kCutoff);
+    for (int i = 0; i < 10'000; ++i) values.push_back(std::sin(2 * M_PI * frequency * i * kSample));
+    low_pass(values, kSample, kCutoff);
     double sine = 0, cosine = 0;
     for (int i = 3000; i < 7000; ++i) {
-      sine += values[static_cast<std::size_t>(i)] * std::sin(2 * M_PI * frequency * i * kStep) / 2000;
-      cosine += values[static_cast<std::size_t>(i)] * std::cos(2 * M_PI * frequency * i * kStep) / 2000;
+      sine += values[static_cast<std::size_t>(i)] * std::sin(2 * M_PI * frequency * i * kSample) / 2000;
+      cosine += values[static_cast<std::size_t>(i)] * std::cos(2 * M_PI * frequency * i * kSample) / 2000;
     }
     const double ratio = std::pow(frequency / kCutoff, 4) * (std::sqrt(2.0) - 1);
     EXPECT_NEAR(sine, 1 / (1 + ratio), 0.01 / (1 + ratio)) << frequency;

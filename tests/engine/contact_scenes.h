@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <initializer_list>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -11,6 +12,13 @@
 namespace handsim::engine::test {
 
 inline constexpr double kG = 9.80665;
+/// What solids that touch need.
+inline const std::initializer_list<model::Effect> kContact = {
+    model::Effect::gravity, model::Effect::object_contact, model::Effect::friction};
+
+inline Settings articulated_settings(std::initializer_list<model::Effect> effects, double step = 1e-3) {
+  return settings(effects, step, ArticulatedMethod::semi_implicit_euler);
+}
 
 inline model::Shape sized(const std::string& name, model::ShapeKind kind, double radius, double length,
                           Vec3 edges = Vec3::Zero()) {

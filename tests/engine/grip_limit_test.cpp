@@ -15,7 +15,7 @@ using model::Effect;
 using model::JointKind;
 using model::ShapeKind;
 
-constexpr double kEdge = 0.06, kBall = 0.01, kBoxMass = 0.2, kBallMass = 1e-3, kMu = 0.6;
+constexpr double kEdge = 0.06, kBall = 0.01, kBoxMass = 0.2, kBallMass = 1e-3, kFingerFriction = 0.6;
 /// Lengths by which rotations are made speeds [m].
 constexpr double kLength = 0.03;
 
@@ -26,12 +26,12 @@ struct Fingers {
   double force = 0;     ///< [N]
 };
 
-struct Case {
+struct GripCase {
   std::string name;
   std::vector<Fingers> fingers;
   Vec3 gravity = Vec3::Zero();  ///< [m/s^2]
 };
-void PrintTo(const Case& what, std::ostream* out) { *out << what.name; }
+void PrintTo(const GripCase& what, std::ostream* out) { *out << what.name; }
 
 using Twist = Eigen::Matrix<double, 6, 1>;
 
@@ -41,7 +41,7 @@ struct Point {
   double force = 0;                             ///< normal [N]
 };
 
-std::vector<Point> points_of(const Case& of) {
+std::vector<Point> points_of(const GripCase& of) {
   std::vector<Point> out;
   for (const Fingers& pair : of.fingers)
     for (const double side : {-1.0, 1.0}) {
@@ -89,7 +89,7 @@ Limit limit_of(const std::vector<Point>& points, const Twist& load) {
   balance.col(n - 1) = load;
   Eigen::VectorXd x = Eigen::VectorXd::Zero(n), multipliers;
   const auto room = [&](const Eigen::VectorXd& of, Eigen::Index i) {
-    const double limit = kMu * points[static_cast<std::size_t>(i)].force;
+    const double limit = kFingerFriction * points[static_cast<std::size_t>(i)].force;
     return limit * limit - of.segment<2>(2 * i).squaredNorm();
   };
   for (double barrier = 1; barrier > 1e-13; barrier /= 2)
@@ -125,19 +125,19 @@ Limit limit_of(const std::vector<Point>& points, const Twist& load) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     out.friction.emplace_back(across[i] * x.segment<2>(2 * static_cast<Eigen::Index>(i)));
     const double slip = (slip_rows(points[i]) * motion).norm();
-    taken += kMu * points[i].force * slip;
+    taken += kFingerFriction * points[i].force * slip;
     out.slides.push_back(slip > 1e-3 * fastest);
   }
   out.more = taken - out.load;
   return out;
 }
 
-model::Model gripped_box(const Case& of) {
+model::Model gripped_box(const GripCase& of) {
   model::Model model = model::make_model();
   model.gravity = of.gravity;
   model.groups = {{"box"}, {"balls"}};
   model.contact_rules = {{0, 1}};
-  model.materials = {test::material("pad", kMu)};
+  model.materials = {test::material("pad", kFingerFriction)};
   model.materials[0].compliance = model::Compliance{1e5, 100};
   test::add_solid(model, test::sized("box", ShapeKind::box, 0, 0, Vec3::Constant(kEdge)), kBoxMass, {});
   for (const Point& point : points_of(of)) {
@@ -153,7 +153,7 @@ model::Model gripped_box(const Case& of) {
   return model;
 }
 
-const std::vector<Case> kCases = {
+const std::vector<GripCase> kCases = {
     {"TwoPairsBesideTheMiddle", {{0, 0.01, 0.005, 4}, {0, 0.02, -0.015, 4}}, {0, 0, -9.81}},
     {"ThreePairsOfUnlikeForce",
      {{0, 0.02, 0.02, 1.5}, {0, -0.005, -0.02, 3}, {0, -0.02, 0.01, 2}},
@@ -164,7 +164,7 @@ const std::vector<Case> kCases = {
      {{0, 0.02, 0.02, 1}, {0, -0.02, 0.02, 1.5}, {0, 0.02, -0.02, 0.5}, {0, 0, 0.01, 2}, {1, 0, 0.02, 1}},
      {0, 0, -9.81}}};
 
-class GripLimit : public testing::TestWithParam<std::tuple<Case, Method>> {};
+class GripLimit : public testing::TestWithParam<std::tuple<GripCase, Method>> {};
 INSTANTIATE_TEST_SUITE_P(, GripLimit,
                          testing::Combine(testing::ValuesIn(kCases),
                                           testing::Values(Method(OdeMethod::world_step),
@@ -185,14 +185,14 @@ double moved(const model::BodyState& from, const model::BodyState& to) {
   return most;
 }
 
-Settings how(Method method) {
+Settings grip_settings(Method method) {
   Settings out = test::settings({Effect::gravity, Effect::object_contact, Effect::friction}, 1e-3, method);
   out.contact_forces = true;
   return out;
 }
 
 /// Forces of the sliders, with their share of the balls' weight taken off.
-std::vector<double> pressing(const Case& of, double press) {
+std::vector<double> pressing(const GripCase& of, double press) {
   std::vector<double> out;
   for (const Point& point : points_of(of))
     out.push_back(press * point.force - kBallMass * point.into.dot(of.gravity));
@@ -207,7 +207,7 @@ TEST_P(GripLimit, HoldsStillAboveIt) {
   load.head<3>() = kBoxMass * of.gravity;
   const std::vector<double> forces = pressing(of, 1.5 / limit_of(points_of(of), load).load);
   const model::Model model = gripped_box(of);
-  const auto engine = make_engine(model, how(method));
+  const auto engine = make_engine(model, grip_settings(method));
   for (int i = 0; i < 500; ++i) engine->step({forces});
   const model::BodyState start = engine->state().bodies[1];
   for (int i = 0; i < 1000; ++i) engine->step({forces});
@@ -228,7 +228,7 @@ TEST_P(GripLimit, IsThatOfAReferenceWithoutSteps) {
   ASSERT_LT(std::abs(limit.more), 1e-10 * limit.load);
 
   const model::Model model = gripped_box(of);
-  const auto engine = make_engine(model, how(method));
+  const auto engine = make_engine(model, grip_settings(method));
   const double least = 1 / limit.load;
   model::BodyState start;
   double press = 0;
@@ -249,7 +249,8 @@ TEST_P(GripLimit, IsThatOfAReferenceWithoutSteps) {
   }
   for (std::size_t i = 0; i < points.size(); ++i) {
     if (!limit.slides[i]) continue;
-    EXPECT_LT((friction[i] - least * limit.friction[i]).norm(), 0.05 * kMu * least * points[i].force)
+    EXPECT_LT((friction[i] - least * limit.friction[i]).norm(),
+              0.05 * kFingerFriction * least * points[i].force)
         << "ball " << i << ": " << friction[i].transpose() << ", reference "
         << least * limit.friction[i].transpose();
   }

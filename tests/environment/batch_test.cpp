@@ -9,19 +9,13 @@
 #include <tbb/global_control.h>
 
 #include "scene_files.h"
+#include "support/state_bits.h"
 
 namespace handsim::environment {
 namespace {
 
+using test::bits;
 using test::shipped_scene;
-
-/// Hash of the state's bits.
-std::uint64_t bits(const model::State& state) {
-  ArchiveWriter out;
-  carry(out, state);
-  return hash_bytes(out.bytes());
-}
-std::uint64_t bits(const Environment& environment) { return bits(environment.simulation().state()); }
 
 /// Torques that differ from environment to environment and step to step.
 std::vector<double> torques(const Batch& batch, std::size_t first, int step) {

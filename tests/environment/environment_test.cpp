@@ -11,22 +11,16 @@
 #include "handsim/environment/batch.h"
 #include "handsim/model/kinematics.h"
 #include "scene_files.h"
+#include "support/state_bits.h"
 
 namespace handsim::environment {
 namespace {
 
+using test::bits;
 using test::shipped_scene;
 
 const std::vector<std::string> kArticulated = {"solver={engine: articulated, step: 1 ms}"};
 const std::vector<std::string> kOde = {"solver={engine: ode, method: world_step, step: 1 ms}"};
-
-/// Hash of the state's bits.
-std::uint64_t bits(const model::State& state) {
-  ArchiveWriter out;
-  carry(out, state);
-  return hash_bytes(out.bytes());
-}
-std::uint64_t bits(const Environment& environment) { return bits(environment.simulation().state()); }
 
 void steps(Environment& environment, int count, const Action& action = {}) {
   for (int i = 0; i < count; ++i) environment.step(action);

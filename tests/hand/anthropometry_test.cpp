@@ -14,7 +14,7 @@
 namespace handsim::hand {
 namespace {
 
-Anthropometry shipped() {
+Anthropometry shipped_anthropometry() {
   YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/anthropometry.yaml");
   Diagnostics diagnostics;
   Anthropometry out = read_anthropometry(node, "", diagnostics);
@@ -58,7 +58,7 @@ class AnthropometrySurvey : public ::testing::Test {
 
 // Oracle: the survey's rows. Bounds: what a good linear fit reaches (7.35 and 3.44 mm).
 TEST_F(AnthropometrySurvey, PredictsLengthWithin7_4AndBreadthWithin3_5MillimetresWithoutBias) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   const double rmse_bound[] = {7.4e-3, 3.5e-3};
   for (int k = 0; k < 2; ++k) {
     double squares = 0, sum[2] = {0, 0};
@@ -77,7 +77,7 @@ TEST_F(AnthropometrySurvey, PredictsLengthWithin7_4AndBreadthWithin3_5Millimetre
 
 // Oracle: the least-squares fit, computed again from the rows by QR.
 TEST_F(AnthropometrySurvey, CoefficientsAreTheLeastSquaresFitOfTheRows) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   const auto n = static_cast<Eigen::Index>(survey.people.size());
   for (const bool by_sex : {true, false}) {
     const Fit& fit = by_sex ? anthropometry.by_sex : anthropometry.pooled;
@@ -112,7 +112,7 @@ TEST_F(AnthropometrySurvey, RangeIsTheRows) {
     low = std::min(low, p.stature);
     high = std::max(high, p.stature);
   }
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   EXPECT_EQ(anthropometry.survey.stature, std::pair(low, high));
 }
 
@@ -120,7 +120,7 @@ TEST(Anthropometry, MeasuredDimensionsOverrideThePrediction) {
   Person p = person(1.75, 72, Sex::male);
   p.hand_length = 0.201;
   p.hand_breadth = 0.09;
-  const HandSize size = hand_size(shipped(), p);
+  const HandSize size = hand_size(shipped_anthropometry(), p);
   EXPECT_EQ(size.length, 0.201);
   EXPECT_EQ(size.breadth, 0.09);
   EXPECT_TRUE(size.measured[0]);
@@ -129,7 +129,7 @@ TEST(Anthropometry, MeasuredDimensionsOverrideThePrediction) {
 
 // Oracle: for one known residual the conditional mean is covariance / variance times it.
 TEST(Anthropometry, AMeasuredLengthShiftsTheOtherDimensionsByTheirCovariance) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   Person p = person(1.75, 72, Sex::male);
   const HandSize plain = hand_size(anthropometry, p);
   const double shift = 0.05;
@@ -141,7 +141,7 @@ TEST(Anthropometry, AMeasuredLengthShiftsTheOtherDimensionsByTheirCovariance) {
 }
 
 TEST(Anthropometry, PercentilesSpreadByTheResidualDeviation) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   Person p = person(1.63, 60, Sex::female);
   const double plain = hand_size(anthropometry, p).length;
   p.hand_length_percentile = 50;
@@ -156,7 +156,7 @@ TEST(Anthropometry, CircumferencesThatFitNoHandAreRefused) {
   p.hand_breadth = 0.09;
   for (const double circumference : {0.17, 0.30}) {
     p.hand_circumference = circumference;
-    EXPECT_THROW(hand_size(shipped(), p), Error) << circumference;
+    EXPECT_THROW(hand_size(shipped_anthropometry(), p), Error) << circumference;
   }
 }
 
@@ -168,7 +168,7 @@ TEST(Anthropometry, StadiumHasTheGivenCircumference) {
 
 // A power law gives every person of the accepted range a hand.
 TEST(Anthropometry, TheWholeAcceptedRangeHasHands) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   for (const Sex sex : {Sex::male, Sex::female, Sex::unknown})
     for (double stature = 0.5; stature <= 2.5; stature += 0.1)
       for (const double bmi : {12.0, 22.0, 40.0}) {
@@ -224,7 +224,7 @@ std::pair<double, double> errors(const Anthropometry& anthropometry, bool with_a
 // Oracle: rows of the survey. Bounds of bias: 1 mm, and three standard errors of bands of 90 to 170 children
 // (6 mm / sqrt(100) = 0.6). Breadth without the sex: boys' and girls' differ by 7 mm at 17 years.
 TEST(Children, OfTheSurveyHaveTheirHandsAtEveryAge) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   for (const bool with_sex : {true, false}) {
     EXPECT_LE(errors(anthropometry, true, with_sex, 0, 2, 20).first, 6.6);
     EXPECT_LE(errors(anthropometry, true, with_sex, 1, 2, 20).first, with_sex ? 3.4 : 4.1);
@@ -237,7 +237,7 @@ TEST(Children, OfTheSurveyHaveTheirHandsAtEveryAge) {
 
 // Without an age a body of an adult's size has an adult's hand: young women's are 5 mm shorter.
 TEST(Children, OfUnknownAgeHaveTheirHandsUpToAnAdultsSize) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   EXPECT_LE(errors(anthropometry, false, true, 0, 2, 20).first, 6.6);
   EXPECT_LE(errors(anthropometry, false, true, 1, 2, 20).first, 3.4);
   for (double low = 2; low < 14; low += 4)
@@ -250,13 +250,14 @@ TEST(Children, OfUnknownAgeHaveTheirHandsUpToAnAdultsSize) {
 TEST(Children, HaveTheFingersOfTheSurvey) {
   const double floors[] = {3.84, 3.63, 3.84};
   for (int finger = 0; finger < 3; ++finger)
-    EXPECT_LE(errors(shipped(), true, true, 2 + finger, 2, 20).first, 1.1 * floors[finger]) << finger;
+    EXPECT_LE(errors(shipped_anthropometry(), true, true, 2 + finger, 2, 20).first, 1.1 * floors[finger])
+        << finger;
 }
 
 // Oracle: two neighbours on a grid. A step of 1 mm, 20 g or 4 days changes no dimension by more than 0.3 %;
 // a jump between two fits is 3 % of an 18-year-old's hand.
 TEST(Children, GrowWithoutAJumpIntoAdults) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   const auto close = [&](const Person& a, const Person& b) {
     const HandSize one = hand_size(anthropometry, a), other = hand_size(anthropometry, b);
     for (int k = 0; k < 4; ++k)
@@ -283,7 +284,7 @@ TEST(Children, GrowWithoutAJumpIntoAdults) {
 }
 
 TEST(Children, OfUnknownSexAreBetweenBoysAndGirls) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   for (double age = 2; age <= 18; age += 0.5)
     for (double stature = 0.8; stature < 1.9; stature += 0.1) {
       Person boy = person(stature, 17 * stature * stature, Sex::male);
@@ -302,7 +303,7 @@ TEST(Children, OfUnknownSexAreBetweenBoysAndGirls) {
 
 // Oracle: the adults' fits, computed here.
 TEST(Adults, AreNotChangedByTheChildren) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   Anthropometry soldiers = anthropometry;
   soldiers.children.reset();
   for (const auto& [stature, mass] :
@@ -317,7 +318,7 @@ TEST(Adults, AreNotChangedByTheChildren) {
 }
 
 TEST(Children, AreToldHowFarTheyAreOutsideTheSurvey) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   Person p = person(2.1, 80, Sex::male);
   ASSERT_EQ(extrapolations(anthropometry, p).size(), 1U);
   EXPECT_EQ(extrapolations(anthropometry, p)[0],
@@ -382,7 +383,7 @@ double coverage(const Anthropometry& anthropometry, const std::vector<Person>& p
 // Oracle: measured hands of the surveys, of which 90 % have to be within the middle 90 %; 2 % for adults
 // (standard error 0.8 % of 1400), 4 % for the stored fifth of the children (1.3 %).
 TEST_F(AnthropometrySurvey, DrawnHandsCoverMeasuredOnes) {
-  const Anthropometry anthropometry = shipped();
+  const Anthropometry anthropometry = shipped_anthropometry();
   for (const int k : {0, 1}) {
     std::vector<Person> people;
     std::vector<double> measured;

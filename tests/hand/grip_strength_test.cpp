@@ -7,7 +7,7 @@
 namespace handsim::hand {
 namespace {
 
-GripTable shipped() {
+GripTable shipped_table() {
   YamlNode root = load_yaml(test::source("handmodels/grip_strength.yaml"));
   Diagnostics diagnostics;
   GripTable table = read_grip_table(root, "", diagnostics);
@@ -15,7 +15,7 @@ GripTable shipped() {
   return table;
 }
 
-Person person(Sex sex, double stature, std::optional<double> age = {}) {
+Person surveyed(Sex sex, double stature, std::optional<double> age = {}) {
   Person out;
   out.sex = sex;
   out.stature = stature;
@@ -26,33 +26,33 @@ Person person(Sex sex, double stature, std::optional<double> age = {}) {
 // Oracle: Steiber 2016, as quoted: a man of 30 to 34 years and 175 to 179 cm grips with 53.5 (8.3) kgf, a
 // woman of 160 to 164 cm with 32.7 (5.8) kgf.
 TEST(GripStrength, IsTheSurveysMeanForSexAgeAndStature) {
-  const GripTable table = shipped();
+  const GripTable table = shipped_table();
   constexpr double kKilogramForce = 9.80665;
-  const GripStrength man = grip_strength(table, person(Sex::male, 1.77, 34.9));
+  const GripStrength man = grip_strength(table, surveyed(Sex::male, 1.77, 34.9));
   EXPECT_NEAR(man.norm, 53.5 * kKilogramForce, 0.1);
   EXPECT_NEAR(man.deviation, 8.3 * kKilogramForce, 0.1);
   EXPECT_FALSE(man.extrapolated);
-  const GripStrength woman = grip_strength(table, person(Sex::female, 1.62, 30));
+  const GripStrength woman = grip_strength(table, surveyed(Sex::female, 1.62, 30));
   EXPECT_NEAR(woman.norm, 32.7 * kKilogramForce, 0.1);
   EXPECT_EQ(woman.own, woman.norm);
-  const GripStrength unknown = grip_strength(table, person(Sex::unknown, 1.77));
-  const GripStrength tall_woman = grip_strength(table, person(Sex::female, 1.77));
+  const GripStrength unknown = grip_strength(table, surveyed(Sex::unknown, 1.77));
+  const GripStrength tall_woman = grip_strength(table, surveyed(Sex::female, 1.77));
   EXPECT_NEAR(unknown.norm, (man.norm + tall_woman.norm) / 2, 1e-9);
 }
 
 TEST(GripStrength, AssignsABoundaryToTheTallerGroupAndReportsExtrapolation) {
-  const GripTable table = shipped();
-  EXPECT_EQ(grip_strength(table, person(Sex::male, 1.75)).norm,
-            grip_strength(table, person(Sex::male, 1.79)).norm);
-  EXPECT_NE(grip_strength(table, person(Sex::male, 1.7499)).norm,
-            grip_strength(table, person(Sex::male, 1.75)).norm);
-  const GripStrength old = grip_strength(table, person(Sex::male, 1.62, 95));
+  const GripTable table = shipped_table();
+  EXPECT_EQ(grip_strength(table, surveyed(Sex::male, 1.75)).norm,
+            grip_strength(table, surveyed(Sex::male, 1.79)).norm);
+  EXPECT_NE(grip_strength(table, surveyed(Sex::male, 1.7499)).norm,
+            grip_strength(table, surveyed(Sex::male, 1.75)).norm);
+  const GripStrength old = grip_strength(table, surveyed(Sex::male, 1.62, 95));
   EXPECT_TRUE(old.extrapolated);
-  EXPECT_EQ(old.norm, grip_strength(table, person(Sex::male, 1.62, 85)).norm);
+  EXPECT_EQ(old.norm, grip_strength(table, surveyed(Sex::male, 1.62, 85)).norm);
   // A child has a row of its age; who states none is an adult, with muscles of smaller areas.
-  EXPECT_FALSE(grip_strength(table, person(Sex::male, 1.4, 8)).extrapolated);
-  const GripStrength small = grip_strength(table, person(Sex::male, 1.2)),
-                     least = grip_strength(table, person(Sex::male, 1.6));
+  EXPECT_FALSE(grip_strength(table, surveyed(Sex::male, 1.4, 8)).extrapolated);
+  const GripStrength small = grip_strength(table, surveyed(Sex::male, 1.2)),
+                     least = grip_strength(table, surveyed(Sex::male, 1.6));
   EXPECT_TRUE(small.extrapolated);
   EXPECT_NEAR(small.norm, 0.75 * 0.75 * least.norm, 1e-9);
   EXPECT_NEAR(small.deviation, 0.75 * 0.75 * least.deviation, 1e-9);
@@ -61,25 +61,25 @@ TEST(GripStrength, AssignsABoundaryToTheTallerGroupAndReportsExtrapolation) {
 // Oracle: Dodds et al. 2014, as quoted: medians of 8, 17 and 29 kg of boys of 5, 10 and 15 years; Steiber
 // 2016: women of 80 years have 0.6 times the grip of those of 30 years.
 TEST(GripStrength, GrowsWithChildrenAndFallsWithElders) {
-  const GripTable table = shipped();
+  const GripTable table = shipped_table();
   for (const auto& [age, stature, kilograms] :
        {std::tuple(5.0, 1.1, 8.0), {10.0, 1.4, 17.0}, {15.0, 1.7, 29.0}})
-    EXPECT_NEAR(grip_strength(table, person(Sex::male, stature, age)).norm, 9.80665 * kilograms, 0.1);
+    EXPECT_NEAR(grip_strength(table, surveyed(Sex::male, stature, age)).norm, 9.80665 * kilograms, 0.1);
   double before = 0;
   for (double age = 2; age < 20; age += 1) {
-    const GripStrength girl = grip_strength(table, person(Sex::female, 1.65, age));
+    const GripStrength girl = grip_strength(table, surveyed(Sex::female, 1.65, age));
     EXPECT_GE(girl.norm, before) << age;
     EXPECT_FALSE(girl.extrapolated) << age;
     before = girl.norm;
   }
-  const double old = grip_strength(table, person(Sex::female, 1.62, 80)).norm;
-  EXPECT_NEAR(old / grip_strength(table, person(Sex::female, 1.62, 30)).norm, 0.6, 0.06);
+  const double old = grip_strength(table, surveyed(Sex::female, 1.62, 80)).norm;
+  EXPECT_NEAR(old / grip_strength(table, surveyed(Sex::female, 1.62, 30)).norm, 0.6, 0.06);
 }
 
 TEST(GripStrength, OfAPersonWhoStatesItIsTheirOwn) {
-  Person climber = person(Sex::female, 1.62);
+  Person climber = surveyed(Sex::female, 1.62);
   climber.grip_strength = 410;
-  const GripStrength strength = grip_strength(shipped(), climber);
+  const GripStrength strength = grip_strength(shipped_table(), climber);
   EXPECT_EQ(strength.own, 410);
   EXPECT_TRUE(strength.measured);
   EXPECT_NEAR(strength.norm, 320.7, 0.1);

@@ -39,7 +39,7 @@ YamlNode& row(SharedList<std::vector<YamlNode>>& rows, const std::string& name) 
   throw std::runtime_error("no row " + name);
 }
 
-Person person(double stature, double mass, Sex sex = Sex::male) {
+Person grown(double stature, double mass, Sex sex = Sex::male) {
   Person out;
   out.stature = stature;
   out.mass = mass;
@@ -47,11 +47,11 @@ Person person(double stature, double mass, Sex sex = Sex::male) {
   return out;
 }
 
-const std::vector<Person> kPeople = {
-    person(0.5, 3.5, Sex::female), person(1.1, 19),   person(1.55, 50, Sex::female),
-    person(1.755, 84.5),           person(1.741, 73), person(2.1, 130)};
+const std::vector<Person> kMeasured = {
+    grown(0.5, 3.5, Sex::female), grown(1.1, 19),   grown(1.55, 50, Sex::female),
+    grown(1.755, 84.5),           grown(1.741, 73), grown(2.1, 130)};
 
-model::Model with_hand(const BuiltHand& hand, model::Side side = model::Side::right) {
+model::Model with_one_hand(const BuiltHand& hand, model::Side side = model::Side::right) {
   model::Model model = model::make_model();
   Placement placement;
   placement.side = side;
@@ -119,7 +119,7 @@ double girth(const std::vector<Shape>& heads) {
 // Oracle: the person's own breadth, thickness and circumference.
 TEST(AnatomicalPalm, HasThePersonsBreadthThicknessAndGirthAtTheKnuckles) {
   const HandSpec spec = read(anatomical());
-  for (const Person& each : kPeople) {
+  for (const Person& each : kMeasured) {
     const BuiltHand hand = build_hand(spec, each);
     const std::vector<Shape> heads(hand.shapes.begin(), hand.shapes.begin() + 4);
     double low = 1, high = -1;
@@ -139,7 +139,7 @@ TEST(AnatomicalPalm, HasThePersonsBreadthThicknessAndGirthAtTheKnuckles) {
 // men, within 1.55 of its standard deviations of 0.083 %; and the stated density from infant to giant.
 TEST(AnatomicalPalm, HasTheStatedDensityFromInfantToGiant) {
   const HandSpec spec = read(anatomical());
-  for (const Person& each : kPeople) {
+  for (const Person& each : kMeasured) {
     const BuiltHand hand = build_hand(spec, each);
     EXPECT_NEAR(hand.bodies[0].mass / hand.palm_volume, 1148, 1e-9);
     const Vec3 box = 0.7 * palm_box(hand);
@@ -171,7 +171,7 @@ TEST(AnatomicalPalm, HasTheStatedDensityFromInfantToGiant) {
         }
     EXPECT_NEAR(inside * cell.prod(), hand.palm_volume, 0.01 * hand.palm_volume);
   }
-  EXPECT_NEAR(build_hand(spec, person(1.741, 73)).mass / 73, 0.0061, 1.55 * 0.00083);
+  EXPECT_NEAR(build_hand(spec, grown(1.741, 73)).mass / 73, 0.0061, 1.55 * 0.00083);
 }
 
 // Oracle: de Leva 1996; the palm's goal of 0.02 of hand length, and 0.03 for the radii of gyration.
@@ -184,8 +184,8 @@ TEST(AnatomicalHand, HasItsMassWhereDeLevaFoundIt) {
     EXPECT_NEAR(shares.gyration_transverse, reference.gyration_transverse, 0.03);
     EXPECT_NEAR(shares.gyration_longitudinal, reference.gyration_longitudinal, 0.03);
   };
-  compare(person(1.741, 73), spec.anthropometry.reference_male);
-  compare(person(1.735, 61.9, Sex::female), spec.anthropometry.reference_female);
+  compare(grown(1.741, 73), spec.anthropometry.reference_male);
+  compare(grown(1.735, 61.9, Sex::female), spec.anthropometry.reference_female);
 }
 
 double mass_of(const BuiltHand& hand, const std::string& prefix) {
@@ -197,7 +197,7 @@ double mass_of(const BuiltHand& hand, const std::string& prefix) {
 
 // Oracle: the complete hand: the others keep their mass, and the palm has the whole of its knuckle.
 TEST(HandModel, AMissingFingerTakesItsMassWithIt) {
-  const Person man = person(1.755, 84.5);
+  const Person man = grown(1.755, 84.5);
   const BuiltHand whole = build_hand(read(anatomical()), man);
   const BuiltHand four =
       build_hand(changed([](SharedList<std::vector<YamlNode>>& rows) {
@@ -226,14 +226,14 @@ void add_sixth(SharedList<std::vector<YamlNode>>& rows, const std::string& count
 TEST(HandModel, ASixthFingerCountsWithTheOneItNames) {
   const HandSpec spec =
       changed([](SharedList<std::vector<YamlNode>>& rows) { add_sixth(rows, "counts_as: little,"); });
-  const BuiltHand hand = build_hand(spec, person(1.755, 84.5));
+  const BuiltHand hand = build_hand(spec, grown(1.755, 84.5));
   ASSERT_EQ(hand.bodies.size(), 17U);
   EXPECT_EQ(hand.bodies.back().name, "sixth_only");
   EXPECT_EQ(hand.shapes.back().part, model::Part::little);
   EXPECT_GT(hand.bodies.back().mass, 5e-3);
-  EXPECT_NEAR(hand.mass, build_hand(read(anatomical()), person(1.755, 84.5)).mass + hand.bodies.back().mass,
+  EXPECT_NEAR(hand.mass, build_hand(read(anatomical()), grown(1.755, 84.5)).mass + hand.bodies.back().mass,
               1e-15);
-  EXPECT_TRUE(model::defects(with_hand(hand)).empty());
+  EXPECT_TRUE(model::defects(with_one_hand(hand)).empty());
   // Blank: the little finger.
   const HandSpec blank = changed([](SharedList<std::vector<YamlNode>>& rows) { add_sixth(rows, ""); });
   EXPECT_EQ(blank.segments.back().part, model::Part::little);
@@ -245,7 +245,7 @@ void fix(SharedList<std::vector<YamlNode>>& rows, const std::string& name) {
 
 // Oracle: the same hand with free joints and straight fingers; a fixed joint changes no mass property.
 TEST(HandModel, FixedSegmentsArePartOfTheirParentsBody) {
-  const Person man = person(1.755, 84.5);
+  const Person man = grown(1.755, 84.5);
   const BuiltHand whole = build_hand(read(anatomical()), man);
   const BuiltHand stiff = build_hand(changed([](SharedList<std::vector<YamlNode>>& rows) {
                                        fix(rows, "index_distal");
@@ -268,7 +268,7 @@ TEST(HandModel, FixedSegmentsArePartOfTheirParentsBody) {
     EXPECT_LT((want.p - got.p).norm(), 1e-12) << whole.shapes[i].name;
   }
   for (const model::Side side : {model::Side::right, model::Side::left})
-    EXPECT_TRUE(model::defects(with_hand(stiff, side)).empty());
+    EXPECT_TRUE(model::defects(with_one_hand(stiff, side)).empty());
 }
 
 // Oracle: the product of the three rotations, and the mass of the segment without a carrier.
@@ -280,10 +280,10 @@ TEST(HandModel, AJointOfThreeAxesTurnsAboutEachWithItsStops) {
         " {name: rotation, axis: [0, 1, 0], range: [-0.1, 0.3]}]}",
         "joint");
   });
-  const Person man = person(1.755, 84.5);
+  const Person man = grown(1.755, 84.5);
   const BuiltHand plain = build_hand(read(anatomical()), man), hand = build_hand(spec, man);
   EXPECT_NEAR(mass_of(hand, "index_proximal"), mass_of(plain, "index_proximal"), 1e-15);
-  const model::Model model = with_hand(hand);
+  const model::Model model = with_one_hand(hand);
   EXPECT_TRUE(model::defects(model).empty());
   ASSERT_EQ(model.dof_count(), 21);
   std::vector<double> q(21, 0.0);
@@ -314,13 +314,13 @@ TEST(HandModel, ASegmentMayHaveSeveralShapes) {
                    "radius: 0.15 HB}, {name: plate, edges: [5 mm, 10 mm, 3 mm], at: [0, 0.1 HL, 0.12 HB]}]",
                    "shapes"));
   });
-  const Person man = person(1.755, 84.5);
+  const Person man = grown(1.755, 84.5);
   const BuiltHand plain = build_hand(read(anatomical()), man), hand = build_hand(spec, man);
-  const model::Model right = with_hand(hand), left = with_hand(hand, model::Side::left);
+  const model::Model right = with_one_hand(hand), left = with_one_hand(hand, model::Side::left);
   EXPECT_TRUE(model::defects(right).empty());
   EXPECT_TRUE(model::defects(left).empty());
   EXPECT_EQ(right.shapes.size(), plain.shapes.size() + 2);
-  const model::Model before = with_hand(plain);
+  const model::Model before = with_one_hand(plain);
   for (std::size_t j = 0; j < right.joints.size(); ++j) {
     const auto centre = [&](const model::Model& model) {
       const model::Joint& joint = model.joints[j];
@@ -344,7 +344,7 @@ bool mentions(const std::vector<std::string>& texts, const std::string& what) {
 // Oracle: the survey: its own percentiles 1 and 99 give no warning, values 5 deviations off do.
 TEST(Doubts, NameWhatContradictsTheBodyOrTheRestOfTheHand) {
   const HandSpec spec = read(anatomical());
-  Person man = person(1.75, 72);
+  Person man = grown(1.75, 72);
   EXPECT_TRUE(doubts(spec, man).empty());
   for (const double percent : {1.0, 99.0}) {
     Person long_handed = man;
@@ -357,7 +357,7 @@ TEST(Doubts, NameWhatContradictsTheBodyOrTheRestOfTheHand) {
   man.hand_length.reset();
   man.hand_mass = 2.5;
   EXPECT_TRUE(mentions(doubts(spec, man), "hand_mass of 2500 g is above percentile 99.99"));
-  man.hand_mass = build_hand(spec, person(1.75, 72)).mass * 1.2;
+  man.hand_mass = build_hand(spec, grown(1.75, 72)).mass * 1.2;
   EXPECT_TRUE(doubts(spec, man).empty());
   man.hand_mass.reset();
   // Each is usual, but a narrow hand with a large girth is not.

@@ -30,16 +30,16 @@ struct Freed {
   void operator()(mjModel* model) const { mj_deleteModel(model); }
   void operator()(mjData* data) const { mj_deleteData(data); }
 };
-using ModelPointer = std::unique_ptr<mjModel, Freed>;
-using DataPointer = std::unique_ptr<mjData, Freed>;
+using OwnedModel = std::unique_ptr<mjModel, Freed>;
+using OwnedData = std::unique_ptr<mjData, Freed>;
 
-ModelPointer load(const std::string& text, const char* name) {
+OwnedModel load(const std::string& text, const char* name) {
   mju_user_warning = count_warning;
   const TemporaryFolder folder;
   const std::string path = (folder.path() / name).string();
   std::ofstream(path) << text;
   char error[1000] = {};
-  ModelPointer out(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
+  OwnedModel out(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
   EXPECT_STREQ(error, "");
   return out;
 }
@@ -91,9 +91,9 @@ double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
 // Oracle: MuJoCo. Bound: 1e-9 relative, at 1000 random states.
 TEST_P(InMujoco, TheSameDynamicsComeOut) {
   const scene::Scene scene = hand(GetParam().first, GetParam().second);
-  const ModelPointer other = load(output::to_mjcf(scene.model, scene.spec.solver), "hand.xml");
+  const OwnedModel other = load(output::to_mjcf(scene.model, scene.spec.solver), "hand.xml");
   ASSERT_TRUE(other);
-  const DataPointer data(mj_makeData(other.get()));
+  const OwnedData data(mj_makeData(other.get()));
   other->opt.disableflags |= mjDSBL_CONSTRAINT;
   Mechanism mechanism(scene.model, scene.spec.solver, engine::articulated::kernels().front());
   mechanism.take(model::initial_state(scene.model));
@@ -194,11 +194,11 @@ double total_mass(const model::Model& model) {
 TEST(Export, EveryShippedSceneLoadsAsMjcf) {
   for (const char* name : {"two_hands", "dropped_hand", "resting_hand", "pose_tracking", "prototype_poses"}) {
     const scene::Scene scene = shipped_scene(name);
-    const ModelPointer other = load(output::to_mjcf(scene.model, scene.spec.solver), "scene.xml");
+    const OwnedModel other = load(output::to_mjcf(scene.model, scene.spec.solver), "scene.xml");
     ASSERT_TRUE(other) << name;
     EXPECT_EQ(other->nbody, static_cast<int>(scene.model.bodies.size()));
     EXPECT_EQ(other->ngeom, static_cast<int>(scene.model.shapes.size()));
-    const DataPointer data(mj_makeData(other.get()));
+    const OwnedData data(mj_makeData(other.get()));
     mj_resetDataKeyframe(other.get(), data.get(), 0);
     mj_kinematics(other.get(), data.get());
     const model::State start = model::initial_state(scene.model);
@@ -234,10 +234,10 @@ TEST(Export, ConvexMeshesAreWhatTheyAreInMujoco) {
       "ground: {friction: 0.5}\nduration: 1\n",
       source("tests/data/meshes/scene.yaml").string()));
   warnings = 0;
-  const ModelPointer other = load(output::to_mjcf(scene.model, scene.spec.solver), "meshes.xml");
+  const OwnedModel other = load(output::to_mjcf(scene.model, scene.spec.solver), "meshes.xml");
   ASSERT_TRUE(other);
   EXPECT_EQ(warnings, 0);
-  const DataPointer data(mj_makeData(other.get()));
+  const OwnedData data(mj_makeData(other.get()));
   mj_resetDataKeyframe(other.get(), data.get(), 0);
   mj_kinematics(other.get(), data.get());
   const model::State start = model::initial_state(scene.model);
@@ -280,7 +280,7 @@ TEST(Export, HandsLoadAsUrdf) {
     // Old versions of MuJoCo count the touching parts at the start, and warn of more than 100.
     std::string text = output::to_urdf(scene.model, scene.spec.solver);
     text.insert(text.find('>', text.find("<robot")) + 1, "<mujoco><size nconmax=\"1000\"/></mujoco>");
-    const ModelPointer other = load(text, "scene.urdf");
+    const OwnedModel other = load(text, "scene.urdf");
     ASSERT_TRUE(other) << name;
     double sum = 0;
     for (int i = 0; i < other->nbody; ++i) sum += other->body_mass[i];

@@ -21,7 +21,7 @@ std::string bits(const model::State& state) {
   return out.take();
 }
 
-void steps(Simulation& simulation, int count) {
+void take_steps(Simulation& simulation, int count) {
   for (int i = 0; i < count; ++i) simulation.step();
 }
 
@@ -45,7 +45,7 @@ TEST(Watchers, DoNotChangeTheMotion) {
     SCOPED_TRACE(name);
     const auto scene = shared(name, overrides);
     Simulation watched(scene), bare(scene, no_watchers), some(scene, only<RunHash, Monitor>);
-    for (Simulation* each : {&watched, &bare, &some}) steps(*each, 400);
+    for (Simulation* each : {&watched, &bare, &some}) take_steps(*each, 400);
     EXPECT_EQ(bits(bare.state()), bits(watched.state()));
     EXPECT_EQ(some.state_hash(), watched.state_hash());
     EXPECT_EQ(bare.steps(), 400);
@@ -76,7 +76,7 @@ class CountSteps final : public Watcher {
 
 TEST(Watchers, OfTheCallerAreToldOfEachStepAndCanEndTheRun) {
   Simulation simulation(shared("two_hands"), only<CountSteps>);
-  steps(simulation, 4);
+  take_steps(simulation, 4);
   EXPECT_EQ(simulation.get<CountSteps>().count, 4);
   for (int i = 0; i < 2; ++i) EXPECT_THROW(simulation.step(), Error);
   EXPECT_EQ(simulation.get<CountSteps>().count, 5);
@@ -87,7 +87,7 @@ TEST(Watchers, OfTheCallerAreToldOfEachStepAndCanEndTheRun) {
 TEST(Watchers, AreRestoredByTheirNames) {
   const auto scene = shared("dropped_hand");
   Simulation full(scene), some(scene, only<RunHash>), own(scene, only<CountSteps>);
-  steps(full, 100);
+  take_steps(full, 100);
   some.restore(full.snapshot());
   EXPECT_EQ(some.state_hash(), full.state_hash());
   const std::string before = bits(own.state());
@@ -99,18 +99,18 @@ TEST(Watchers, AreRestoredByTheirNames) {
 // Oracle: bit equality with one that stays where it was made.
 TEST(Simulation, GoesOnWhereItWasMovedAndKeepsItsScene) {
   Simulation still(shipped_scene("pose_tracking"));
-  steps(still, 200);
+  take_steps(still, 200);
   std::vector<Simulation> moved;
   for (int i = 0; i < 3; ++i) moved.emplace_back(shipped_scene("pose_tracking"));
-  steps(moved.back(), 100);
+  take_steps(moved.back(), 100);
   Simulation other(shipped_scene("two_hands"));
   other = std::move(moved.back());
   moved.clear();
   const RunSnapshot snapshot = other.snapshot();
-  steps(other, 100);
+  take_steps(other, 100);
   EXPECT_EQ(other.state_hash(), still.state_hash());
   other.restore(snapshot);
-  steps(other, 100);
+  take_steps(other, 100);
   EXPECT_EQ(other.state_hash(), still.state_hash());
 }
 
@@ -218,8 +218,8 @@ TEST(Action, OfAnotherSizeOrNotFiniteIsRefusedAndNothingMoves) {
   EXPECT_TRUE(refused({.servos = many}));
   EXPECT_TRUE(refused({.servos = bad}));
   EXPECT_TRUE(refused({.servos = lost}));
-  steps(simulation, 20);
-  steps(alone, 20);
+  take_steps(simulation, 20);
+  take_steps(alone, 20);
   EXPECT_EQ(simulation.state_hash(), alone.state_hash());
   Simulation limp(shipped_scene("two_hands"));
   const std::vector<model::Servo> right(static_cast<std::size_t>(limp.model().dof_count()));
@@ -235,11 +235,11 @@ TEST(Action, OfAnotherSizeOrNotFiniteIsRefusedAndNothingMoves) {
 TEST(Reset, ToTheStartHasTheBitsOfANewSimulation) {
   for (const char* name : {"dropped_hand", "pose_tracking"}) {
     Simulation again(shared(name)), first(shared(name));
-    steps(again, 150);
+    take_steps(again, 150);
     again.reset();
     EXPECT_EQ(bits(again.state()), bits(first.state())) << name;
-    steps(again, 100);
-    steps(first, 100);
+    take_steps(again, 100);
+    take_steps(first, 100);
     EXPECT_EQ(again.state_hash(), first.state_hash()) << name;
   }
   Simulation ended(shared("two_hands"), only<CountSteps>), first(shared("two_hands"));
@@ -248,7 +248,7 @@ TEST(Reset, ToTheStartHasTheBitsOfANewSimulation) {
   const std::vector<std::function<void()>> ways = {[&] { ended.reset(); }, [&] { ended.reset(motion); },
                                                    [&] { ended.restore(snapshot); }};
   for (const auto& back : ways) {
-    steps(ended, 4);
+    take_steps(ended, 4);
     EXPECT_THROW(ended.step(), Error);
     back();
     EXPECT_EQ(bits(ended.state()), bits(first.state()));
@@ -260,7 +260,7 @@ TEST(Reset, ToTheStartHasTheBitsOfANewSimulation) {
 TEST(Reset, TakesTheMotionsOfItsOwnSceneAloneAndStartsWatchersAnew) {
   const auto scene = shared("pose_tracking");
   Simulation first(scene), second(*scene), other(shipped_scene("pose_tracking"));
-  steps(first, 700);
+  take_steps(first, 700);
   const MotionSnapshot motion = first.motion();
   EXPECT_THROW(other.reset(motion), Error);
   EXPECT_EQ(other.steps(), 0);

@@ -32,7 +32,9 @@ std::string rod(const std::string& axis = "", const std::string& rest = "effects
          axis + "}]}]\ngravity: [0, 0, -10]\nduration: 0.5\n" + rest;
 }
 
-scene::Scene scene_of(const std::string& text) { return scene::compile_scene(parse_yaml(text, "test.yaml")); }
+scene::Scene scene_from(const std::string& text) {
+  return scene::compile_scene(parse_yaml(text, "test.yaml"));
+}
 
 MeasureSpec spec_of(const std::string& kind) {
   MeasureSpec spec;
@@ -41,7 +43,7 @@ MeasureSpec spec_of(const std::string& kind) {
 }
 
 std::optional<Figure> measured(const std::string& text, const MeasureSpec& spec) {
-  const scene::Scene scene = scene_of(text);
+  const scene::Scene scene = scene_from(text);
   Measure measure(scene, spec);
   Simulation simulation(scene);
   measure.update(simulation);

@@ -13,13 +13,13 @@
 #include "handsim/simulation/simulation.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/study/inverse/loads.h"
+#include "handsim/study/rollouts/rollout_table.h"
 
 namespace handsim::study {
 
 namespace {
 
 constexpr std::size_t kMostValues = 50'000'000;
-constexpr std::size_t kBandRows = 400;  ///< of curves for bands, about
 
 /// Angles of all hands over time, on the grid of the solver's steps.
 struct SampledMotion {
@@ -368,7 +368,7 @@ Findings measured(const scene::Scene& scene, const InverseResult& result) {
       largest[m] = std::max(largest[m], row.activation[m]);
       effort += row.activation[m] * row.activation[m];
     }
-    if (n % (1 + result.rows.size() / kBandRows) != 0) continue;
+    if (n % (1 + result.rows.size() / std::size_t{kBandRows}) != 0) continue;
     out.curves.values.push_back(row.time);
     for (const InverseAxis& axis : result.axes) out.curves.values.push_back(row.active(axis.dof));
     out.curves.values.insert(out.curves.values.end(), row.activation.begin(), row.activation.end());

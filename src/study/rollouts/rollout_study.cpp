@@ -21,8 +21,6 @@ namespace {
 using simulation::Simulation;
 
 constexpr long kMostRollouts = 1'000'000'000;
-/// Rows of curves for bands, about.
-constexpr long kBandRows = 400;
 const std::vector<Column> kOutcome = {{"held", ColumnRole::outcome, false},
                                       {"ended", ColumnRole::outcome, true},
                                       {"ended_at[s]", ColumnRole::outcome, false}};

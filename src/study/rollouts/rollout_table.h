@@ -31,6 +31,9 @@ struct Column {
   bool operator==(const Column&) const = default;
 };
 
+/// Rows of curves for bands, about.
+constexpr long kBandRows = 400;
+
 /// The states of one rollout, in the columns of trajectory.csv, or other curves; the time first.
 struct Trajectory {
   std::vector<std::string> columns;

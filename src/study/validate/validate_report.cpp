@@ -21,18 +21,18 @@ constexpr double kGroupHeight = 2, kLinePixels = 16;  ///< two lines name a grou
 constexpr std::size_t kLongestName = 56;              ///< of a row, in characters
 
 /// The measured rows of a kind.
-struct Group {
+struct RowsOfKind {
   Measured kind;
   std::vector<const ValidateRow*> rows;
   std::size_t within = 0;
 };
 
-std::vector<Group> groups_of(const ValidateResult& result) {
-  std::vector<Group> out;
+std::vector<RowsOfKind> groups_of(const ValidateResult& result) {
+  std::vector<RowsOfKind> out;
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
-    auto found = std::ranges::find_if(out, [&](const Group& group) { return group.kind == row.of->kind; });
-    if (found == out.end()) found = out.insert(out.end(), Group{row.of->kind, {}, 0});
+    auto found = std::ranges::find_if(out, [&](const RowsOfKind& group) { return group.kind == row.of->kind; });
+    if (found == out.end()) found = out.insert(out.end(), RowsOfKind{row.of->kind, {}, 0});
     found->rows.push_back(&row);
     found->within += row.within() ? 1 : 0;
   }
@@ -54,9 +54,9 @@ struct Layout {
   double height = 0;                           ///< [lines]
 };
 
-Layout layout_of(const std::vector<Group>& groups) {
+Layout layout_of(const std::vector<RowsOfKind>& groups) {
   Layout out;
-  for (const Group& group : groups) {
+  for (const RowsOfKind& group : groups) {
     double rows = 0;
     for (const ValidateRow* row : group.rows) rows += row->within() ? kPointHeight : kTicHeight;
     const double height = std::max(rows, kGroupHeight) + 2 * kPointHeight;

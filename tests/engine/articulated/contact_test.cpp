@@ -11,14 +11,10 @@ namespace {
 using model::Effect;
 using model::ShapeKind;
 using test::add_solid;
+using test::articulated_settings;
+using test::kContact;
 using test::kG;
 using test::sized;
-
-const std::initializer_list<Effect> kAll = {Effect::gravity, Effect::object_contact, Effect::friction};
-
-Settings settings(std::initializer_list<Effect> effects, double step = 1e-3) {
-  return test::settings(effects, step, ArticulatedMethod::semi_implicit_euler);
-}
 
 // Oracle: statics: the forces carry the weights within 0.1 %, and push only.
 TEST(ArticulatedContact, CarriesTheWeightAtRest) {
@@ -30,7 +26,7 @@ TEST(ArticulatedContact, CarriesTheWeightAtRest) {
     add_solid(model, sized("finger", ShapeKind::capsule, 0.008, 0.02), 0.05,
               {Vec3(0, 0, 0.028), rotation_quaternion({0, M_PI / 2, 0})});
     add_solid(model, sized("ball", ShapeKind::sphere, 0.02, 0), 0.1, {Vec3(0.2, 0, 0.02), Quat::Identity()});
-    Settings how = settings(kAll, step);
+    Settings how = articulated_settings(kContact, step);
     how.contact_forces = true;
     const auto engine = make_engine(model, how);
     int sweeps = 0;
@@ -65,7 +61,7 @@ TEST(ArticulatedContact, CapsuleRestsStillOnABox) {
       const Quat turned = rotation_quaternion({0, 0, yaw}) * rotation_quaternion({0, M_PI / 2, 0});
       add_solid(model, sized("capsule", ShapeKind::capsule, 0.008, 0.04), 0.01,
                 {Vec3(0.01, 0, 0.018), turned});
-      const auto engine = make_engine(model, settings(kAll, step));
+      const auto engine = make_engine(model, articulated_settings(kContact, step));
       EXPECT_LT(test::rms_speed_at_rest(*engine, step), 1e-5) << "yaw " << yaw << ", step " << step;
       for (const Contact& contact : engine->contacts()) EXPECT_LT(contact.depth, 5e-5);
     }
@@ -80,7 +76,7 @@ TEST(ArticulatedContact, InclineSticksAndSlidesAlikeInEveryDirection) {
     for (const double degrees : {26.0, 27.5}) {
       const double angle = degrees * M_PI / 180;
       const model::Model model = test::box_on_incline(test::tilted(angle, heading));
-      const auto engine = make_engine(model, settings(kAll));
+      const auto engine = make_engine(model, articulated_settings(kContact));
       test::run(*engine, 100);
       const model::BodyState start = engine->state().bodies[1];
       test::run(*engine, 1000);
@@ -101,7 +97,7 @@ TEST(ArticulatedContact, InclineSticksAndSlidesAlikeInEveryDirection) {
 TEST(ArticulatedContact, BouncesByItsRestitution) {
   for (const double erp : {0.2, 0.8})
     for (const double restitution : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9}) {
-      Settings how = settings(kAll);
+      Settings how = articulated_settings(kContact);
       test::set_erp(how, erp);
       const model::Model model = test::ball_above_ground(1.02, restitution);
       const auto engine = make_engine(model, how);
@@ -116,7 +112,7 @@ TEST(ArticulatedContact, BallsRollAndSpinAsInClosedForm) {
   using test::BallMotion;
   for (const BallMotion motion : {BallMotion::sliding, BallMotion::rolling, BallMotion::spinning}) {
     const model::Model model = test::moving_ball(motion);
-    const auto engine = make_engine(model, settings(kAll));
+    const auto engine = make_engine(model, articulated_settings(kContact));
     test::expect_ball_as_in_closed_form(motion, *engine);
   }
 }
@@ -129,7 +125,7 @@ TEST(ArticulatedContact, PadSinksByWeightOverStiffness) {
   model.materials[0].compliance = model::Compliance{4000, 40};
   add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.5,
             {Vec3(0, 0, 0.02), Quat::Identity()});
-  const auto engine = make_engine(model, settings(kAll));
+  const auto engine = make_engine(model, articulated_settings(kContact));
   test::run(*engine, 3000);
   EXPECT_NEAR(0.02 - engine->state().bodies[1].p.z(), 1e-5 + 0.5 * kG / 2000, 1e-6);
   EXPECT_LT(engine->state().bodies[1].v.norm(), 1e-7);
@@ -144,7 +140,7 @@ TEST(ArticulatedContact, ALightBallCarriesABoxOfTenBillionTimesItsMass) {
     add_solid(model, sized("light", ShapeKind::sphere, 0.05, 0), mass, {Vec3(0, 0, 0.05), Quat::Identity()});
     add_solid(model, sized("heavy", ShapeKind::box, 0, 0, Vec3(0.1, 0.1, 0.1)), 1e4,
               {Vec3(0, 0, 0.15), Quat::Identity()});
-    const auto engine = make_engine(model, settings(kAll));
+    const auto engine = make_engine(model, articulated_settings(kContact));
     for (int i = 0; i < 1000; ++i) EXPECT_EQ(engine->step({}).lcp_failures, 0);
     EXPECT_NEAR(engine->state().bodies[2].p.z(), 0.15, 2e-4) << mass;
   }
@@ -162,7 +158,7 @@ TEST(ArticulatedContact, AWallOfBricksRestsOnItsWeight) {
     model.bodies.back().name = "brick" + std::to_string(i);
     model.shapes.back().name = model.bodies.back().name;
   }
-  Settings how = settings(kAll);
+  Settings how = articulated_settings(kContact);
   how.contact_forces = true;
   const auto engine = make_engine(model, how);
   bool iterative = false;

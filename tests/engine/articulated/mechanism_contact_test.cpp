@@ -14,12 +14,9 @@ namespace {
 using model::Effect;
 using model::ShapeKind;
 using test::add_solid;
+using test::articulated_settings;
 using test::kG;
 using test::sized;
-
-Settings settings(std::initializer_list<Effect> effects, double step = 1e-3) {
-  return test::settings(effects, step, ArticulatedMethod::semi_implicit_euler);
-}
 
 /// Five fingers of capsules that close on a ball, palm down above the ground.
 model::Model hand_on_ball() {
@@ -119,8 +116,8 @@ TEST(ArticulatedContact, RepeatsItselfToTheBit) {
   const model::Model model = hand_on_ball();
   const auto run = [&] {
     const auto engine =
-        make_engine(model, settings({Effect::gravity, Effect::object_contact, Effect::friction,
-                                     Effect::passive_tissue, Effect::joint_stops}));
+        make_engine(model, articulated_settings({Effect::gravity, Effect::object_contact, Effect::friction,
+                                                 Effect::passive_tissue, Effect::joint_stops}));
     test::run(*engine, 300);
     return test::bits(engine->state());
   };
@@ -140,8 +137,8 @@ TEST(ArticulatedContact, TwoBasesInEachOtherHaveNoForce) {
     model.drives.push_back({base, {}, {{{0, at}}, model::Interpolation::linear, {}}});
   }
   const auto left = static_cast<int>(model.shapes.size()) - 2;
-  Settings how = settings({Effect::gravity, Effect::object_contact, Effect::friction, Effect::passive_tissue,
-                           Effect::wrist_motion});
+  Settings how = articulated_settings({Effect::gravity, Effect::object_contact, Effect::friction,
+                                       Effect::passive_tissue, Effect::wrist_motion});
   how.contact_forces = true;
   const auto engine = make_engine(model, how);
   std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
@@ -166,8 +163,8 @@ TEST(ArticulatedContact, TwoBasesInEachOtherHaveNoForce) {
 // too.
 TEST(ArticulatedContact, GoesOnFromWhatWasSavedToTheBit) {
   const model::Model model = hand_on_ball();
-  const Settings of =
-      settings({Effect::gravity, Effect::object_contact, Effect::friction, Effect::passive_tissue});
+  const Settings of = articulated_settings(
+      {Effect::gravity, Effect::object_contact, Effect::friction, Effect::passive_tissue});
   const auto whole = make_engine(model, of), later = make_engine(model, of);
   std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
   for (std::size_t i = 0; i < torques.size(); i += 4) torques[i] = torques[i + 2] = 0.01;
@@ -190,14 +187,14 @@ TEST(ArticulatedContact, GoesOnFromWhatWasSavedToTheBit) {
 // Oracle: the effects' definition.
 TEST(ArticulatedContact, NoCollisionCodeRunsWithoutAContactEffectAndRule) {
   model::Model model = hand_on_ball();
-  const auto without = make_engine(model, settings({Effect::gravity, Effect::friction}));
+  const auto without = make_engine(model, articulated_settings({Effect::gravity, Effect::friction}));
   EXPECT_FALSE(without->tests_contacts());
   const StepReport report = without->step({});
   EXPECT_EQ(report.collide_calls + report.contacts, 0);
   EXPECT_EQ(report.collide_ns, 0);
-  EXPECT_TRUE(make_engine(model, settings({Effect::object_contact}))->tests_contacts());
+  EXPECT_TRUE(make_engine(model, articulated_settings({Effect::object_contact}))->tests_contacts());
   model.contact_rules.clear();
-  EXPECT_FALSE(make_engine(model, settings({Effect::object_contact}))->tests_contacts());
+  EXPECT_FALSE(make_engine(model, articulated_settings({Effect::object_contact}))->tests_contacts());
 }
 
 /// A bar along x, hinged at its end, that gravity turns down onto the ground.
@@ -226,7 +223,7 @@ TEST(ArticulatedContact, SharesTheLoadWithStops) {
   const double touch = std::asin(0.4);
   for (const double stop_at : {1.0, touch + 1e-7, 0.3}) {
     const model::Model model = bar(model::Stop{-0.5, stop_at, 0});
-    Settings how = settings({Effect::gravity, Effect::ground_contact, Effect::joint_stops});
+    Settings how = articulated_settings({Effect::gravity, Effect::ground_contact, Effect::joint_stops});
     how.contact_forces = true;
     const auto engine = make_engine(model, how);
     StepReport report;
@@ -252,7 +249,7 @@ TEST(ArticulatedContact, KeepsTorqueLimitsWhilePressing) {
   const model::Model model = bar(std::nullopt);
   const double q = std::asin(0.4), arm = 0.1 * std::cos(q);
   for (const double limit : {0.02, 1.0}) {
-    Settings how = settings({Effect::gravity, Effect::ground_contact, Effect::actuation});
+    Settings how = articulated_settings({Effect::gravity, Effect::ground_contact, Effect::actuation});
     how.contact_forces = true;
     const auto engine = make_engine(model, how);
     for (int i = 0; i < 1500; ++i) {
@@ -290,7 +287,7 @@ TEST(ArticulatedContact, PinchHoldsABallByFriction) {
     }
     add_solid(model, sized("ball", ShapeKind::sphere, 0.0299, 0), 0.1, {Vec3::Zero(), Quat::Identity()});
     model.gravity = Vec3(0, 0, -kG);
-    Settings how = settings({Effect::gravity, Effect::object_contact});
+    Settings how = articulated_settings({Effect::gravity, Effect::object_contact});
     if (friction) how.effects.add(Effect::friction);
     const auto engine = make_engine(model, how);
     const std::vector<double> torques = {2, -2};

@@ -132,11 +132,11 @@ TEST(ArticulatedMotion, KeepsEnergyForTenSecondsWithRk4) {
   EXPECT_LT(fine, 1e-8);
 }
 
-struct Momentum {
+struct MomentumSum {
   Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();
 };
-Momentum momentum(const model::Model& model, const model::State& state) {
-  Momentum out;
+MomentumSum momentum_sum(const model::Model& model, const model::State& state) {
+  MomentumSum out;
   for (std::size_t i = 1; i < model.bodies.size(); ++i) {
     const model::BodyState& at = state.bodies[i];
     const Vec3 p = model.bodies[i].mass * at.v;
@@ -152,9 +152,9 @@ TEST(ArticulatedMotion, KeepsTheMomentumOfAFreeHand) {
   Settings with = settings({Effect::passive_tissue}, 1e-2, ArticulatedMethod::dormand_prince);
   test::set_tolerance(with, 1e-11);
   const auto engine = make_engine(model, with);
-  const Momentum start = momentum(model, engine->state());
+  const MomentumSum start = momentum_sum(model, engine->state());
   for (int i = 0; i < 200; ++i) engine->step({});
-  const Momentum end = momentum(model, engine->state());
+  const MomentumSum end = momentum_sum(model, engine->state());
   EXPECT_LT((end.linear - start.linear).norm(), 1e-10 * start.linear.norm());
   EXPECT_LT((end.angular - start.angular).norm(), 1e-10 * start.angular.norm());
 }

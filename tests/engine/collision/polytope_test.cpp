@@ -41,7 +41,7 @@ model::Shape mesh_shape(const std::string& name, ConvexMesh mesh) {
   return shape;
 }
 
-double deepest(const Manifold& found) {
+double depth_of(const Manifold& found) {
   double most = 0;
   for (int i = 0; i < found.count; ++i)
     most = std::max(most, found.points[static_cast<std::size_t>(i)].depth);
@@ -96,9 +96,9 @@ TEST(CapsuleOnMesh, IsTheCapsuleOnTheBoxOfTheSameForm) {
     const Manifold by_box = capsule_on_box(capsule, box, edges);
     ASSERT_EQ(by_mesh.count > 0, by_box.count > 0) << trial;
     // Shallow ones: with its axis inside, a capsule has several ways out.
-    if (by_box.count == 0 || deepest(by_box) > 0.008) continue;
+    if (by_box.count == 0 || depth_of(by_box) > 0.008) continue;
     ++touching;
-    ASSERT_NEAR(deepest(by_mesh), deepest(by_box), 1e-8) << trial;
+    ASSERT_NEAR(depth_of(by_mesh), depth_of(by_box), 1e-8) << trial;
   }
   EXPECT_GT(touching, 200);
 }
@@ -170,7 +170,7 @@ TEST(MeshOnMesh, PartsWhenMovedByItsDepth) {
     const Manifold found = mesh_on_mesh(a, x_WA, b, x_WB);
     if (found.count == 0) continue;
     ++touching;
-    const double depth = deepest(found);
+    const double depth = depth_of(found);
     const Vec3 n = found.points[0].normal;
     const Vec3 start = x_WA.p;
     x_WA.p = start + 1.0002 * depth * n + 1e-5 * n;
@@ -182,7 +182,7 @@ TEST(MeshOnMesh, PartsWhenMovedByItsDepth) {
     // Newton's third law of geometry: turned round, the same points.
     x_WA.p = start;
     const Manifold turned = mesh_on_mesh(b, x_WB, a, x_WA);
-    ASSERT_NEAR(deepest(turned), depth, 2e-4 * 0.03) << trial;
+    ASSERT_NEAR(depth_of(turned), depth, 2e-4 * 0.03) << trial;
   }
   EXPECT_GT(touching, 500);
 }

@@ -12,11 +12,11 @@ namespace {
 using model::Effect;
 using model::ShapeKind;
 using test::add_solid;
+using test::kContact;
 using test::kG;
 using test::settings;
 using test::sized;
 
-const std::initializer_list<Effect> kAll = {Effect::gravity, Effect::object_contact, Effect::friction};
 model::Model empty_world(double friction) {
   model::Model model = model::make_model();
   model.groups = {{"all"}};
@@ -53,7 +53,7 @@ TEST(RestingCapsule, StaysStillOnABoxAndOnACylinder) {
                         Case{ShapeKind::cylinder, 0, 0}, Case{ShapeKind::cylinder, 0, 0.015}})
     for (const double step : {1e-3, 5e-3}) {
       const model::Model model = resting_capsule(c.on, c.yaw, c.off);
-      const auto engine = make_engine(model, settings(kAll, step));
+      const auto engine = make_engine(model, settings(kContact, step));
       EXPECT_LT(test::rms_speed_at_rest(*engine, step), 1e-5)
           << "yaw " << c.yaw << ", off " << c.off << ", step " << step;
       for (const Contact& contact : engine->contacts()) EXPECT_LT(contact.depth, 5e-5);
@@ -70,7 +70,7 @@ TEST(ContactForces, CarryTheWeightAtRest) {
               {Vec3(0, 0, 0.02), Quat::Identity()});
     add_solid(model, sized("finger", ShapeKind::capsule, 0.008, 0.02), 0.05,
               {Vec3(0, 0, 0.038), rotation_quaternion({0, M_PI / 2, 0})});
-    Settings how = settings(kAll, 1e-3, method);
+    Settings how = settings(kContact, 1e-3, method);
     how.contact_forces = true;
     how.ode().iterations = 100;
     const auto engine = make_engine(model, how);
@@ -92,7 +92,7 @@ TEST(ContactForces, CarryTheWeightAtRest) {
 TEST(Restitution, IsTheMaterialsWhateverTheErp) {
   for (const double erp : {0.1, 0.2, 0.5, 0.8, 1.0})
     for (const double restitution : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9}) {
-      Settings how = settings(kAll);
+      Settings how = settings(kContact);
       test::set_erp(how, erp);
       const model::Model model = test::ball_above_ground(1.02, restitution);
       const auto engine = make_engine(model, how);
@@ -148,7 +148,7 @@ TEST(Pad, SinksByWeightOverStiffness) {
     add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.5,
               {Vec3(0, 0, 0.02), Quat::Identity()});
     model.shapes[1].material = 1;
-    const auto engine = make_engine(model, settings(kAll));
+    const auto engine = make_engine(model, settings(kContact));
     test::run(*engine, 3000);
     const double stiffness = both ? 1500.0 : 2000.0;
     EXPECT_NEAR(0.02 - engine->state().bodies[1].p.z(), 1e-5 + 0.5 * kG / stiffness, 1e-6);
@@ -239,7 +239,7 @@ TEST(Guard, HalvesTheStepExactly) {
 // Oracle: the choice's definition: identical bits to the solver it names, which is the direct one for a hand
 // and the iterative one for a heap.
 TEST(MethodAuto, TakesTheDirectSolverForFewRowsAndTheIterativeOneForMany) {
-  const std::initializer_list<Effect> effects = kAll;
+  const std::initializer_list<Effect> effects = kContact;
   const model::Model few = resting_capsule(ShapeKind::box, 0, 0);
   model::Model many = model::make_model();
   test::add_ground(many, 0.5);

@@ -45,16 +45,16 @@ double ode_coordinate(dJointID id, JointKind kind, std::size_t axis) {
   return 0;
 }
 
-struct Case {
+struct JointCase {
   JointKind kind;
   bool on_world;
 };
 
-class EveryJoint : public testing::TestWithParam<Case> {};
+class EveryJoint : public testing::TestWithParam<JointCase> {};
 
-const std::vector<Case> kAxial = {{JointKind::hinge, false},     {JointKind::hinge, true},
-                                  {JointKind::universal, false}, {JointKind::universal, true},
-                                  {JointKind::slider, false},    {JointKind::slider, true}};
+const std::vector<JointCase> kAxial = {{JointKind::hinge, false},     {JointKind::hinge, true},
+                                       {JointKind::universal, false}, {JointKind::universal, true},
+                                       {JointKind::slider, false},    {JointKind::slider, true}};
 
 // Oracle: two independent ways that must agree; ODE's own angle from its own reference rotation.
 TEST_P(EveryJoint, HasTheModelsCoordinatesInOde) {
@@ -178,7 +178,7 @@ TEST_P(EveryJoint, TurnsTorqueIntoMotionAlongItsCoordinateAndReactsOnItsParent) 
   }
 }
 
-std::string case_name(const testing::TestParamInfo<Case>& info) {
+std::string case_name(const testing::TestParamInfo<JointCase>& info) {
   const char* kinds[] = {"Hinge", "Universal", "Ball", "Slider"};
   return std::string(kinds[static_cast<int>(info.param.kind)]) + (info.param.on_world ? "OnWorld" : "OnBody");
 }

@@ -18,7 +18,7 @@ using study::SliderCrankSpec;
 
 constexpr double kContract = 1e-5;  ///< [m], at 1 ms
 
-struct Case {
+struct CrankCase {
   std::string name;
   model::Model model;
   double torque = 0;               ///< on the crank [N m]
@@ -31,23 +31,25 @@ struct Case {
 constexpr double kNearest = 0.3 - 0.08, kFarthest = 0.3 + 0.08;
 
 /// Started at rest in one line, where a force on the slider would not move it, and driven by a torque.
-Case dead_centre() {
+CrankCase dead_centre() {
   return {"dead centre", handsim::test::planar_slider_crank(Quat::Identity(), M_PI / 2, 0), 0.1, 1, kNearest,
           kFarthest};
 }
 
 /// Three hinges with parallel axes and a slider: 20 rows, of which 17 are independent.
-Case redundant() { return {"redundant", handsim::test::planar_slider_crank(), 0, 1, kNearest, kFarthest}; }
+CrankCase redundant() {
+  return {"redundant", handsim::test::planar_slider_crank(), 0, 1, kNearest, kFarthest};
+}
 
 /// The same across the axes of the world, where rounding makes the redundant rows contradict each other;
 /// gravity turns the crank back before the far dead centre.
-Case tilted() {
+CrankCase tilted() {
   const Quat tilt = rotation_quaternion({0.7, -0.4, 1.1});
   return {"tilted", handsim::test::planar_slider_crank(tilt), 0, 1, kNearest, {}};
 }
 
 /// The dead centres are where the pin is farthest from the slider's axis and nearest to it.
-Case spatial(const char* name, double speed, double duration) {
+CrankCase spatial(const char* name, double speed, double duration) {
   SliderCrankSpec spec = SliderCrankSpec::iftomm();
   spec.speed = speed;
   const double axis = std::hypot(spec.axis_y, spec.axis_z);
@@ -56,8 +58,8 @@ Case spatial(const char* name, double speed, double duration) {
           duration, slider(axis + spec.crank_length),  slider(axis - spec.crank_length)};
 }
 
-Case ordinary() { return spatial("ordinary speed", 6, 5); }
-Case fast() { return spatial("ten times the speed", 60, 0.5); }
+CrankCase ordinary() { return spatial("ordinary speed", 6, 5); }
+CrankCase fast() { return spatial("ten times the speed", 60, 0.5); }
 
 struct Figures {
   double gap = 0;  ///< largest of any joint [m]
@@ -73,7 +75,7 @@ double bend(const model::Joint& joint, const model::State& state) {
   return at_anchor(joint.parent, joint.parent_frame) + at_anchor(joint.child, joint.child_frame);
 }
 
-Figures follow(const Case& of, const Settings& settings) {
+Figures follow(const CrankCase& of, const Settings& settings) {
   const auto engine = make_engine(of.model, settings);
   std::vector<double> torques(static_cast<std::size_t>(of.model.dof_count()), 0.0);
   torques[0] = of.torque;
@@ -106,7 +108,7 @@ Settings projected(Method method) {
 // rad/s make it (50 * 0.5e-3)^2 / 2 * 0.08 m).
 TEST(SliderCrankLimits, AreHeldByTheMethodsThatCloseTheirJoints) {
   HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
-  for (const Case& each : {dead_centre(), redundant(), tilted(), ordinary(), fast()})
+  for (const CrankCase& each : {dead_centre(), redundant(), tilted(), ordinary(), fast()})
     for (const Settings& settings : {projected(OdeMethod::world_step), projected(OdeMethod::quick_step),
                                      with(DaeMethod::stabilised_gear), with(DaeMethod::lagrange_penalty),
                                      with(DaeMethod::euler_projected)}) {
@@ -126,7 +128,7 @@ TEST(SliderCrankLimits, AreHeldByTheMethodsThatCloseTheirJoints) {
 // mm).
 TEST(SliderCrankLimits, LeaveVelocityLevelMethodsTheGapOfTheirOrder) {
   HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
-  for (const Case& each : {dead_centre(), redundant(), tilted(), ordinary(), fast()})
+  for (const CrankCase& each : {dead_centre(), redundant(), tilted(), ordinary(), fast()})
     for (const Method method :
          std::initializer_list<Method>{OdeMethod::world_step, DaeMethod::euler_linearised})
       for (const double erp : {0.2, 0.8, 1.0}) {
@@ -142,7 +144,7 @@ TEST(SliderCrankLimits, AreHeldByVelocityLevelMethodsAtErp0_8AndSmallerSteps) {
   HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
   for (const Method method :
        std::initializer_list<Method>{OdeMethod::world_step, DaeMethod::euler_linearised}) {
-    for (const Case& each : {dead_centre(), redundant(), ordinary()})
+    for (const CrankCase& each : {dead_centre(), redundant(), ordinary()})
       EXPECT_LE(follow(each, with(method, 5e-4, 0.8)).gap, kContract) << each.name;
     EXPECT_LE(follow(fast(), with(method, 1e-4, 0.8)).gap, kContract);
   }
@@ -152,7 +154,7 @@ TEST(SliderCrankLimits, AreHeldByVelocityLevelMethodsAtErp0_8AndSmallerSteps) {
 // a crank of 80 mm that is still a crank.
 TEST(SliderCrankLimits, LeaveQuickStepFiniteAndTheCrankACrank) {
   HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
-  for (const Case& each : {dead_centre(), redundant(), tilted(), ordinary()})
+  for (const CrankCase& each : {dead_centre(), redundant(), tilted(), ordinary()})
     EXPECT_LE(follow(each, with(OdeMethod::quick_step)).gap, 6e-4) << each.name;
   EXPECT_LE(follow(fast(), with(OdeMethod::quick_step)).gap, 2.5e-3);
 }

@@ -32,13 +32,13 @@ std::pair<double, double> swing(const std::string& axis) {
 }
 
 /// A hand that closes and opens once, with loads on its fingertips.
-struct Motion {
+struct Movement {
   const model::Model& model;
   double seconds;
   std::vector<std::string> names = {};
   std::vector<double> middle = {};
 
-  Motion(const model::Model& of, double time) : model(of), seconds(time) {
+  Movement(const model::Model& of, double time) : model(of), seconds(time) {
     for (const model::Joint& joint : model.joints)
       for (const model::JointAxis& axis : joint.axes) {
         names.push_back(joint.name + "." + axis.name);
@@ -105,7 +105,7 @@ struct Apart {
 Apart compare(double seconds, bool passive) {
   const scene::Scene scene = shipped_scene("muscle_poses");
   const TemporaryFolder folder;
-  const Motion motion(scene.model, seconds);
+  const Movement motion(scene.model, seconds);
   motion.write(folder.path() / "motion.sto");
   std::ofstream(folder.path() / "model.osim") << output::to_osim(scene.model, scene.spec.solver);
   const json loads = motion.write_loads(folder.path() / "loads.csv");

@@ -68,7 +68,7 @@ json ask(const model::Model& model, const engine::Settings& settings, const std:
 
 /// Largest differences: lengths relative; arms over the tendon's largest; rates over the fastest; tensions
 /// over the muscle's strength; torques over the largest.
-struct Agreement {
+struct MuscleAgreement {
   double length = 0, arm = 0, rate = 0, tension = 0, torque = 0;
   int arms = 0;
 };
@@ -84,7 +84,7 @@ double rate_of(const model::TendonPath& path, const model::PathState& state, con
 
 void compare_muscle(const model::Muscle& muscle, const Sample& sample, double activation,
                     const std::vector<std::string>& names, const json& found, std::vector<double>& torques,
-                    Agreement& out) {
+                    MuscleAgreement& out) {
   const model::PathState path = model::path_state(muscle.path, sample.q);
   const double rate = rate_of(muscle.path, path, sample.u);
   const double tension = model::tension(muscle, path.excursion, rate, activation).force;
@@ -102,8 +102,8 @@ void compare_muscle(const model::Muscle& muscle, const Sample& sample, double ac
   raise(out.tension, (found["tension"].get<double>() - tension) / muscle.force);
 }
 
-Agreement agreement(const model::Model& model, const std::vector<Sample>& samples, const json& found) {
-  Agreement out;
+MuscleAgreement agreement(const model::Model& model, const std::vector<Sample>& samples, const json& found) {
+  MuscleAgreement out;
   const std::vector<std::string> names = coordinate_names(model);
   double largest = 0;
   for (std::size_t s = 0; s < samples.size(); ++s) {
@@ -152,7 +152,7 @@ TEST_F(MusclesInOpenSim, LengthsArmsAndTensionsAtRestAreTheModels) {
   const json found = ask(scene.model, scene.spec.solver, asked);
   ASSERT_FALSE(found.is_null());
   EXPECT_EQ(found["warnings"], json::array());
-  const Agreement result = agreement(scene.model, asked, found);
+  const MuscleAgreement result = agreement(scene.model, asked, found);
   std::printf("OpenSim %s, %zu muscles at rest: lengths %.1e, arms %.1e, tensions %.1e, torques %.1e\n",
               found["version"].get<std::string>().c_str(), scene.model.muscles.size(), result.length,
               result.arm, result.tension, result.torque);
@@ -168,9 +168,9 @@ TEST_F(MusclesInOpenSim, LengthsArmsAndTensionsAtRestAreTheModels) {
 TEST_F(MusclesInOpenSim, SpeedsActAsAtFullActivation) {
   scene::Scene scene = hand("[joint_stops, muscles]");
   const std::vector<Sample> asked = samples(scene.model, 5, true);
-  const Agreement shipped = agreement(scene.model, asked, ask(scene.model, scene.spec.solver, asked));
+  const MuscleAgreement shipped = agreement(scene.model, asked, ask(scene.model, scene.spec.solver, asked));
   const std::vector<Sample> partly = samples(scene.model, 5, false);
-  const Agreement partial = agreement(scene.model, partly, ask(scene.model, scene.spec.solver, partly));
+  const MuscleAgreement partial = agreement(scene.model, partly, ask(scene.model, scene.spec.solver, partly));
   std::printf(
       "OpenSim, muscles moving: rates %.1e, tensions at full activation %.1e, at any activation %.1e\n",
       shipped.rate, shipped.tension, partial.tension);

@@ -12,7 +12,7 @@ namespace {
 
 using model::Side;
 
-constexpr std::array<View, 4> kViews = {View::dorsal, View::palmar, View::radial, View::three_quarter};
+constexpr std::array<View, 4> kDrawnViews = {View::dorsal, View::palmar, View::radial, View::three_quarter};
 
 DrawList hand_list(Side side) {
   const model::Model model = hand_model(side, {});
@@ -54,7 +54,7 @@ TEST(Renderer, ViewsDiffer) {
   Renderer renderer(320, 240);
   const DrawList list = hand_list(Side::right);
   std::vector<Image> images;
-  for (const View view : kViews)
+  for (const View view : kDrawnViews)
     images.push_back(renderer.draw(list, framed_camera(view, {}, Side::right, list, 320.0 / 240)));
   for (std::size_t i = 0; i < images.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) EXPECT_GT(share_differing(images[i], images[j], 20), 0.02);
@@ -65,7 +65,7 @@ TEST(Renderer, NothingIsClippedAtTheBorder) {
   for (const auto& [width, height] : {std::pair{320, 240}, {200, 400}, {480, 160}}) {
     Renderer renderer(width, height);
     for (const Side side : {Side::right, Side::left})
-      for (const View view : kViews) {
+      for (const View view : kDrawnViews) {
         const DrawList list = hand_list(side);
         const Camera camera = framed_camera(view, {}, side, list, static_cast<double>(width) / height);
         const Image with = renderer.draw(list, camera);

@@ -53,7 +53,7 @@ std::string refusal(const std::string& text) {
   return "";
 }
 
-bool contains(const std::string& text, const std::string& part) {
+bool mentions(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
@@ -93,7 +93,7 @@ TEST(Tasks, OfOneObjectAtTwoPlacesAreRefusedAtTheSecondTask) {
                                    grasp("right", 0.2, "support: ground") +
                                    "  - {hand: left, object: ball, wrist: {position: [0, 0, 0.5]}, at: "
                                    "{position: [0, 0.2, 0]}, support: ground, open: flat, closed: flat}\n");
-  EXPECT_TRUE(contains(text, "test.yaml:8:5: grasps.1.object: got a pose of ball 0.1 m")) << text;
+  EXPECT_TRUE(mentions(text, "test.yaml:8:5: grasps.1.object: got a pose of ball 0.1 m")) << text;
 }
 
 // Oracle: mirror symmetry, as above; the hold is at the same pose for both left hands.
@@ -114,13 +114,13 @@ TEST(Tasks, OfBothSidesShareAHoldInTheMirrorPlaneOnly) {
   };
   EXPECT_EQ(compiled(both(0)).plans.objects[0].pose.p, Vec3(0, 0.1, 0.5));
   const std::string text = refusal(both(0.2));
-  EXPECT_TRUE(contains(text, "test.yaml:8:5: climbs.1.hold: got a pose of bar 0.4 m")) << text;
+  EXPECT_TRUE(mentions(text, "test.yaml:8:5: climbs.1.hold: got a pose of bar 0.4 m")) << text;
 }
 
 TEST(Tasks, OfAHandThatHasATaskAreRefused) {
   const std::string text =
       refusal(hands("rail", {"right"}) + bar_at(0) + "climbs:\n" + climb("right", 0.2) + climb("right", 0.2));
-  EXPECT_TRUE(contains(text, "climbs.1.hand: got a hand that climbs.0 moves")) << text;
+  EXPECT_TRUE(mentions(text, "climbs.1.hand: got a hand that climbs.0 moves")) << text;
 }
 
 // Oracle: a title stands over whatever a key has made of its scene: it names no quantity.

@@ -17,7 +17,7 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kG = 9.80665;
+constexpr double kGravity = 9.80665;
 
 /// A mug on a block on the ground, a ball in a palm that faces up.
 scene::Scene still_life(const std::string& rest) {
@@ -53,15 +53,15 @@ TEST(ContactOutput, SumsCarryTheWeightAtRest) {
     return entry_of(forces.at("pairs"), [&](const json& e) { return e.at("a") == a && e.at("b") == b; });
   };
   const json mug = pair("block", "mug"), ground = pair("block", "ground"), palm = pair("right.palm", "box");
-  EXPECT_NEAR(mug.at("force_at_end_N")[2].get<double>(), -0.118 * kG, 1e-3 * 0.118 * kG);
-  EXPECT_NEAR(ground.at("force_at_end_N")[2].get<double>(), 0.418 * kG, 1e-3 * 0.418 * kG);
-  EXPECT_NEAR(palm.at("force_at_end_N")[2].get<double>(), -0.2 * kG, 1e-3 * 0.2 * kG);
+  EXPECT_NEAR(mug.at("force_at_end_N")[2].get<double>(), -0.118 * kGravity, 1e-3 * 0.118 * kGravity);
+  EXPECT_NEAR(ground.at("force_at_end_N")[2].get<double>(), 0.418 * kGravity, 1e-3 * 0.418 * kGravity);
+  EXPECT_NEAR(palm.at("force_at_end_N")[2].get<double>(), -0.2 * kGravity, 1e-3 * 0.2 * kGravity);
   const json finger =
       entry_of(forces.at("fingers"), [](const json& e) { return e.at("name") == "right.palm"; });
-  EXPECT_NEAR(finger.at("normal_force_at_end_N").get<double>(), 0.2 * kG, 1e-3 * 0.2 * kG);
+  EXPECT_NEAR(finger.at("normal_force_at_end_N").get<double>(), 0.2 * kGravity, 1e-3 * 0.2 * kGravity);
   // The box fell some millimetres first: the largest force is that of its landing, the mean its weight.
-  EXPECT_GT(finger.at("largest_normal_force_N").get<double>(), 3 * 0.2 * kG);
-  EXPECT_NEAR(finger.at("mean_normal_force_N").get<double>(), 0.2 * kG, 0.02 * 0.2 * kG);
+  EXPECT_GT(finger.at("largest_normal_force_N").get<double>(), 3 * 0.2 * kGravity);
+  EXPECT_NEAR(finger.at("mean_normal_force_N").get<double>(), 0.2 * kGravity, 0.02 * 0.2 * kGravity);
 
   // The table has the same forces, point by point.
   std::istringstream lines(test::text_of(folder.path() / "contacts.csv"));
@@ -79,7 +79,7 @@ TEST(ContactOutput, SumsCarryTheWeightAtRest) {
     on_ground += std::stod(cells[10]) * std::stod(cells[8]) + std::stod(cells[13]);
   }
   EXPECT_GE(rows, 4);
-  EXPECT_NEAR(on_ground, 0.418 * kG, 1e-3 * 0.418 * kG);
+  EXPECT_NEAR(on_ground, 0.418 * kGravity, 1e-3 * 0.418 * kGravity);
 }
 
 TEST(ContactOutput, IsOffUnlessAskedFor) {

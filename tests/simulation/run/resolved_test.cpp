@@ -24,7 +24,7 @@ fs::path write(const fs::path& path, const std::string& text) {
   return path;
 }
 
-RunResult run_into(const scene::Scene& scene, const fs::path& out) {
+RunResult run_in(const scene::Scene& scene, const fs::path& out) {
   RunOptions options;
   options.out = out;
   return run(scene, options);
@@ -32,11 +32,11 @@ RunResult run_into(const scene::Scene& scene, const fs::path& out) {
 
 /// Runs the scene, moves what it left, and runs that again.
 void expect_repeated(const scene::Scene& scene, const TemporaryFolder& folder) {
-  const RunResult first = run_into(scene, folder.path() / "first");
+  const RunResult first = run_in(scene, folder.path() / "first");
   const fs::path moved = folder.path() / "else" / "where";
   fs::create_directories(moved.parent_path());
   fs::rename(folder.path() / "first", moved);
-  const RunResult again = run_into(scene::load_scene(moved / "resolved.yaml"), folder.path() / "again");
+  const RunResult again = run_in(scene::load_scene(moved / "resolved.yaml"), folder.path() / "again");
   EXPECT_EQ(hash_text(again.state_hash), hash_text(first.state_hash));
   EXPECT_EQ(text_of(folder.path() / "again" / "resolved.yaml"), text_of(moved / "resolved.yaml"));
 }
@@ -189,7 +189,7 @@ TEST(Resolved, WhatCouldNotBeReadAgainIsRefusedBeforeTheRun) {
     text += fmt::format("  - {{name: b{}, file: {}, position: [{}, 0, 0]}}\n", i, file.string(), 0.1 * i);
   const scene::Scene scene = scene::compile_scene(parse_yaml(text + "duration: 1\n", "long.yaml"));
   try {
-    run_into(scene, folder.path() / "out");
+    run_in(scene, folder.path() / "out");
     FAIL();
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("so that resolved.yaml can be read again"), std::string::npos)
@@ -203,7 +203,7 @@ TEST(OwnFolder, WhatARunReadsItDoesNotWriteOver) {
   const fs::path out = folder.path() / "out";
   const fs::path program = write(out / "trajectory.csv", wave(40));
   try {
-    run_into(waving(program, program), folder.path() / "." / "out");
+    run_in(waving(program, program), folder.path() / "." / "out");
     FAIL();
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("the run would overwrite its own input"), std::string::npos)
@@ -214,9 +214,9 @@ TEST(OwnFolder, WhatARunReadsItDoesNotWriteOver) {
   fs::remove(program);
   // Under another name it stands there unharmed; a run from resolved.yaml goes to another folder.
   const fs::path other = write(out / "wave.csv", wave(40));
-  const RunResult first = run_into(waving(other, other), out);
-  EXPECT_THROW(run_into(scene::load_scene(out / "resolved.yaml"), out), Error);
-  EXPECT_EQ(run_into(scene::load_scene(out / "resolved.yaml"), folder.path() / "again").state_hash,
+  const RunResult first = run_in(waving(other, other), out);
+  EXPECT_THROW(run_in(scene::load_scene(out / "resolved.yaml"), out), Error);
+  EXPECT_EQ(run_in(scene::load_scene(out / "resolved.yaml"), folder.path() / "again").state_hash,
             first.state_hash);
   EXPECT_EQ(text_of(other), wave(40));
   EXPECT_EQ(text_of(out / "inputs" / "wave.csv"), wave(40));
@@ -228,14 +228,14 @@ TEST(OwnFolder, CopiesOfAnEarlierRunAreRemovedAndNothingElse) {
   const fs::path out = folder.path() / "out";
   const fs::path first = write(folder.path() / "first.csv", wave(40));
   const fs::path second = write(folder.path() / "second.csv", wave(20));
-  run_into(waving(first, first), out);
+  run_in(waving(first, first), out);
   EXPECT_TRUE(fs::exists(out / "inputs" / "first.csv"));
   const fs::path mine = write(out / "inputs" / "mine.csv", wave(10));
-  run_into(waving(second, second), out);
+  run_in(waving(second, second), out);
   EXPECT_FALSE(fs::exists(out / "inputs" / "first.csv"));
   EXPECT_EQ(text_of(out / "inputs" / "second.csv"), wave(20));
   fs::remove(mine);
-  run_into(shipped_scene("every_pose", {"criteria={}", "duration=1 ms"}), out);
+  run_in(shipped_scene("every_pose", {"criteria={}", "duration=1 ms"}), out);
   EXPECT_FALSE(fs::exists(out / "inputs"));
 }
 
@@ -249,7 +249,7 @@ TEST(OwnFolder, AnEarlierResolvedSceneNamesNothingOutsideInputs) {
        {mine.string(), std::string("inputs/../mine.csv"), std::string("inputs/*"), std::string("mine.csv")}) {
     const fs::path kept = write(out / "inputs" / "kept.csv", wave(10));
     write(out / "resolved.yaml", "control: {program: \"" + path + "\"}\n");
-    run_into(shipped_scene("every_pose", {"criteria={}", "duration=1 ms"}), out);
+    run_in(shipped_scene("every_pose", {"criteria={}", "duration=1 ms"}), out);
     for (const fs::path& file : {mine, inside, kept}) EXPECT_EQ(text_of(file), wave(10)) << path;
   }
 }
@@ -259,7 +259,7 @@ TEST(OwnFolder, ACopyDoesNotReplaceAnotherInput) {
   const fs::path out = folder.path() / "out";
   const fs::path mine = write(out / "inputs" / "wave.csv", wave(10));
   const fs::path other = write(folder.path() / "wave.csv", wave(40));
-  EXPECT_THROW(run_into(waving(other, mine), out), Error);
+  EXPECT_THROW(run_in(waving(other, mine), out), Error);
   EXPECT_EQ(text_of(mine), wave(10));
 }
 

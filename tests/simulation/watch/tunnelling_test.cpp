@@ -17,7 +17,7 @@ scene::Scene scene_of(const std::string& text) { return scene::compile_scene(par
 const std::vector<std::string> kSolvers = {"method: world_step", "method: quick_step", "method: auto",
                                            "engine: articulated"};
 
-struct Case {
+struct FallCase {
   std::string solver = "method: world_step";
   std::string thing = "shape: sphere, radius: 0.01";
   std::string target = "shape: box, edges: [1, 1, 0.005]";
@@ -27,7 +27,7 @@ struct Case {
 };
 
 /// A thing that comes straight down on a fixed one at a height of 1 m, off the middle by a little.
-scene::Scene thrown(const Case& of) {
+scene::Scene thrown(const FallCase& of) {
   return scene_of(fmt::format(
       "objects:\n"
       "  - {{name: target, {}, position: [0, 0, 1], static: true}}\n"
@@ -137,15 +137,15 @@ TEST(Tunnelling, ABallThatFallsInStepsOfATenthOfASecondEndsOnTheGround) {
     for (const char* thing :
          {"shape: sphere, radius: 0.05", "shape: box, edges: [0.1, 0.1, 0.1]",
           "shape: capsule, radius: 0.05, length: 0.1, rotation: {axis: [1, 0, 0], angle: 1.5}"}) {
-      const Case of{.solver = solver,
-                    .thing = thing,
-                    .speed = 0,
-                    .start = 3,
-                    .step = 0.1,
-                    .duration = 4,
-                    .gravity = "[0, 0, -9.81]",
-                    .more = "ground: {}\n",
-                    .effects = "gravity, ground_contact, friction"};
+      const FallCase of{.solver = solver,
+                        .thing = thing,
+                        .speed = 0,
+                        .start = 3,
+                        .step = 0.1,
+                        .duration = 4,
+                        .gravity = "[0, 0, -9.81]",
+                        .more = "ground: {}\n",
+                        .effects = "gravity, ground_contact, friction"};
       const scene::Scene scene = thrown(of);
       Simulation simulation(scene);
       EXPECT_NEAR(run_through(simulation), 0.05, 5e-3) << solver << thing;
@@ -155,15 +155,15 @@ TEST(Tunnelling, ABallThatFallsInStepsOfATenthOfASecondEndsOnTheGround) {
 
 // Oracle: the depth of the ball, which ends its step 0.1 s below the ground by up to v h.
 TEST(Tunnelling, DeepBurialIsReportedWithItsDepthAndIsACriterion) {
-  const Case of{.solver = "method: world_step, speculative: false",
-                .thing = "shape: sphere, radius: 0.05",
-                .speed = 0,
-                .start = 3,
-                .step = 0.1,
-                .duration = 2,
-                .gravity = "[0, 0, -9.81]",
-                .more = "ground: {}\ncriteria: {tunnelling: 0}\n",
-                .effects = "gravity, ground_contact, friction"};
+  const FallCase of{.solver = "method: world_step, speculative: false",
+                    .thing = "shape: sphere, radius: 0.05",
+                    .speed = 0,
+                    .start = 3,
+                    .step = 0.1,
+                    .duration = 2,
+                    .gravity = "[0, 0, -9.81]",
+                    .more = "ground: {}\ncriteria: {tunnelling: 0}\n",
+                    .effects = "gravity, ground_contact, friction"};
   const scene::Scene scene = thrown(of);
   const test::TemporaryFolder folder;
   RunOptions options;
@@ -220,15 +220,15 @@ TEST(Tunnelling, AFastBallThatMissesIsNotTouched) {
 // Oracle: a pad is a spring: KE = k d^2 / 2. 5 m/s go in by 50 mm with 1e3 N/m, from above.
 TEST(Tunnelling, APadGivesWayToAFastBallAsASpring) {
   for (const char* solver : {"method: world_step", "engine: articulated"}) {
-    const Case of{.solver = solver,
-                  .thing = "shape: sphere, radius: 0.1, stiffness: 1000, damping: 0",
-                  .target = "shape: box, edges: [1, 1, 0.2]",
-                  .speed = 5,
-                  .start = 1.3,
-                  .step = 1e-4,
-                  .duration = 0.1};
+    const FallCase of{.solver = solver,
+                      .thing = "shape: sphere, radius: 0.1, stiffness: 1000, damping: 0",
+                      .target = "shape: box, edges: [1, 1, 0.2]",
+                      .speed = 5,
+                      .start = 1.3,
+                      .step = 1e-4,
+                      .duration = 0.1};
     const auto deepest = [&](const char* more) {
-      Case with = of;
+      FallCase with = of;
       with.solver += more;
       const scene::Scene scene = thrown(with);
       Simulation simulation(scene);
