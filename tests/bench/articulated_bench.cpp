@@ -21,8 +21,6 @@
 namespace handsim::bench {
 namespace {
 
-constexpr int kSteps = 2000;
-
 /// Candidate: the engine's whole step, servos set each time. Yardstick: dWorldStep alone on the same hand,
 /// its servos set once.
 void step_against_bare_ode(benchmark::State& state, int width) {

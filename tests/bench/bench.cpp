@@ -60,18 +60,17 @@ void loop_against_engine(benchmark::State& state, const char* name, const char* 
   simulation::Simulation simulation(scene, simulation::no_watchers);
   const simulation::MotionSnapshot start = simulation.motion();
   const model::State initial = simulation.state();
-  constexpr long kSteps = 2000;
   compare(
-      state, static_cast<double>(kSteps),
+      state, kSteps,
       [&] {
         bare->set_state(initial);
         simulation.reset(start);
       },
       [&] {
-        for (long i = 0; i < kSteps; ++i) bare->step({});
+        for (int i = 0; i < kSteps; ++i) bare->step({});
       },
       [&] {
-        for (long i = 0; i < kSteps; ++i) simulation.step();
+        for (int i = 0; i < kSteps; ++i) simulation.step();
       });
 }
 BENCHMARK_CAPTURE(loop_against_engine, slider_crank_articulated, "slider_crank_iftomm",

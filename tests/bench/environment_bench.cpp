@@ -24,7 +24,6 @@ void batch_of_one_against_engine(benchmark::State& state, const char* name) {
   const std::unique_ptr<engine::Engine> bare = engine::make_engine(scene.model, scene.spec.solver);
   const model::State initial = bare->state();
   Batch batch(scene, 1);
-  constexpr int kSteps = 2000;
   compare(
       state, kSteps,
       [&] {

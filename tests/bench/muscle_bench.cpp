@@ -9,8 +9,6 @@
 namespace handsim::bench {
 namespace {
 
-constexpr int kSteps = 2000;
-
 /// Yardstick: the step of the same hand without these effects. Candidate: with them; excitations of 0 to 1
 /// that change in every step, or none.
 /// @param strain of elastic tendons

@@ -10,6 +10,8 @@
 
 namespace handsim::bench {
 
+inline constexpr int kSteps = 2000;  ///< of a repetition
+
 inline double median(std::vector<double> values) {
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
                    values.end());

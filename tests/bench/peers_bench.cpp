@@ -161,7 +161,6 @@ std::vector<TreeJoint> tree_of(const model::Model& model) {
 /// Yardstick: Pinocchio's accelerations from torques alone (ABA) or torques from accelerations (RNEA), on the
 /// same tree. Candidate: a whole step here, with stops, tissue and servos.
 void step_against_pinocchio(benchmark::State& state, bool aba) {
-  constexpr int kSteps = 2000;
   const Load load = one_hand();
   const Vec3& g = load.scene.model.gravity;
   const PinocchioCalls calls = pinocchio_calls(tree_of(load.scene.model), {g.x(), g.y(), g.z()}, kSteps);
