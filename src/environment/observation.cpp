@@ -181,11 +181,11 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
 
 void Observation::find_things() {
   const model::Model& model = scene_.model;
-  hand_part_.assign(model.shapes.size(), -1);
-  other_.assign(model.shapes.size(), -1);
-  std::vector<int> hand_of(model.bodies.size(), -1);
+  hand_part_.resize(model.shapes.size());
+  other_.assign(model.shapes.size(), model.objects.size());
+  std::vector<std::optional<std::size_t>> hand_of(model.bodies.size());
   for (std::size_t h = 0; h < model.hands.size(); ++h) {
-    for (const int body : model.hands[h].bodies) hand_of[at(body)] = static_cast<int>(h);
+    for (const int body : model.hands[h].bodies) hand_of[at(body)] = h;
     for (const char* part : simulation::kHandParts) hand_parts_.push_back(model.hands[h].name + "." + part);
     for (const model::Fingertip& tip : model.hands[h].fingertips) tips_.push_back(&tip);
   }
@@ -197,11 +197,11 @@ void Observation::find_things() {
   const std::vector<std::optional<std::size_t>> object_of = model.objects_of_shapes();
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const model::Shape& shape = model.shapes[i];
-    const int part = simulation::hand_part(shape.part), hand = hand_of[at(shape.body)];
-    if (part >= 0 && hand >= 0)
-      hand_part_[i] = hand * static_cast<int>(simulation::kHandParts.size()) + part;
-    else
-      other_[i] = static_cast<int>(object_of[i].value_or(model.objects.size()));
+    const auto part = simulation::hand_part(shape.part), hand = hand_of[at(shape.body)];
+    if (part && hand)
+      hand_part_[i] = *hand * simulation::kHandParts.size() + *part;
+    else if (object_of[i])
+      other_[i] = *object_of[i];
   }
 }
 
@@ -214,16 +214,15 @@ void Observation::write_contacts(std::span<const engine::Contact> contacts, std:
   std::fill(by_finger.begin(), by_finger.end(), 0);
   std::fill(by_pair.begin(), by_pair.end(), 0);
   const auto one = [&](int shape, int against, const engine::Contact& contact, double sign) {
-    const int part = hand_part_[at(shape)];
-    if (part < 0) return;
+    const std::optional<std::size_t> part = hand_part_[at(shape)];
+    if (!part) return;
     if (!by_finger.empty()) {
-      double* out = by_finger.data() + at(part) * kFingerColumns.size();
+      double* out = by_finger.data() + *part * kFingerColumns.size();
       for (int i = 0; i < 3; ++i) out[i] += sign * contact.force[i];
       out[3] += 1;
     }
-    const int other = other_[at(against)] < 0 ? static_cast<int>(others_.size()) - 1 : other_[at(against)];
     if (by_pair.empty()) return;
-    double* out = by_pair.data() + (at(part) * others_.size() + at(other)) * kPairColumns.size();
+    double* out = by_pair.data() + (*part * others_.size() + other_[at(against)]) * kPairColumns.size();
     out[0] += contact.normal_force();
     out[1] += 1;
   };

@@ -140,13 +140,11 @@ struct ContactGroup {
   std::string name;
 };
 
-inline constexpr int kCombined = -1;  ///< The pair's material is combined from its shapes' own.
-
 /// Two groups whose shapes are tested (a rule may name one twice), but not jointed or two immovable bodies.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;
-  int material = kCombined;  ///< index into `Model::materials`, for the pair; kCombined: of the two shapes'
+  std::optional<int> material = {};  ///< index into `Model::materials`; absent: the shapes' own, combined
 };
 
 /// A kinematic body that follows a timed trajectory of its joint centre frame.

@@ -49,8 +49,8 @@ class Checker {
     for (const ContactRule& rule : model_.contact_rules)
       if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
         add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
-      else if (rule.material != kCombined && !in(rule.material, model_.materials))
-        add("contact_rules", fmt::format("material {}", rule.material), "the index of a material");
+      else if (rule.material && !in(*rule.material, model_.materials))
+        add("contact_rules", fmt::format("material {}", *rule.material), "the index of a material");
     for (const Drive& drive : model_.drives) check_drive(drive);
     return std::move(problems_);
   }

@@ -42,7 +42,7 @@ std::shared_ptr<const scene::Scene> checked(std::shared_ptr<const scene::Scene> 
 
 void check_start(const scene::Scene& scene) {
   if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return;
-  const auto of_hand = [](const model::Shape& shape) { return hand_part(shape.part) >= 0; };
+  const auto of_hand = [](const model::Shape& shape) { return hand_part(shape.part).has_value(); };
   std::vector<std::map<std::pair<std::string, std::string>, double>> deepest(scene.plans.objects.size());
   const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);

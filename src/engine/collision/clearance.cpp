@@ -117,7 +117,7 @@ const Pose& Clearance::pose(std::size_t shape) {
 
 const Mat3& Clearance::rotation(std::size_t shape) {
   Placed& placed = placed_[shape];
-  const std::int64_t moves = movers_[placed.mover].moves;
+  const std::uint64_t moves = movers_[placed.mover].moves;
   if (std::exchange(placed.rotated, moves) != moves) placed.R = pose(shape).q.toRotationMatrix();
   return placed.R;
 }

@@ -10,18 +10,12 @@
 
 namespace handsim::engine {
 
-namespace {
-
-constexpr Index kNoSlot = -1;
-
-}  // namespace
-
 System::System(const model::Model& model, const Settings& settings, std::vector<int> bodies,
                std::vector<const model::Joint*> joints)
     : model_(model),
       settings_(settings),
       bodies_(std::move(bodies)),
-      slot_of_(model.bodies.size(), kNoSlot),
+      slot_of_(model.bodies.size()),
       joints_(std::move(joints)) {
   for (const int index : bodies_) {
     slot_of_[at(index)] = static_cast<Index>(mass_.size());
@@ -163,10 +157,10 @@ Matrix System::jacobian(const std::vector<Row>& rows, const model::State& state)
 
 void System::add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const {
   const auto add = [&](int index, const Vec3& v, const Vec3& w) {
-    const Index slot = slot_of_[at(index)];
-    if (slot == kNoSlot) return;
-    out.segment<3>(kTwistSize * slot) += scale * v;
-    out.segment<3>(kTwistSize * slot + 3) += scale * (body(state, slot).q.conjugate() * w);
+    const std::optional<Index> slot = slot_of_[at(index)];
+    if (!slot) return;
+    out.segment<3>(kTwistSize * *slot) += scale * v;
+    out.segment<3>(kTwistSize * *slot + 3) += scale * (body(state, *slot).q.conjugate() * w);
   };
   add(row.parent, row.parent_v, row.parent_w);
   add(row.child, row.child_v, row.child_w);

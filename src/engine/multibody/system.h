@@ -5,6 +5,7 @@
 // is constant. World, kinematic and driven bodies are functions of time. Contains no integration method.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -100,8 +101,8 @@ class System {
 
   const model::Model& model_;
   Settings settings_;
-  std::vector<int> bodies_;     ///< model body of each slot
-  std::vector<Index> slot_of_;  ///< slot of each model body, or kNoSlot
+  std::vector<int> bodies_;                    ///< model body of each slot
+  std::vector<std::optional<Index>> slot_of_;  ///< slot of each model body, if it has one
   std::vector<const model::Joint*> joints_;
   std::vector<const model::Joint*> joint_of_row_;
   std::vector<double> mass_;

@@ -34,7 +34,7 @@ struct Reason {
 class Surfaces {
  public:
   explicit Surfaces(const Scene& scene) : scene_(scene), model_(scene.model) {
-    std::map<std::pair<int, int>, int> pairs;
+    std::map<std::pair<int, int>, std::optional<int>> pairs;
     for (const model::ContactRule& rule : model_.contact_rules)
       pairs[std::minmax(rule.group_a, rule.group_b)] = rule.material;
     std::map<int, std::vector<const model::Shape*>> groups;
@@ -74,10 +74,10 @@ class Surfaces {
                                (*task->support == b && a.starts_with(task->object)));
     });
   }
-  void add(const model::Shape& a, const model::Shape& b, int material) {
-    if (material != model::kCombined) {
-      acting_.insert(material);
-      for (const model::Shape* shape : {&a, &b}) winner_.emplace(shape->material, material);
+  void add(const model::Shape& a, const model::Shape& b, std::optional<int> material) {
+    if (material) {
+      acting_.insert(*material);
+      for (const model::Shape* shape : {&a, &b}) winner_.emplace(shape->material, *material);
     } else if (!on_own_support(a.name, b.name)) {
       acting_.insert({a.material, b.material});
     }

@@ -183,13 +183,13 @@ void add_phases(const std::vector<scene::TaskPhase>& phases, Json& out) {
 /// Sums of normal forces by part of a hand, of parts that touch anything.
 std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
   const model::Model& model = run.scene.model;
-  std::map<std::pair<int, int>, std::vector<double>> sums;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<double>> sums;
   const auto add = [&](std::size_t row, int shape, double force) {
     const model::Shape& of = model.shapes[at(shape)];
     for (std::size_t h = 0; h < model.hands.size(); ++h) {
       const std::vector<int>& bodies = model.hands[h].bodies;
-      if (hand_part(of.part) < 0 || std::ranges::find(bodies, of.body) == bodies.end()) continue;
-      std::vector<double>& values = sums[{static_cast<int>(h), hand_part(of.part)}];
+      if (!hand_part(of.part) || std::ranges::find(bodies, of.body) == bodies.end()) continue;
+      std::vector<double>& values = sums[{h, *hand_part(of.part)}];
       values.resize(run.times.size());
       values[row] += force;
     }

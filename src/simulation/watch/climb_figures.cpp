@@ -107,7 +107,7 @@ ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, 
   dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::ranges::find(hand.bodies, shape.body) != hand.bodies.end();
-    part_of_shape_.push_back(mine ? hand_part(shape.part) : -1);
+    part_of_shape_.push_back(mine ? hand_part(shape.part) : std::nullopt);
   }
   for (const std::optional<std::size_t> object : model.objects_of_shapes())
     of_hold_.push_back(object && model.objects[*object].name == plan.hold);
@@ -125,9 +125,9 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   for (const engine::Contact& contact : engine.contacts()) {
     const auto a = static_cast<std::size_t>(contact.shape_a), b = static_cast<std::size_t>(contact.shape_b);
     const bool first = of_hold_[b];
-    const int part = part_of_shape_[first ? a : b];
-    if (!(first || of_hold_[a]) || part < 0 || contact.normal_force() <= 0) continue;
-    parts.add(part, contact);
+    const std::optional<std::size_t> part = part_of_shape_[first ? a : b];
+    if (!(first || of_hold_[a]) || !part || contact.normal_force() <= 0) continue;
+    parts.add(*part, contact);
     const int body = model_->shapes[first ? a : b].body;
     held += (first ? 1 : -1) *
             model::jacobian(*model_, engine.state(), body, contact.position).topRows<3>().transpose() *

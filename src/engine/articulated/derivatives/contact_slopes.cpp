@@ -335,14 +335,14 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
   double largest = 0;
   for (const ContactRows& rows : p.contacts) largest = std::max(largest, rows.impulse[0]);
   std::size_t i = 0;
-  std::pair<int, int> bodies(-1, -1);
+  std::optional<std::pair<int, int>> bodies;
   for (const Touch& touch : contact_.collider_.touches()) {
     if (!contact_.matters(touch)) continue;
     const Contact& any = contact_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(contact_.body_of(any.shape_a), contact_.body_of(any.shape_b));
-    if (these != bodies) {
-      if (bodies.first >= 0) end_pair(by_q, by_u);
+    if (bodies != these) {
+      if (bodies) end_pair(by_q, by_u);
       begin_pair(any.shape_a, any.shape_b);
       bodies = these;
     }
@@ -366,7 +366,7 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
       add_contact(point, responses_[k]);
     }
   }
-  if (bodies.first >= 0) end_pair(by_q, by_u);
+  if (bodies) end_pair(by_q, by_u);
 }
 
 }  // namespace handsim::engine::articulated
