@@ -37,8 +37,8 @@ model::JointAxis read_axis(MapReader reader) {
   axis.axis = reader.direction("axis");
   if (const auto range = reader.maybe_range("range", kAngle, true)) {
     model::Stop stop{range->first, range->second};
-    stop.bounce = reader.number("bounce", kShare, 0.0);
-    stop.ode.fudge_factor = reader.number("fudge_factor", kShare, 1.0);
+    stop.restitution = reader.number("bounce", kShare, 0.0);
+    stop.motor_share = reader.number("fudge_factor", kShare, 1.0);
     axis.stop = stop;
   }
   model::Tissue tissue;

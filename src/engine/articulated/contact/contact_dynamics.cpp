@@ -297,9 +297,9 @@ bool ContactDynamics::apply_restitution(Problem& p) {
     Bound& bound = p.bounds[at(each.place)];
     const int side = sign(bound.side);
     const double speed = side * *each.u;
-    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
+    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.restitution > 0)) continue;
     // Speeds towards the stop after the step: without and with restitution.
-    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
+    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.restitution * speed;
     if (!(bounced < now)) continue;
     each.bounced = any = true;
     // The opposite stop stays, and the rebound ends there at the latest.

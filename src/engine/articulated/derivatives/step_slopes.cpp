@@ -191,15 +191,16 @@ void StepSlopes::hold(const Single& each) {
   const double share = room < -kOnStop ? settings_.erp() : 1, target = share * room / h,
                speed = side * *each.u;
   // A rebound ends on the opposite stop at the latest.
-  const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.bounce * speed;
-  const bool bounces = speed > 0 && *a.bounce > 0 && rebound < target, free = bounces && rebound > across;
+  const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.restitution * speed;
+  const bool bounces = speed > 0 && *a.restitution > 0 && rebound < target,
+             free = bounces && rebound > across;
   const int i = each.dof;
   K_.row(i).setZero();
   by_q_.row(i).setZero();
   by_u_.row(i).setZero();
   K_(i, i) = 1;
   by_q_(i, i) = free ? 0 : (bounces ? 1 : share) / h;
-  by_u_(i, i) = free ? -*a.bounce : 0;
+  by_u_(i, i) = free ? -*a.restitution : 0;
   held_[each.coordinate] = 1;
 }
 

@@ -72,8 +72,8 @@ AxisView Mechanism::axis_view(std::size_t node) const {
     auto& a = in.axis[in.batch[slot.batch].axis];
     const int i = slot.lane;
     return AxisView{
-        a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
-        a.servo_damping + i, a.servo_error + i, a.servo_feed + i, a.servo_limit + i, a.side + i,
+        a.low + i,           a.high + i,        a.restitution + i, a.weight + i,      a.servo_stiffness + i,
+        a.servo_damping + i, a.servo_error + i, a.servo_feed + i,  a.servo_limit + i, a.side + i,
         a.saturated + i,     a.force + i,       a.reaction + i};
   });
 }

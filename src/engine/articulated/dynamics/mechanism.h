@@ -39,8 +39,8 @@ struct NodeView {
 
 /// The lane of a single coordinate's Axis, as batch.h has it.
 struct AxisView {
-  const double *low, *high, *bounce, *weight, *servo_stiffness, *servo_damping, *servo_error, *servo_feed,
-      *servo_limit;
+  const double *low, *high, *restitution, *weight, *servo_stiffness, *servo_damping, *servo_error,
+      *servo_feed, *servo_limit;
   double *side, *saturated;
   double *force, *reaction;
   ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }

@@ -80,7 +80,7 @@ struct Mechanism::In {
     if (axis.stop && effects.has(model::Effect::joint_stops)) {
       a.low[lane] = axis.stop->low;
       a.high[lane] = axis.stop->high;
-      a.bounce[lane] = axis.stop->bounce;
+      a.restitution[lane] = axis.stop->restitution;
     }
     if (axis.tissue && effects.has(model::Effect::passive_tissue)) {
       a.stiffness[lane] = axis.tissue->stiffness;

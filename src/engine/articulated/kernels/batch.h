@@ -44,7 +44,7 @@ template <int W>
 struct alignas(64) Axis {
   // Constant: passive tissue; a stop, infinite where there is none.
   Lane<W> stiffness, damping, rest;
-  Lane<W> low, high, bounce;
+  Lane<W> low, high, restitution;
   Lane<W> present;  ///< 1 where the lane has a node, else 0
   // Of the step.
   Lane<W> tau;  ///< plain torque [N m] or [N]

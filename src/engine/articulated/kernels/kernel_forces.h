@@ -157,9 +157,10 @@ struct Forces : Lanes<V> {
     V target = articulated::select(room < zero, V(tree.erp * room / h), V(room / h));
     // A rebound ends on the opposite stop at the latest.
     const V across = (room - (load(a.high) - load(a.low))) / h;
-    V bounced = V(zero - load(a.bounce)) * speed;
+    V bounced = V(zero - load(a.restitution)) * speed;
     bounced = articulated::select(bounced < across, across, bounced);
-    target = articulated::select(speed > zero && bounced < target && load(a.bounce) > zero, bounced, target);
+    target =
+        articulated::select(speed > zero && bounced < target && load(a.restitution) > zero, bounced, target);
     store(a.locked, articulated::select(on, V(1.0), V(1.0 - load(a.present))));
     store(a.given, articulated::select(on, V((side * target - u) / h), zero));
   }
