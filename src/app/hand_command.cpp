@@ -352,8 +352,9 @@ int hand_command(const HandArguments& arguments) {
   folder->clear();
   output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene));
   const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, {model::initial_state(scene.model), {}}),
-                      *arguments.out / "hand.png");
+    output::write_png(
+        simulation::draw({scene.model, scene.spec.pictures}, {model::initial_state(scene.model), {}}),
+        *arguments.out / "hand.png");
   };
   const auto failure = output::run_in_child(draw, {});
   if (failure) print_error("missing: hand.png: {}\n", *failure);

@@ -190,7 +190,8 @@ void add_report(const std::filesystem::path& out, simulation::RunResult& result)
 void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
   const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
   const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, moment, arguments.gl), *arguments.out);
+    output::write_png(simulation::draw({scene.model, scene.spec.pictures}, moment, arguments.gl),
+                      *arguments.out);
   };
   if (const auto failure = output::run_in_child(draw, {}))
     throw output_error(arguments.out->string(), "no picture: " + *failure,
@@ -203,7 +204,7 @@ void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
     return simulation::film_until(scene, spec, arguments.time.value_or(scene.spec.duration), show);
   });
   const auto draw = [&](const output::Progress& progress) {
-    film.write({arguments.gl, output::core_count(), 0}, progress);
+    film.write(scene.spec.pictures, {arguments.gl, output::core_count(), 0}, progress);
   };
   if (const auto failure = with_progress([&](const auto& show) { return output::run_in_child(draw, show); }))
     throw output_error(spec.file.string(), "no video: " + *failure,

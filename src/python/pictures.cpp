@@ -79,16 +79,15 @@ py::list draw_frames(const SceneHandle& of, const std::vector<Frame>& frames,
 void film(const SceneHandle& of, const VideoChoice& video, double time,
           std::optional<std::array<int, 2>> size, std::optional<std::string> view,
           decltype(PictureChoice::camera) camera, const py::object& progress) {
-  scene::Scene shown = *of.scene;
-  shown.spec.pictures = chosen(of.scene->spec.pictures, {size, std::move(view), camera});
+  const scene::PictureSpec pictures = chosen(of.scene->spec.pictures, {size, std::move(view), camera});
   Signals signals(progress);
   // Half of the share is the simulation's.
   const auto poll = [&signals](double begin) {
     return [&signals, begin](double share) { signals.poll(begin + share / 2); };
   };
   without_gil([&] {
-    const simulation::Film film = simulation::film_until(shown, video_of(video), time, poll(0));
-    film.write({}, poll(0.5));
+    const simulation::Film film = simulation::film_until(*of.scene, video_of(video), time, poll(0));
+    film.write(pictures, {}, poll(0.5));
   });
 }
 
@@ -110,13 +109,12 @@ py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::
 
 py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
                   const PictureChoice& choice) {
-  scene::Scene shown = scene;
-  shown.spec.pictures = chosen(scene.spec.pictures, choice);
+  const scene::PictureSpec pictures = chosen(scene.spec.pictures, choice);
   std::vector<output::Image> images;
   Signals signals;
   without_gil([&] {
     simulation::draw(
-        shown, moments, {}, [](std::size_t, const output::Image&) {},
+        {scene.model, pictures}, moments, {}, [](std::size_t, const output::Image&) {},
         [&](std::size_t, const simulation::Picture& picture) {
           images.push_back(picture.image);
           signals.poll(0);

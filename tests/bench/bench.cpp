@@ -154,7 +154,7 @@ void first_frame(benchmark::State& state) {
   const simulation::Moment moment{model::initial_state(scene.model), {}};
   for (auto unused : state) {
     (void)unused;
-    benchmark::DoNotOptimize(simulation::draw(scene, moment));
+    benchmark::DoNotOptimize(simulation::draw({scene.model, scene.spec.pictures}, moment));
   }
 }
 BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
@@ -168,9 +168,10 @@ void frame(benchmark::State& state) {
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    simulation::draw(scene, moments, {}, {}, [](std::size_t, const simulation::Picture& picture) {
-      benchmark::DoNotOptimize(picture.image.rgb.data());
-    });
+    simulation::draw({scene.model, scene.spec.pictures}, moments, {}, {},
+                     [](std::size_t, const simulation::Picture& picture) {
+                       benchmark::DoNotOptimize(picture.image.rgb.data());
+                     });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
                            8);
   }

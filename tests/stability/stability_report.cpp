@@ -254,7 +254,8 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
   const auto draw_all = [&](const output::Progress&) {
     output::ContactSheet sheet({static_cast<int>(pictures.size()), kWidth, kHeight, "hard cases"});
     for (const Picture& picture : pictures) {
-      const output::Image image = simulation::draw(picture.scene, picture.moment);
+      const output::Image image =
+          simulation::draw({picture.scene.model, picture.scene.spec.pictures}, picture.moment);
       output::write_png(image, out / ("scene_" + picture.of->name + ".png"));
       sheet.add(image, picture.of->name);
     }

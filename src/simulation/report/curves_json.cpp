@@ -201,7 +201,7 @@ std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
     }
   std::vector<PartCurve> out;
   for (auto& [key, values] : sums)
-    out.push_back({model.hands[at(key.first)].name + "." + kHandParts[at(key.second)], std::move(values)});
+    out.push_back({model.hands[key.first].name + "." + kHandParts[key.second], std::move(values)});
   return out;
 }
 

@@ -150,7 +150,8 @@ Json camera_json(const RunFiles& run, const std::optional<ContactRows>& contacts
   const double spacing = (run.times.back() - run.times.front()) /
                          static_cast<double>(std::max<std::size_t>(1, moments.size() - 1));
   const auto reach = spacing > 0 ? static_cast<std::size_t>(std::lround(kSmooth / spacing)) : 0;
-  const std::vector<output::Camera> along = cameras(run.scene, moments, reach);
+  const std::vector<output::Camera> along =
+      cameras({run.scene.model, run.scene.spec.pictures}, moments, reach);
   Json path = path_json(moments, along);
   const output::Camera& camera = path.is_null() ? stage.camera : along.front();
   const auto& size = run.scene.spec.pictures.size;
@@ -232,7 +233,7 @@ Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts)
   const model::Model& model = run.scene.model;
   const model::State start = model::initial_state(model);
   // As many as a contact sheet shows.
-  const Stage stage = stage_of(run.scene, moments_of(run, {}, 24));
+  const Stage stage = stage_of({run.scene.model, run.scene.spec.pictures}, moments_of(run, {}, 24));
   constexpr int kSides = 24;
   return {{"bodies", bodies_json(model)},
           {"shapes", shapes_json(model, start)},

@@ -116,7 +116,7 @@ TEST(ContactForces, AreArrowsInThePicture) {
       EXPECT_GE(*scale * largest, 0.04);
       EXPECT_LE(*scale * largest, 0.1 + 1e-12);
     }
-    const long pixels = magenta(draw(scene, moment));
+    const long pixels = magenta(draw({scene.model, scene.spec.pictures}, moment));
     if (shown)
       EXPECT_GT(pixels, 150);
     else

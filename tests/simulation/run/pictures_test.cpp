@@ -69,9 +69,10 @@ TEST_P(ShippedGrasp, FillsHalfOfThePicture) {
   while (simulation.state().time < close->end) simulation.step();
   moments.push_back(moment_of(simulation.engine()));
   const auto [width, height] = scene.spec.pictures.size;
-  const std::vector<output::Camera> from = cameras(scene, moments);
+  const Pictured of{scene.model, scene.spec.pictures};
+  const std::vector<output::Camera> from = cameras(of, moments);
   for (std::size_t i = 0; i < moments.size(); ++i) {
-    const output::DrawList list = followed(scene, moments[i], shown(scene, moments[i], {}));
+    const output::DrawList list = followed(of, moments[i], shown(of, moments[i], {}));
     const Fill fill = fill_of(list, from[i], static_cast<double>(width) / height);
     EXPECT_GE(fill.share, 0.5) << GetParam() << " " << i;
     EXPECT_TRUE(fill.whole) << GetParam() << " " << i;
@@ -92,10 +93,11 @@ TEST(LostObject, IsNotShownAndMovesNoCamera) {
     const scene::Scene scene =
         test::shipped_scene("grasp_power_can", {std::string("pictures.follow=") + follow});
     const std::vector<Moment> lost = {with_object_at(scene, -1820)}, near = {with_object_at(scene, 0.4)};
-    const output::DrawList list = shown(scene, lost.front(), {});
-    EXPECT_EQ(list.shapes.size() + 1, shown(scene, near.front(), {}).shapes.size());
+    const Pictured of{scene.model, scene.spec.pictures};
+    const output::DrawList list = shown(of, lost.front(), {});
+    EXPECT_EQ(list.shapes.size() + 1, shown(of, near.front(), {}).shapes.size());
     EXPECT_GT(output::bounds(list).low.z(), -1);
-    const output::Camera camera = cameras(scene, lost).front();
+    const output::Camera camera = cameras(of, lost).front();
     EXPECT_LT((camera.position - model::initial_state(scene.model).bodies[1].p).norm(), 2) << follow;
   }
 }
@@ -152,7 +154,7 @@ TEST(Film, HasAMomentForEachFrame) {
   const scene::Scene scene = test::shipped_scene("two_hands", {"pictures.size=[64, 48]"});
   for (const auto& [speed, frames] : {std::pair{1.0, 7}, {0.25, 25}, {2.0, 4}}) {
     const std::filesystem::path file = folder.path() / "v.mp4";
-    film_until(scene, {file, 30, speed}, 0.2, {}).write({}, {});
+    film_until(scene, {file, 30, speed}, 0.2, {}).write(scene.spec.pictures, {}, {});
     std::FILE* pipe = popen(
         ("ffprobe -v error -count_frames -show_entries stream=nb_read_frames -of csv=p=0 " + file.string())
             .c_str(),

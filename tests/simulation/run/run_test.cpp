@@ -151,7 +151,7 @@ TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
   const std::vector<Moment> moments(70, {model::initial_state(scene.model), {}});
   double before = 0;
   std::size_t drawn = 0;
-  draw(scene, moments, {}, {}, [&](std::size_t i, const Picture& picture) {
+  draw({scene.model, scene.spec.pictures}, moments, {}, {}, [&](std::size_t i, const Picture& picture) {
     EXPECT_EQ(i, drawn++);
     EXPECT_EQ(picture.image.width, 640);
     if (i == 10) before = peak_memory();
