@@ -188,7 +188,7 @@ void add_report(const std::filesystem::path& out, simulation::RunResult& result)
 
 /// One picture, drawn in a child process.
 void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
-  const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
+  const simulation::PictureState moment = simulation::picture_state_at(scene, arguments.time.value_or(0));
   const auto draw = [&](const output::Progress&) {
     output::write_png(simulation::draw({scene.model, scene.spec.pictures}, moment, arguments.gl),
                       *arguments.out);

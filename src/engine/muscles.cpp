@@ -37,7 +37,7 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
       kernel_(kernel ? kernel : tendon_kernels().back()),
       torques_(at(model.dof_count())) {
   before_.resize(at(layout_.arrays().blocks) * kTendonLanes);
-  find_parts();
+  collect_parts();
 }
 
 /// The entry of two coordinates, made where there is none.
@@ -49,7 +49,7 @@ std::size_t Muscles::slot(int a, int b) {
   return slopes_.size() - 1;
 }
 
-void Muscles::find_parts() {
+void Muscles::collect_parts() {
   const TendonArrays& all = layout_.arrays();
   for (int c = 0; c < all.coordinates; ++c)
     for (std::size_t k = 0; k < kTendonLanes; ++k) {

@@ -333,7 +333,7 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
   impl_->begin(i);
 }
 
-void Batch::reset(const Moment* moment, std::span<const std::uint64_t> seeds,
+void Batch::reset(const simulation::MotionSnapshot* moment, std::span<const std::uint64_t> seeds,
                   std::span<const unsigned char> mask) {
   const auto require = [&](const char* what, std::size_t count) {
     if (count != 0 && count != size())

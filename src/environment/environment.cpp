@@ -89,7 +89,7 @@ void Environment::own_scene() {
 void Environment::build() {
   copied_ = false;
   simulation_ = std::make_unique<simulation::Simulation>(scene_, setup_.watchers);
-  if (!shared_ || !start_) start_ = std::make_shared<const Moment>(simulation_->motion());
+  if (!shared_ || !start_) start_ = std::make_shared<const simulation::MotionSnapshot>(simulation_->motion());
 }
 
 void Environment::renumber() {
@@ -125,7 +125,7 @@ void Environment::reset(std::uint64_t seed) {
   reset();
 }
 
-void Environment::reset(const Moment& moment) {
+void Environment::reset(const simulation::MotionSnapshot& moment) {
   begin();
   simulation_->reset(moment);
 }

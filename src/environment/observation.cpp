@@ -170,7 +170,7 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
     if (std::find(known.begin(), known.end(), name) == known.end())
       problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(known, ", "))});
   if (!problems.empty()) throw Error(std::move(problems));
-  find_things();
+  collect_things();
   for (const std::string& name : names) {
     const Kind& kind = *std::ranges::find_if(kinds(), [&](auto& each) { return each.name == name; });
     kinds_.push_back(&kind);
@@ -179,7 +179,7 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
   }
 }
 
-void Observation::find_things() {
+void Observation::collect_things() {
   const model::Model& model = scene_.model;
   hand_part_.resize(model.shapes.size());
   other_.assign(model.shapes.size(), model.objects.size());

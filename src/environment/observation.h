@@ -48,7 +48,7 @@ class Observation {
   /// A kind of part: its name, the names of its numbers, and how they are written.
   struct Kind;
   static std::span<const Kind> kinds();
-  void find_things();
+  void collect_things();
   bool has(std::string_view part) const;
   void write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                       std::span<double> by_pair) const;

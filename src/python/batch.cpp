@@ -247,12 +247,12 @@ void bind_batch(py::module_& module) {
       .def("failure", &failure)
       .def("motion",
            [](Self& self, std::size_t i) {
-             return Motion{self.read(i, [](const auto& of) { return of.moment(); })};
+             return Motion{self.read(i, [](const auto& of) { return of.motion(); })};
            })
       .def("frame",
            [](Self& self, std::size_t i) {
              return Frame{self.read(
-                 i, [](const auto& of) { return simulation::moment_of(of.simulation().engine()); })};
+                 i, [](const auto& of) { return simulation::picture_state(of.simulation().engine()); })};
            })
       .def("observations", [](const py::object& self) { return observations(self); })
       .def("done",

@@ -58,14 +58,14 @@ Frame frame_at(const SceneHandle& of, double time) {
       simulation.step();
       signals.poll(0);
     }
-    return Frame{simulation::moment_of(simulation.engine())};
+    return Frame{simulation::picture_state(simulation.engine())};
   });
 }
 
 py::list draw_frames(const SceneHandle& of, const std::vector<Frame>& frames,
                      std::optional<std::array<int, 2>> size, std::optional<std::string> view,
                      decltype(PictureChoice::camera) camera) {
-  std::vector<simulation::Moment> moments;
+  std::vector<simulation::PictureState> moments;
   for (const Frame& frame : frames) {
     if (frame.moment.state.bodies.size() != of.scene->model.bodies.size())
       throw input_error("frames", std::to_string(frame.moment.state.bodies.size()) + " bodies",
@@ -107,7 +107,7 @@ py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::
 
 }  // namespace
 
-py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
+py::list draw_all(const scene::Scene& scene, std::vector<simulation::PictureState> moments,
                   const PictureChoice& choice) {
   const scene::PictureSpec pictures = chosen(scene.spec.pictures, choice);
   std::vector<output::Image> images;

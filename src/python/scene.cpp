@@ -86,7 +86,8 @@ py::list muscles(const SceneHandle& of) {
 py::dict standalone(const SceneHandle& of) {
   py::dict out;
   out["resolved.yaml"] = py::bytes(scene::standalone_text(of.scene->resolved, of.scene->inputs));
-  for (const scene::InputFile& input : of.scene->inputs) out[py::str(input.copy)] = py::bytes(*input.bytes);
+  for (const scene::ReferencedFile& input : of.scene->inputs)
+    out[py::str(input.copy)] = py::bytes(*input.bytes);
   return out;
 }
 

@@ -367,7 +367,7 @@ void bind_simulation(py::module_& module) {
            })
       .def("frame",
            [](Self& self) {
-             return Frame{self.read([](const auto& of) { return simulation::moment_of(of.engine()); })};
+             return Frame{self.read([](const auto& of) { return simulation::picture_state(of.engine()); })};
            })
       .def("verdicts",
            [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); })

@@ -122,7 +122,7 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
   const scene::SceneSpec& spec = scene_->spec;
   const double step = spec.solver.step;
   if (spec.solver.effects.has(model::Effect::actuation)) {
-    find_constant_torques();
+    compute_constant_torques();
     for (const scene::ClimbPlan& plan : scene_->plans.climbs) {
       const model::Model& model = scene_->model;
       climbs_.push_back({plan, at(model.joints[at(*model.hands[plan.hand].rail)].first_dof), step});
@@ -163,7 +163,7 @@ void Simulation::make_watchers() {
   timed_ = std::ranges::any_of(watchers_, [](const auto& watcher) { return watcher->wants_times(); });
 }
 
-void Simulation::find_constant_torques() {
+void Simulation::compute_constant_torques() {
   constant_.resize(at(model().dof_count()));
   for (const model::Joint& joint : model().joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)

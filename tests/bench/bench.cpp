@@ -151,7 +151,7 @@ BENCHMARK(person_to_world)->Unit(benchmark::kMicrosecond);
 /// One frame of two hands at 1280 x 960, the context's creation included.
 void first_frame(benchmark::State& state) {
   const scene::Scene scene = test::shipped_scene("two_hands");
-  const simulation::Moment moment{model::initial_state(scene.model), {}};
+  const simulation::PictureState moment{model::initial_state(scene.model), {}};
   for (auto unused : state) {
     (void)unused;
     benchmark::DoNotOptimize(simulation::draw({scene.model, scene.spec.pictures}, moment));
@@ -164,7 +164,7 @@ void frame(benchmark::State& state) {
   const scene::Scene scene =
       test::shipped_scene("two_hands", {"pictures.size=[" + std::to_string(state.range(0)) + ", " +
                                         std::to_string(state.range(0) * 3 / 4) + "]"});
-  const std::vector<simulation::Moment> moments(8, {model::initial_state(scene.model), {}});
+  const std::vector<simulation::PictureState> moments(8, {model::initial_state(scene.model), {}});
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();

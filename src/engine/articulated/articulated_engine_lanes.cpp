@@ -19,7 +19,7 @@ bool ArticulatedEngine::stands() {
   if (failure_) return false;
   for (const model::Drive& drive : drives())
     if (drive.motion.keys.size() > 1 || !drive.motion.shakes.empty()) return false;
-  find_targets({}, next_time(time_, settings_.step));
+  compute_targets({}, next_time(time_, settings_.step));
   for (std::size_t i = 0; i < drives().size(); ++i) {
     const BaseMotion& base = mechanism_.base(ways_[i].body);
     for (const Vec3& v : {ways_[i].way.shift, ways_[i].way.turn, base.v, base.w, base.dv, base.dw})

@@ -83,7 +83,7 @@ void Collider::near(void* self, dGeomID a, dGeomID b) {
   if (collider.allowed(i, j)) collider.near_pairs_.push_back(pair_of(i, j));
 }
 
-void Collider::find_near(const model::State& state) {
+void Collider::collect_near(const model::State& state) {
   near_pairs_.clear();
   if (!clearance_) {
     dSpaceCollide(space_.get(), this, &Collider::near);
@@ -136,7 +136,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   contacts_.clear();
   touches_.clear();
   shares_.clear();
-  find_near(state);
+  collect_near(state);
   const std::span<const Sweep::Pair> fast = find_fast(state, prospect);
   if (!fast.empty()) {
     // In order, each pair once.

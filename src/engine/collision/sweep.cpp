@@ -41,7 +41,7 @@ Sweep::Sweep(const model::Model& model, const model::Effects& effects)
     radii_.push_back(inner_radius(shape));
     levers_.push_back(lever(shape));
   }
-  find_limits();
+  compute_limits();
   order_.reserve(model.shapes.size());
   found_.reserve(model.shapes.size());
 }
@@ -52,7 +52,7 @@ bool Sweep::allowed(std::size_t i, std::size_t j) const {
 }
 
 /// A pair whose two bodies each keep to half of what it may go is slow.
-void Sweep::find_limits() {
+void Sweep::compute_limits() {
   const std::size_t n = model_.shapes.size();
   std::vector<double> least(limits_.size(), kEndless);
   const auto lower = [&](int body, int other, double radius) {

@@ -68,7 +68,7 @@ class Sweep {
     double way = 0, reach = 0;  ///< of its own centre and points [m]
   };
   bool allowed(std::size_t a, std::size_t b) const;
-  void find_limits();
+  void compute_limits();
   void add(std::size_t a, std::size_t b, const model::State& state, std::span<const Way> ways);
 
   const model::Model& model_;

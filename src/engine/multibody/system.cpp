@@ -139,12 +139,12 @@ Vector System::position_rates(const Vector& x, const Vector& u) const {
   return rates;
 }
 
-void System::constraints(const model::State& state, std::vector<Row>& rows) const {
+void System::constraints(const model::State& state, std::vector<ConstraintRow>& rows) const {
   rows.clear();
   for (const model::Joint* joint : joints_) append_constraints(*joint, state, rows);
 }
 
-Matrix System::jacobian(const std::vector<Row>& rows, const model::State& state) const {
+Matrix System::jacobian(const std::vector<ConstraintRow>& rows, const model::State& state) const {
   Matrix out = Matrix::Zero(static_cast<Index>(rows.size()), kTwistSize * body_count());
   Vector row(out.cols());
   for (Index i = 0; i < out.rows(); ++i) {
@@ -155,7 +155,8 @@ Matrix System::jacobian(const std::vector<Row>& rows, const model::State& state)
   return out;
 }
 
-void System::add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const {
+void System::add_transposed(const ConstraintRow& row, double scale, const model::State& state,
+                            Vector& out) const {
   const auto add = [&](int index, const Vec3& v, const Vec3& w) {
     const std::optional<Index> slot = slot_of_[at(index)];
     if (!slot) return;
@@ -166,7 +167,7 @@ void System::add_transposed(const Row& row, double scale, const model::State& st
   add(row.child, row.child_v, row.child_w);
 }
 
-double System::own_rate(const Row& row, const Vector& u, const model::State& state) const {
+double System::own_rate(const ConstraintRow& row, const Vector& u, const model::State& state) const {
   Vector transposed = Vector::Zero(u.size());
   add_transposed(row, 1, state, transposed);
   return transposed.dot(u);

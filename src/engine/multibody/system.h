@@ -26,7 +26,7 @@ inline constexpr Index kTwistSize = 6;
 
 /// A spring-damper on one joint coordinate.
 struct TissueRow {
-  Row row;               ///< the row of the coordinate
+  ConstraintRow row;     ///< the row of the coordinate
   double deviation = 0;  ///< coordinate minus rest position
   model::Tissue tissue;
 };
@@ -65,13 +65,13 @@ class System {
   Vector position_rates(const Vector& x, const Vector& u) const;
 
   /// Constraint rows in the order of the joints.
-  void constraints(const model::State& state, std::vector<Row>& rows) const;
+  void constraints(const model::State& state, std::vector<ConstraintRow>& rows) const;
   /// G, constraint rows by velocities.
-  Matrix jacobian(const std::vector<Row>& rows, const model::State& state) const;
+  Matrix jacobian(const std::vector<ConstraintRow>& rows, const model::State& state) const;
   /// out += scale * row^T.
-  void add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const;
+  void add_transposed(const ConstraintRow& row, double scale, const model::State& state, Vector& out) const;
   /// The part of a row's rate that is due to the island's bodies, at velocities u.
-  double own_rate(const Row& row, const Vector& u, const model::State& state) const;
+  double own_rate(const ConstraintRow& row, const Vector& u, const model::State& state) const;
   /// The joint of a constraint row.
   const model::Joint& joint_of_row(Index row) const { return *joint_of_row_[static_cast<std::size_t>(row)]; }
   const std::string& body_name(Index slot) const;

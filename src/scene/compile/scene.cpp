@@ -363,7 +363,7 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
 std::vector<std::filesystem::path> files_read(const Scene& scene) {
   std::set<std::filesystem::path> out;
   collect_files(scene.resolved, out);
-  for (const InputFile& input : scene.inputs) out.insert(input.path);
+  for (const ReferencedFile& input : scene.inputs) out.insert(input.path);
   return {out.begin(), out.end()};
 }
 

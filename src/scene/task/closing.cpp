@@ -78,7 +78,7 @@ double Closing::angle(std::size_t axis, double share) const {
   return stop ? std::clamp(angle, stop->low, stop->high) : angle;
 }
 
-std::vector<double> Closing::at(double share) const {
+std::vector<double> Closing::angles_at(double share) const {
   std::vector<double> out;
   for (std::size_t i = 0; i < start_.size(); ++i) out.push_back(angle(i, share));
   return out;
@@ -92,7 +92,7 @@ bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
 
 bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
   bool clear = true;
-  open_ = at(0);
+  open_ = angles_at(0);
   for (const FingerChain& chain : chains_) {
     const double fastest = way(chain);
     if (fastest == 0) continue;

@@ -25,7 +25,7 @@ std::string command_of(const RunFiles& run) {
 }
 
 Json run_json(const RunFiles& run) {
-  const std::optional<ContactRows> contacts = read_contacts(run);
+  const std::optional<RecordedContacts> contacts = read_contacts(run);
   std::vector<PartCurve> sums;
   Json out = {{"name", run.folder.lexically_normal().string()},
               {"title", run.summary["title"]},

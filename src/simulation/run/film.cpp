@@ -47,7 +47,7 @@ long Film::step_of(long frame) const {
 
 void Film::record(long step, const engine::Engine& engine) {
   if (step > last_ || step_of(frames_) > step) return;
-  moments_.push_back(moment_of(engine));
+  moments_.push_back(picture_state(engine));
   repeats_.push_back(0);
   for (; step_of(frames_) <= step; ++frames_) ++repeats_.back();
 }

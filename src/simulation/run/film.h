@@ -35,7 +35,7 @@ class Film {
   VideoSpec spec_;
   long first_, last_;
   long frames_ = 0;  ///< planned so far
-  std::vector<Moment> moments_;
+  std::vector<PictureState> moments_;
   std::vector<int> repeats_;  ///< frames that show each moment: several in slow motion
 
   long step_of(long frame) const;

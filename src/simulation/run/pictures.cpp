@@ -39,7 +39,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
   return out;
 }
 
-void add_shake(const model::Model& model, const Moment& moment, output::DrawList& list) {
+void add_shake(const model::Model& model, const PictureState& moment, output::DrawList& list) {
   if (moment.shaken.isZero() || model.hands.empty()) return;
   const model::HandIndex& hand = model.hands.front();
   const Vec3 wrist = moment.state.bodies[at(hand.palm)].pose() * hand.wrist_frame.p;
@@ -114,12 +114,13 @@ output::Image drawn(output::Renderer& renderer, const Pictured& of, const model:
 }
 
 /// Cameras of the moments, one each, and the height of the lowest point of all [m].
-std::pair<std::vector<output::Camera>, double> views(const Pictured& of, std::span<const Moment> moments,
+std::pair<std::vector<output::Camera>, double> views(const Pictured& of,
+                                                     std::span<const PictureState> moments,
                                                      std::optional<double> scale, std::size_t smooth) {
   double lowest = std::numeric_limits<double>::infinity();
   output::Framing all = framing(of);
   std::vector<Extents> each;
-  for (const Moment& moment : moments) {
+  for (const PictureState& moment : moments) {
     const output::DrawList list = shown(of, moment, scale);
     lowest = std::min(lowest, output::bounds(list).low.z());
     all.add(list);
@@ -138,7 +139,7 @@ std::pair<std::vector<output::Camera>, double> views(const Pictured& of, std::sp
 
 }  // namespace
 
-Moment moment_of(const engine::Engine& engine) {
+PictureState picture_state(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
 }
 
@@ -149,10 +150,10 @@ Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
-std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments) {
+std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const PictureState> moments) {
   if (!pictures.contact_forces) return std::nullopt;
   double largest = 0;
-  for (const Moment& moment : moments)
+  for (const PictureState& moment : moments)
     for (const engine::Contact& contact : moment.contacts) largest = std::max(largest, contact.force.norm());
   if (!(largest > 0)) return std::nullopt;
   // 1, 2 or 5 times a power of ten.
@@ -162,7 +163,7 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
   return decade * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
 }
 
-output::DrawList shown(const Pictured& of, const Moment& moment, std::optional<double> force_scale) {
+output::DrawList shown(const Pictured& of, const PictureState& moment, std::optional<double> force_scale) {
   const model::Model& model = of.model;
   output::DrawList list = output::draw_list(model, moment.state, {of.pictures.joint_axes});
   const std::vector<bool> lost = lost_bodies(model, moment.state);
@@ -183,7 +184,7 @@ output::DrawList shown(const Pictured& of, const Moment& moment, std::optional<d
   return list;
 }
 
-output::DrawList followed(const Pictured& of, const Moment& moment, const output::DrawList& shown) {
+output::DrawList followed(const Pictured& of, const PictureState& moment, const output::DrawList& shown) {
   const std::vector<model::Shape>& shapes = of.model.shapes;
   std::vector<bool> in(shapes.size(), false);
   for (std::size_t i = 0; i < shapes.size(); ++i) in[i] = is_hand(shapes[i].part);
@@ -202,15 +203,16 @@ output::DrawList followed(const Pictured& of, const Moment& moment, const output
   return out;
 }
 
-std::vector<output::Camera> cameras(const Pictured& of, std::span<const Moment> moments, std::size_t smooth) {
+std::vector<output::Camera> cameras(const Pictured& of, std::span<const PictureState> moments,
+                                    std::size_t smooth) {
   return views(of, moments, force_scale(of.pictures, moments), smooth).first;
 }
 
-Stage stage_of(const Pictured& of, std::span<const Moment> moments) {
+Stage stage_of(const Pictured& of, std::span<const PictureState> moments) {
   Stage stage;
   output::Framing all = framing(of);
   double lowest = std::numeric_limits<double>::infinity();
-  for (const Moment& moment : moments) {
+  for (const PictureState& moment : moments) {
     const output::DrawList list = shown(of, moment, {});
     lowest = std::min(lowest, output::bounds(list).low.z());
     stage.ground = list.ground_height;
@@ -221,7 +223,7 @@ Stage stage_of(const Pictured& of, std::span<const Moment> moments) {
   return stage;
 }
 
-void draw(const Pictured& of, std::span<const Moment> moments, const Drawing& drawing,
+void draw(const Pictured& of, std::span<const PictureState> moments, const Drawing& drawing,
           const std::function<void(std::size_t, const output::Image&)>& store,
           const std::function<void(std::size_t, const Picture&)>& take) {
   const std::optional<double> scale = force_scale(of.pictures, moments);
@@ -248,7 +250,7 @@ void draw(const Pictured& of, std::span<const Moment> moments, const Drawing& dr
   });
 }
 
-output::Image draw(const Pictured& of, const Moment& moment, std::optional<output::Gl> gl) {
+output::Image draw(const Pictured& of, const PictureState& moment, std::optional<output::Gl> gl) {
   output::Image out;
   draw(of, std::span(&moment, 1), {gl, 1, 0}, {},
        [&](std::size_t, const Picture& picture) { out = picture.image; });

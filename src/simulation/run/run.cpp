@@ -31,7 +31,7 @@ Drawing drawing_of(const RunOptions& options) {
 /// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
 void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
                    const output::Progress& progress) {
-  const std::span<const Moment> moments = recorder.moments();
+  const std::span<const PictureState> moments = recorder.moments();
   const std::size_t count = moments.size(), cells = std::min(count, kSheetCells);
   const scene::PictureSpec& pictures = scene.spec.pictures;
   const auto [width, height] = pictures.size;
@@ -212,7 +212,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
     names.push_back(fmt::format("frame_{}.png", digits));
   for (const char* plot : {"angles", "errors", "torques"})
     for (const char* kind : {"gp", "png"}) names.push_back(fmt::format("plots/*_{}.{}", plot, kind));
-  for (const scene::InputFile& input : scene.inputs) names.push_back(input.copy);
+  for (const scene::ReferencedFile& input : scene.inputs) names.push_back(input.copy);
   for (std::string& copy : scene::copies_named_in(options.out / "resolved.yaml"))
     names.push_back(std::move(copy));
   if (options.video && options.video->file.parent_path() == options.out)
@@ -258,11 +258,11 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   return result;
 }
 
-Moment moment_at(const scene::Scene& scene, double time) {
+PictureState picture_state_at(const scene::Scene& scene, double time) {
   Simulation simulation = simulation_of(scene, only<Monitor>);
   const long steps = std::lround(time / scene.spec.solver.step);
   for (long i = 0; i < steps; ++i) simulation.step();
-  return moment_of(simulation.engine());
+  return picture_state(simulation.engine());
 }
 
 }  // namespace handsim::simulation

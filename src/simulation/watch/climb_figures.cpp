@@ -43,7 +43,7 @@ double load_at(const scene::ClimbPlan& plan, double time) {
 }
 
 /// Finds the flexors of the four fingers, of a hand that has them, and their joints.
-void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& hand) {
+void ClimbWatch::collect_flexors(const model::Model& model, const hand::BuiltHand& hand) {
   const std::string of = model.hands[plan_.hand].name + ".";
   const auto dof = [&](const std::string& axis) -> std::optional<int> {
     for (const model::Joint& joint : model.joints)
@@ -102,7 +102,7 @@ FingerLoad ClimbWatch::Flexors::load(const model::State& state, const Eigen::Vec
 ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& built,
                        double step)
     : model_(&model), plan_(plan), half_step_(step / 2) {
-  find_flexors(model, built);
+  collect_flexors(model, built);
   const model::HandIndex& hand = model.hands[plan.hand];
   dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {

@@ -78,7 +78,7 @@ class ClimbWatch {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   LoadedGrip grip(const engine::Engine& engine) const;
-  void find_flexors(const model::Model& model, const hand::BuiltHand& hand);
+  void collect_flexors(const model::Model& model, const hand::BuiltHand& hand);
 
   /// The flexors of a finger, with arms by the model's coordinates.
   struct Flexors {

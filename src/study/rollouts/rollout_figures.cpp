@@ -121,7 +121,7 @@ NamedCells figures_of(const Simulation& simulation) {
   return out;
 }
 
-void add_curves(const Simulation& simulation, Trajectory& to) {
+void add_curves(const Simulation& simulation, TimeSeries& to) {
   const model::Model& model = simulation.model();
   const model::State& state = simulation.state();
   const bool first = to.columns.empty();

@@ -106,7 +106,7 @@ TEST(ContactForces, AreArrowsInThePicture) {
                                                 : "pictures: {size: [640, 480]}\n");
     Simulation simulation(scene);
     for (int i = 0; i < 1000; ++i) simulation.step();
-    const Moment moment = moment_of(simulation.engine());
+    const PictureState moment = picture_state(simulation.engine());
     const auto scale = force_scale(scene.spec.pictures, std::span(&moment, 1));
     ASSERT_EQ(scale.has_value(), shown);
     if (shown) {

@@ -104,7 +104,7 @@ void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, 
   evaluate(p, w, Law::fixed_limits);
   for (int i = 0; i < kTuning.fixed_steps && !(residual(p, w, tolerance) <= tolerance); ++i) {
     factor.factor(p, w);
-    find_step(p, factor, w, report);
+    compute_step(p, factor, w, report);
     evaluate(p, w, Law::fixed_limits, advance(p, w, line_search(p, w)));
   }
 }
@@ -135,7 +135,7 @@ double update_limits(Problem& p, double relaxation, double most) {
 /// Moves the limits of the latest solution towards those that a Newton step for Coulomb's law predicts.
 void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
   factor.factor(p, w);
-  find_step(p, factor, w, report);
+  compute_step(p, factor, w, report);
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
     const double end = -(w.r[kMostRows * c] + w.s[kMostRows * c]) / contact.regularization;

@@ -25,7 +25,7 @@ struct Block {
 class Sweeps {
  public:
   Sweeps(Problem& p, SparseFactor& factor, Workspace& w) : p_(p), factor_(factor), w_(w) {
-    p.find_jacobians(w.kernel);
+    p.compute_jacobians(w.kernel);
     factor.factor_inertia(p, w);
     std::fill(w.d.begin(), w.d.end(), 0.0);
     for (std::size_t c = 0; c < p.contacts.size(); ++c)
@@ -129,11 +129,12 @@ class Sweeps {
       Servo& servo = p_.servos[block.index];
       next =
           std::clamp((servo.offset - servo.slope * free) / (1 + servo.slope * D), -servo.limit, servo.limit);
-      servo.saturated = next >= servo.limit ? Side::high : (next <= -servo.limit ? Side::low : Side::within);
+      servo.saturated =
+          next >= servo.limit ? LimitSide::high : (next <= -servo.limit ? LimitSide::low : LimitSide::within);
     } else {
       Bound& bound = p_.bounds[block.index];
       next = (std::clamp(free, bound.low, bound.high) - free) / D;
-      bound.side = next > 0 ? Side::low : (next < 0 ? Side::high : Side::within);
+      bound.side = next > 0 ? LimitSide::low : (next < 0 ? LimitSide::high : LimitSide::within);
     }
     const double change = next - block.impulse;
     apply(block, 0, change);

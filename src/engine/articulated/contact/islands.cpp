@@ -142,7 +142,7 @@ NewtonReport solve_island(Problem& p, SparseFactor& factor, Workspace& w, double
   w.resize(p);
   factor.update_pattern(p, w);
   for (std::size_t i = 0; i < p.x.size(); ++i)
-    p.x[i] = p.bounds[i].side == Side::within ? p.start[i] : p.bounds[i].end();
+    p.x[i] = p.bounds[i].side == LimitSide::within ? p.start[i] : p.bounds[i].end();
   NewtonReport report;
   if (p.size() <= kTuning.heap) {
     solve_newton(p, factor, w, tolerance, report);

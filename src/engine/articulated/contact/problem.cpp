@@ -29,7 +29,7 @@ void Problem::begin(const Unknowns& of) {
   start.assign(n, 0.0);
   x.resize(n);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  bounds.assign(n, {-kInfinity, kInfinity, Side::within});
+  bounds.assign(n, {-kInfinity, kInfinity, LimitSide::within});
   servos.assign(n, {});
   motions.assign(kSpatial * n, 0.0);
   contacts.clear();
@@ -93,7 +93,7 @@ ContactRows& Problem::add_contact(std::size_t rows) {
   return out;
 }
 
-void Problem::find_jacobians(const RowKernel& kernel) {
+void Problem::compute_jacobians(const RowKernel& kernel) {
   if (std::exchange(with_jacobians, true)) return;
   if (J.size() < entries) J.resize(entries);
   std::array<double, kMostRows> column;

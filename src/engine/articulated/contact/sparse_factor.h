@@ -40,7 +40,7 @@ class SparseFactor {
     std::size_t contact = 0, disc = 0;
   };
 
-  void find_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts);
+  void compute_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts);
   void assemble(Problem& p, Workspace& w);
   void add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact);
   void list_columns(const Problem& p);

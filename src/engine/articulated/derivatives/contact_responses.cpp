@@ -24,7 +24,7 @@ Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
 }  // namespace
 
 /// Of all points of a touch.
-void ContactSlopes::find_responses(const Touch& touch, const model::State& start) {
+void ContactSlopes::compute_responses(const Touch& touch, const model::State& start) {
   const Contact& any = contact_.contacts()[touch.first];
   responses_.assign(at(touch.count), {});
   about_ = any.position;

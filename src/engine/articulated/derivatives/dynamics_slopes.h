@@ -85,7 +85,7 @@ class DynamicsSlopes {
     Spatial S, turned, turned_rate, driven;
   };
   void place(std::span<const double> du, bool moving, const Vec3& gravity);
-  void find_node(int node);
+  void compute_node(int node);
 
   std::span<const NodeView> views_;
   std::size_t stride_;

@@ -100,7 +100,7 @@ void Loops::add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec
   rows_.push_back(row);
 }
 
-void Loops::find_rows() {
+void Loops::compute_rows() {
   rows_.clear();
   for (const Cut& cut : mechanism_.topology().cuts) {
     const model::Joint& joint = model_.joints[at(cut.joint)];
@@ -127,7 +127,7 @@ void Loops::find_rows() {
 }
 
 std::span<const double> Loops::rates() {
-  find_rows();
+  compute_rows();
   row_rates_.clear();
   for (const Row& row : rows_) row_rates_.push_back(row.rate);
   return row_rates_;
@@ -152,7 +152,7 @@ void Loops::fill_jacobian() {
   }
 }
 
-void Loops::find_jacobian() {
+void Loops::compute_jacobian() {
   const std::size_t n = at(space_.size()), total = rows_.size() + locked_.size();
   fill_jacobian();
   std::size_t i = 0;
@@ -239,7 +239,7 @@ void Loops::solve(std::optional<double> step) {
   const std::size_t n = at(space_.size());
   const std::span<double> du = mechanism_.du();
   space_.inverse_dynamics(zero_, bias_);
-  space_.find_inertia();
+  space_.compute_inertia();
   locked_.clear();
   for (int i = 0; i < tree.batches; ++i) {
     const Batch<1>& b = batches(tree)[i];
@@ -254,8 +254,8 @@ void Loops::solve(std::optional<double> step) {
   space_.factor();
   space_.solve_transposed(du);
   space_.solve_factor(du);
-  find_rows();
-  find_jacobian();
+  compute_rows();
+  compute_jacobian();
   for (std::size_t i = 0; i < rows_.size() + locked_.size(); ++i) {
     double now = 0;
     for (std::size_t d = 0; d < n; ++d) now += J_[i * n + d] * du[d];
@@ -285,15 +285,15 @@ double Loops::close() {
       mechanism_.update_bases();
       kernel.kinematics(tree);
     }
-    find_rows();
+    compute_rows();
     error = 0;
     for (const Row& row : rows_) error = std::max(error, std::abs(row.value));
     // Rounding is reached where an iteration no longer helps.
     if (error < kClosed || (k > 1 && error > 0.1 * last && error < 1e-12)) break;
     last = error;
-    space_.find_inertia();
+    space_.compute_inertia();
     space_.factor();
-    find_jacobian();
+    compute_jacobian();
     for (std::size_t i = 0; i < rows_.size(); ++i) wanted_[i] = -rows_[i].value;
     // As a motion of one second at constant rates.
     std::fill(delta_.begin(), delta_.end(), 0.0);
@@ -311,13 +311,13 @@ double Loops::close() {
 
 void Loops::close_rates() {
   locked_.clear();
-  find_rows();
+  compute_rows();
   double error = 0;
   for (const Row& row : rows_) error = std::max(error, std::abs(row.rate));
   if (error < kClosed) return;
-  space_.find_inertia();
+  space_.compute_inertia();
   space_.factor();
-  find_jacobian();
+  compute_jacobian();
   for (std::size_t i = 0; i < rows_.size(); ++i) wanted_[i] = -rows_[i].rate;
   correct(wanted_, mechanism_.u());
   mechanism_.kernel().velocities(mechanism_.tree());

@@ -34,7 +34,7 @@ struct Forces : Lanes<V> {
       if (const Batches& b = batches(tree)[i]; single(b)) prepare_axis(tree, b, step);
   }
 
-  static void find_torque(const Tree& tree, const Batches& b, double step) {
+  static void compute_torque(const Tree& tree, const Batches& b, double step) {
     const V h = step;
     const V u = load(tree.u + b.u) + h * load(tree.du + b.u);
     store_torque(tree, b, load(tree.q + b.q) + h * u, u, h * u);
@@ -53,9 +53,9 @@ struct Forces : Lanes<V> {
     return tau;
   }
 
-  static void find_torques(const Tree& tree, double step) {
+  static void compute_torques(const Tree& tree, double step) {
     for (int i = 0; i < tree.batches; ++i)
-      if (const Batches& b = batches(tree)[i]; single(b)) find_torque(tree, b, step);
+      if (const Batches& b = batches(tree)[i]; single(b)) compute_torque(tree, b, step);
   }
 
   static void prepare_smooth(const Tree& tree) {
