@@ -139,6 +139,7 @@ void store(const Problem& island, std::span<const int> members, std::span<const 
 }
 
 NewtonReport solve_island(Problem& p, SparseFactor& factor, Workspace& w, double tolerance) {
+  check(p);
   w.resize(p);
   factor.update_pattern(p, w);
   for (std::size_t i = 0; i < p.x.size(); ++i)

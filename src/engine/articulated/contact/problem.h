@@ -160,4 +160,7 @@ struct Problem : Iterate {
   void list(Dofs& out, std::span<const int> of);
 };
 
+/// Asserts what solvers rely on: sizes, A's pattern, order of unknowns, rows and limits. Nothing with NDEBUG.
+void check(const Problem& p);
+
 }  // namespace handsim::engine::articulated
