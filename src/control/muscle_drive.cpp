@@ -197,7 +197,7 @@ std::span<const double> MuscleDrive::excitations(const model::State& state, std:
     torques_[i] += std::clamp(pull, -servo.limit, servo.limit);
   }
   const std::span<const double> found = optimisation_->solve(state, torques_);
-  std::copy(found.begin(), found.end(), excitations_.begin());
+  std::ranges::copy(found, excitations_.begin());
   return excitations_;
 }
 

@@ -11,7 +11,6 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/archive.h"
-#include "handsim/core/index.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/state.h"
 

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::engine {
@@ -80,7 +79,7 @@ void Muscles::begin(std::span<const double> q, std::span<const double> u,
   kernel_->pull(layout_.arrays(),
                 {q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(), step_, goes_on_});
   goes_on_ = true;
-  std::fill(torques_.begin(), torques_.end(), 0.0);
+  std::ranges::fill(torques_, 0.0);
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
   for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;

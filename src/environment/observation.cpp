@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/watch/hand_parts.h"
@@ -24,7 +23,7 @@ constexpr std::array kPairColumns = {".normal[N]", ".points"};
 
 bool failed(const simulation::Simulation& simulation) {
   const std::vector<simulation::Verdict> verdicts = simulation.verdicts();
-  return std::any_of(verdicts.begin(), verdicts.end(), [](const auto& each) { return each.failed(); });
+  return std::ranges::any_of(verdicts, [](const auto& each) { return each.failed(); });
 }
 
 double* put(double* out, const Vec3& v) { return std::copy(v.data(), v.data() + 3, out); }
@@ -167,7 +166,7 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
   for (const Kind& kind : kinds()) known.push_back(kind.name);
   std::vector<Problem> problems;
   for (const std::string& name : names)
-    if (std::find(known.begin(), known.end(), name) == known.end())
+    if (std::ranges::find(known, name) == known.end())
       problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(known, ", "))});
   if (!problems.empty()) throw Error(std::move(problems));
   collect_things();
@@ -211,8 +210,8 @@ bool Observation::has(std::string_view part) const {
 
 void Observation::write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                                  std::span<double> by_pair) const {
-  std::fill(by_finger.begin(), by_finger.end(), 0);
-  std::fill(by_pair.begin(), by_pair.end(), 0);
+  std::ranges::fill(by_finger, 0);
+  std::ranges::fill(by_pair, 0);
   const auto one = [&](int shape, int against, const engine::Contact& contact, double sign) {
     const std::optional<std::size_t> part = hand_part_[at(shape)];
     if (!part) return;

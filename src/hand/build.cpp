@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/hand/cut_capsule.h"
 #include "handsim/hand/deviations.h"
 #include "handsim/model/mass_properties.h"

@@ -9,7 +9,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
 #include "handsim/hand/what_if.h"

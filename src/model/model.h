@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/core/pose.h"
 #include "handsim/model/convex_mesh.h"
 #include "handsim/model/motion.h"

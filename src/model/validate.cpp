@@ -5,8 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
-
 namespace handsim::model {
 
 namespace {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <thread>
 
-#include "handsim/core/index.h"
 #include "handsim/environment/draws.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -111,7 +110,7 @@ class BatchHandle {
   /// Begins the seeds anew.
   void seed(std::uint64_t seed) {
     seed_ = seed;
-    std::fill(episodes_.begin(), episodes_.end(), 0);
+    std::ranges::fill(episodes_, 0);
   }
 
   void set(const std::string& name, const py::object& values) {

@@ -1,5 +1,6 @@
+#include <algorithm>
+
 #include "handsim/app/commands.h"
-#include "handsim/core/index.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
@@ -22,7 +23,7 @@ using VideoPixels = py::array_t<std::uint8_t, py::array::c_style>;
 
 py::array_t<std::uint8_t> image_array(const output::Image& image) {
   py::array_t<std::uint8_t> out({image.height, image.width, 3});
-  std::copy(image.rgb.begin(), image.rgb.end(), out.mutable_data());
+  std::ranges::copy(image.rgb, out.mutable_data());
   return out;
 }
 
@@ -32,7 +33,7 @@ scene::PictureSpec chosen(scene::PictureSpec spec, const PictureChoice& choice) 
   if (choice.size) spec.size = *choice.size;
   if (choice.view) {
     const std::array<std::string_view, 4> names = {"dorsal", "palmar", "radial", "three_quarter"};
-    const auto found = std::find(names.begin(), names.end(), *choice.view);
+    const auto found = std::ranges::find(names, *choice.view);
     if (found == names.end())
       throw input_error("view", *choice.view, "dorsal, palmar, radial or three_quarter");
     spec.view = static_cast<scene::View>(found - names.begin());

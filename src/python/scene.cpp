@@ -1,6 +1,5 @@
 #include <map>
 
-#include "handsim/core/index.h"
 #include "handsim/core/yaml.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/table/csv_rows.h"

@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"

@@ -12,7 +12,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/engine/collision/pair_table.h"
@@ -222,7 +221,7 @@ engine::StepInput Simulation::command(const engine::StepInput& action) {
   };
   if (controller_) {
     add(controller_->torques());
-    std::copy(controller_->servos().begin(), controller_->servos().end(), servos_.begin());
+    std::ranges::copy(controller_->servos(), servos_.begin());
     any_servos = any_servos || !controller_->servos().empty();
   }
   for (const ClimbLoad& climb : climbs_) climb.command(engine_->state(), sum_, servos_);

@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/multibody/projection.h"
@@ -345,7 +344,7 @@ void ArticulatedEngine::check(bool sound, double time) {
 void ArticulatedEngine::keep_start() {
   auto to = saved_.begin();
   for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()})
-    to = std::copy(kept.begin(), kept.end(), to);
+    to = std::ranges::copy(kept, to).out;
   saved_bases_.clear();
   for (const model::Drive& drive : drives()) saved_bases_.push_back(mechanism_.base(drive.body));
 }

@@ -1,7 +1,6 @@
 // What a LaneGroup needs of an engine whose steps it takes.
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/ode_library.h"

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/collision/approach.h"
 #include "handsim/engine/collision/clearance.h"
 #include "handsim/engine/collision/ode_library.h"

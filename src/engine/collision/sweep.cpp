@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/clearance.h"
 #include "handsim/model/shape_extent.h"

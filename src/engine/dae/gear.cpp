@@ -19,7 +19,6 @@
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/least_squares.h"
 
 namespace handsim::engine {

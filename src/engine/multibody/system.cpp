@@ -5,7 +5,6 @@
 #include <limits>
 #include <numeric>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine {

@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
 

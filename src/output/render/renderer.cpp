@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "handsim/control/gains.h"
-#include "handsim/core/index.h"
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/shape_extent.h"

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"

@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/core/version.h"
 #include "handsim/model/kinematics.h"

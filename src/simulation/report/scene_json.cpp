@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/render/draw_list.h"
 #include "handsim/output/render/mesh.h"

@@ -6,7 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/output/render/renderer.h"
 #include "handsim/output/render/skin.h"
 #include "handsim/output/video/video.h"

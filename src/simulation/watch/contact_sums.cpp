@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/summary_json.h"
 

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/shape_extent.h"
 

@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/summary_json.h"

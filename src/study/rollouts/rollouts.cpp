@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/table/csv_rows.h"

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/hand/build.h"
 #include "handsim/model/kinematics.h"
 

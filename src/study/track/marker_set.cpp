@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
-
 namespace handsim::study {
 
 namespace {

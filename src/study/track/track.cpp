@@ -9,7 +9,6 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/core/text.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"

@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 #include "handsim/engine/collision/ode_library.h"
 
@@ -108,7 +107,7 @@ void ContactDynamics::select_dofs() {
     if (involved(order_[at(i)])) chosen_.push_back(i);
   if (!system_.chosen.choose(system_.all, chosen_)) return;
   dof_of_.clear();
-  std::fill(place_.begin(), place_.end(), kNoDof);
+  std::ranges::fill(place_, kNoDof);
   for (const int i : chosen_) {
     place_[at(order_[at(i)])] = static_cast<int>(dof_of_.size());
     dof_of_.push_back(order_[at(i)]);

@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/dynamics/loops.h"
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"

@@ -4,7 +4,6 @@
 #include <tuple>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/contact_dynamics.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 #include "handsim/engine/spring.h"
@@ -179,7 +178,7 @@ void ContactDynamics::add_loop_rows(Problem& p) {
     row.bilateral = true;
     row.open = false;
     row.start[0] = rates[i];
-    std::copy(entries.begin(), entries.end(), p.jacobian(row).begin());
+    std::ranges::copy(entries, p.jacobian(row).begin());
     row.regularization = kTuning.loop_regularization * mobility;
   }
 }

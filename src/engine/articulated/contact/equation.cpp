@@ -5,7 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -57,7 +56,7 @@ void compute_row_velocities(Problem& p, Workspace& w, bool still, bool whole_ste
 
 /// -J^T p, into F.
 void add_contact_impulses(Problem& p, Workspace& w) {
-  std::fill(w.carried.begin(), w.carried.end(), 0.0);
+  std::ranges::fill(w.carried, 0.0);
   std::array<double, kSpatial> wrench{};
   int pair = kNone;
   const auto add_pair = [&] {
@@ -172,7 +171,7 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
   w.law = law;
   w.rounding_known = false;
   const int n = p.size();
-  const bool still = std::all_of(p.x.begin(), p.x.end(), [](double x) { return x == 0; });
+  const bool still = std::ranges::all_of(p.x, [](double x) { return x == 0; });
   for (int i = 0; i < n; ++i) w.F[at(i)] = -p.g[at(i)];
   if (!still)
     w.kernel.add_product({p.A.data(), p.unknowns->row_start.data()}, p.unknowns->last.data(), n, p.x.data(),

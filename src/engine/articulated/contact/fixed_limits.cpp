@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
@@ -161,7 +160,7 @@ void restart_limits(Problem& p, double multiple) {
 
 void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
                         NewtonReport& report) {
-  std::fill(p.x.begin(), p.x.end(), 0.0);
+  std::ranges::fill(p.x, 0.0);
   restart_limits(p, 0);
   double relaxation = 1;
   double least = HUGE_VAL;

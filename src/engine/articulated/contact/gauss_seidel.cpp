@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
@@ -27,7 +26,7 @@ class Sweeps {
   Sweeps(Problem& p, SparseFactor& factor, Workspace& w) : p_(p), factor_(factor), w_(w) {
     p.compute_jacobians(w.kernel);
     factor.factor_inertia(p, w);
-    std::fill(w.d.begin(), w.d.end(), 0.0);
+    std::ranges::fill(w.d, 0.0);
     for (std::size_t c = 0; c < p.contacts.size(); ++c)
       add({.kind = Block::Kind::contact, .index = c, .rows = p.contacts[c].rows});
     for (int i = 0; i < p.size(); ++i) {

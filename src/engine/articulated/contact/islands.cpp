@@ -3,7 +3,6 @@
 #include <numeric>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 

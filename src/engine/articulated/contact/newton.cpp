@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 

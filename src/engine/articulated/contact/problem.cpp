@@ -5,8 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 void Problem::reserve(const Unknowns& most) {

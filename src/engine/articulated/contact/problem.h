@@ -125,13 +125,9 @@ struct Problem : Iterate {
   int size() const { return unknowns->size(); }
   Iterate& iterate() { return *this; }
   /// A's entry, i <= j.
-  double& inertia(int i, int j) {
-    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
-  }
-  double inertia(int i) const {
-    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(i)];
-  }
-  double* motion(int i) { return motions.data() + kSpatial * static_cast<std::size_t>(i); }
+  double& inertia(int i, int j) { return A[unknowns->row_start[at(i)] + at(j)]; }
+  double inertia(int i) const { return A[unknowns->row_start[at(i)] + at(i)]; }
+  double* motion(int i) { return motions.data() + kSpatial * at(i); }
   /// Adds a contact on these unknowns (at least one, in ascending order). The caller fills in its J.
   ContactRows& add(std::span<const int> of, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {

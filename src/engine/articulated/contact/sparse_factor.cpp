@@ -4,7 +4,6 @@
 #include <bit>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -255,7 +254,7 @@ bool SparseFactor::fits(const Problem& p, Workspace& w) {
   const std::size_t m = columns_.size();
   if (M_.size() != entries_ || C_.size() != at(p.size()) * m || G_.size() != C_.size() ||
       K_.size() != m * m || pivots_.size() != m ||
-      std::any_of(pivots_.begin(), pivots_.end(), [&](std::size_t each) { return each >= m; }))
+      std::ranges::any_of(pivots_, [&](std::size_t each) { return each >= m; }))
     return false;
   if (problems_to_pass_ == 0) return true;
   --problems_to_pass_;

@@ -45,9 +45,7 @@ class SparseFactor {
   void add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact);
   void list_columns(const Problem& p);
   void add_coupling(const Problem& p);
-  double& entry(int i, int j) {
-    return M_[start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
-  }
+  double& entry(int i, int j) { return M_[start_[at(i)] + at(j)]; }
   Factor view() { return {{M_.data(), start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
   Coupling coupling() {
     return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),

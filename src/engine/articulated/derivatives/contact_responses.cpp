@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/derivatives/contact_slopes.h"
 
 namespace handsim::engine::articulated {

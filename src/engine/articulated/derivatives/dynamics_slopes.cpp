@@ -1,7 +1,5 @@
 #include "handsim/engine/articulated/derivatives/dynamics_slopes.h"
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 Spatial DynamicsSlopes::Body::times(const Spatial& x) const {

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
 #include "handsim/model/kinematics.h"
 

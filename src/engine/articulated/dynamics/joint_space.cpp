@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)

@@ -45,15 +45,15 @@ class JointSpace {
 
   int size() const { return n_; }
   /// Where Mechanism::u() and du() have a dof.
-  std::size_t rate_index(int dof) const { return rate_[static_cast<std::size_t>(dof)]; }
-  int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
-  int last_dof(int node) const { return last_[static_cast<std::size_t>(node)]; }
+  std::size_t rate_index(int dof) const { return rate_[at(dof)]; }
+  int first_dof(int node) const { return first_[at(node)]; }
+  int last_dof(int node) const { return last_[at(node)]; }
   /// The dof that carries another, or kNoDof.
-  int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
+  int parent_dof(int dof) const { return parent_dof_[at(dof)]; }
   /// S of a dof.
   Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
   /// The same where the mechanism has it: every stride'th number.
-  const double* axis_data(int dof) const { return axes_[static_cast<std::size_t>(dof)]; }
+  const double* axis_data(int dof) const { return axes_[at(dof)]; }
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
@@ -86,18 +86,16 @@ class JointSpace {
   /// What the square of that row, by the inverse inertia, could come to, over that of the wrench; after
   /// `factor`. A row far below it is zero but for rounding.
   double row_scale(int node) const;
-  Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
+  Spatial velocity(int node) const { return read6(views_[at(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
-  Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
+  Spatial acceleration(int node) const { return a_[at(node)]; }
 
  private:
   void place_inertia();
   void start_composite(std::size_t node);
   void compute_node_inertia(std::size_t node);
   void compute_lone_inertia(std::size_t node);
-  std::size_t index(int i, int j) const {
-    return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
-  }
+  std::size_t index(int i, int j) const { return at(i) * at(n_) + at(j); }
 
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node

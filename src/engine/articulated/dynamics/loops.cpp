@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 namespace {
@@ -191,7 +189,7 @@ void Loops::factor_rows() {
   for (std::size_t step = 0; step < m; ++step) {
     std::size_t best = m;
     for (std::size_t i = 0; i < m; ++i) {
-      const bool taken = std::find(order_.begin(), order_.end(), static_cast<int>(i)) != order_.end();
+      const bool taken = std::ranges::find(order_, static_cast<int>(i)) != order_.end();
       if (taken || !(wanted_[i] > kDependent * scale_[i])) continue;
       if (best == m || wanted_[i] * scale_[best] > wanted_[best] * scale_[i]) best = i;
     }
@@ -227,7 +225,7 @@ void Loops::correct(std::span<double> wanted, std::span<double> out) {
       sum -= K_[at(order_[j]) * m + row] * multipliers_[at(order_[j])];
     multipliers_[row] = sum / K_[row * m + row];
   }
-  std::fill(x_.begin(), x_.end(), 0.0);
+  std::ranges::fill(x_, 0.0);
   for (const int row : order_)
     for (std::size_t d = 0; d < n; ++d) x_[d] += Y_[at(row) * n + d] * multipliers_[at(row)];
   space_.solve_factor(x_);
@@ -296,7 +294,7 @@ double Loops::close() {
     compute_jacobian();
     for (std::size_t i = 0; i < rows_.size(); ++i) wanted_[i] = -rows_[i].value;
     // As a motion of one second at constant rates.
-    std::fill(delta_.begin(), delta_.end(), 0.0);
+    std::ranges::fill(delta_, 0.0);
     correct(wanted_, delta_);
     std::copy_n(tree.u, n, kept_.begin());
     std::copy_n(delta_.begin(), n, tree.u);

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <type_traits>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 
 namespace handsim::engine::articulated {

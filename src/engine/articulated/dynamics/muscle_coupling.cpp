@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/kernels/kernels.h"
 
 namespace handsim::engine::articulated {
@@ -117,9 +116,7 @@ void MuscleCoupling::collect_trees() {
 }
 
 void MuscleCoupling::collect_entries() {
-  const auto place = [&](int dof) {
-    return static_cast<int>(std::find(dofs_.begin(), dofs_.end(), dof) - dofs_.begin());
-  };
+  const auto place = [&](int dof) { return static_cast<int>(std::ranges::find(dofs_, dof) - dofs_.begin()); };
   for (std::size_t k = 0; k < muscles_.slopes().size(); ++k) {
     const Muscles::Slope& slope = muscles_.slopes()[k];
     const int a = space_dof_[at(slope.row)], b = space_dof_[at(slope.column)];

@@ -174,7 +174,7 @@ class GroupOf final : public LaneGroup {
 
   int first() const {
     return static_cast<int>(
-        std::find_if(engine_.begin(), engine_.end(), [](const auto* engine) { return engine != nullptr; }) -
+        std::ranges::find_if(engine_, [](const auto* engine) { return engine != nullptr; }) -
         engine_.begin());
   }
   /// Lanes without an engine do what another one does.
