@@ -86,14 +86,14 @@ scene::Scene hands_of_person(const ExportArguments& arguments) {
 }
 
 /// The scene's run until a time above 0.
-output::Moment moment_at(const scene::Scene& scene, double time) {
+output::Keyframe keyframe_at(const scene::Scene& scene, double time) {
   if (time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
   simulation::Simulation run(scene, simulation::no_watchers);
   // Half a step, so that rounding makes no further one.
   while (run.state().time < time - 0.5 * scene.spec.solver.step) run.step();
-  return output::moment_after(run.state(), run.controller());
+  return output::keyframe_after(run.state(), run.controller());
 }
 
 }  // namespace
@@ -111,8 +111,8 @@ int export_command(const ExportArguments& arguments) {
                                                    : output::FileKind{"an MJCF file", "<mujoco"};
   output::check_target("--out", arguments.out, kind, [&] { return scene::files_read(scene); });
   const control::Plan* plan = scene.control ? &*scene.control : nullptr;
-  std::optional<output::Moment> moment;
-  if (arguments.time.value_or(0) > 0) moment = moment_at(scene, *arguments.time);
+  std::optional<output::Keyframe> moment;
+  if (arguments.time.value_or(0) > 0) moment = keyframe_at(scene, *arguments.time);
   const std::string text = format == "urdf" ? output::to_urdf(scene.model, solver, plan)
                            : format == "osim"
                                ? output::to_osim(scene.model, solver)

@@ -84,8 +84,8 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
   }
   YamlNode root = load_yaml(path);
   const scene::FileKind kind = scene::kind_of(root).value_or(scene::FileKind::scene);
-  const auto reader = std::find_if(file_readers().begin(), file_readers().end(),
-                                   [&](const FileReader& each) { return each.kind == kind; });
+  const auto reader =
+      std::ranges::find_if(file_readers(), [&](const FileReader& each) { return each.kind == kind; });
   if (kind == scene::FileKind::scene) {
     const scene::Scene scene = scene::compile_scene(std::move(root));
     diagnostics.warnings = scene.warnings;

@@ -87,8 +87,8 @@ void print_palm(const hand::BuiltHand& hand) {
 }
 
 std::string joint_text(const hand::BuiltHand& hand, const hand::BuiltSegment& segment) {
-  if (!segment.joint) return "fixed to " + hand.bodies[static_cast<std::size_t>(segment.body)].name;
-  const model::Joint& joint = hand.joints[static_cast<std::size_t>(*segment.joint)];
+  if (!segment.joint) return "fixed to " + hand.bodies[at(segment.body)].name;
+  const model::Joint& joint = hand.joints[at(*segment.joint)];
   return fmt::format("{} ({}: {})", joint.name, joint.kind == model::JointKind::hinge ? "hinge" : "universal",
                      ranges(joint));
 }
@@ -99,7 +99,7 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   print_palm(hand);
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
     const hand::BuiltSegment& segment = hand.segments[i];
-    const model::Body& body = hand.bodies[static_cast<std::size_t>(segment.body)];
+    const model::Body& body = hand.bodies[at(segment.body)];
     // The mass of a fixed segment is in that of its parent's body.
     print("{:<18} {:10.2f} {:10.2f} {:>8}  {:>31}  {}\n", spec.segments[i].name, 1e3 * segment.length,
           1e3 * segment.radius, segment.joint ? fmt::format("{:.2f}", 1e3 * body.mass) : "",
@@ -211,11 +211,10 @@ YamlNode shapes_tree(const model::Model& model, int body) {
 
 /// Bodies of one hand in its hand frame, SI.
 YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, const hand::BuiltHand& built) {
-  const Pose x_HW =
-      (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
+  const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   YamlNode bodies = yaml_sequence();
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
-    const model::Body& body = model.bodies[static_cast<std::size_t>(hand.bodies[i])];
+    const model::Body& body = model.bodies[at(hand.bodies[i])];
     YamlNode& entry =
         bodies.items.emplace_back(map_of({{"name", yaml_scalar(body.name)},
                                           {"mass", node(body.mass)},
@@ -224,10 +223,9 @@ YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, co
     if (i == 0) yaml_put(entry, "edges", vector_list(hand::palm_box(built)));
     for (const hand::BuiltSegment& segment : built.segments) {
       if (!segment.joint || segment.body != static_cast<int>(i)) continue;
-      const auto of = std::ranges::find_if(hand.joints, [&](int index) {
-        return model.joints[static_cast<std::size_t>(index)].child == hand.bodies[i];
-      });
-      const model::Joint& joint = model.joints[static_cast<std::size_t>(*of)];
+      const auto of = std::ranges::find_if(
+          hand.joints, [&](int index) { return model.joints[at(index)].child == hand.bodies[i]; });
+      const model::Joint& joint = model.joints[at(*of)];
       yaml_put(entry, "length", node(segment.length));
       yaml_put(entry, "radius", node(segment.radius));
       yaml_put(entry, "joint_centre", vector_list(x_HW * (body.zero_pose * joint.child_frame.p)));
@@ -352,8 +350,9 @@ int hand_command(const HandArguments& arguments) {
   folder->clear();
   output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene));
   const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, {model::initial_state(scene.model), {}}),
-                      *arguments.out / "hand.png");
+    output::write_png(
+        simulation::draw({scene.model, scene.spec.pictures}, {model::initial_state(scene.model), {}}),
+        *arguments.out / "hand.png");
   };
   const auto failure = output::run_in_child(draw, {});
   if (failure) print_error("missing: hand.png: {}\n", *failure);

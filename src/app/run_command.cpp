@@ -188,9 +188,10 @@ void add_report(const std::filesystem::path& out, simulation::RunResult& result)
 
 /// One picture, drawn in a child process.
 void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
-  const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
+  const simulation::PictureState moment = simulation::picture_state_at(scene, arguments.time.value_or(0));
   const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, moment, arguments.gl), *arguments.out);
+    output::write_png(simulation::draw({scene.model, scene.spec.pictures}, moment, arguments.gl),
+                      *arguments.out);
   };
   if (const auto failure = output::run_in_child(draw, {}))
     throw output_error(arguments.out->string(), "no picture: " + *failure,
@@ -203,7 +204,7 @@ void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
     return simulation::film_until(scene, spec, arguments.time.value_or(scene.spec.duration), show);
   });
   const auto draw = [&](const output::Progress& progress) {
-    film.write({arguments.gl, output::core_count(), 0}, progress);
+    film.write(scene.spec.pictures, {arguments.gl, output::core_count(), 0}, progress);
   };
   if (const auto failure = with_progress([&](const auto& show) { return output::run_in_child(draw, show); }))
     throw output_error(spec.file.string(), "no video: " + *failure,
@@ -219,9 +220,8 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
   std::vector<std::string> out;
   for (std::size_t i = 0; i < std::min(overlaps.size(), kNamed); ++i)
     out.push_back(fmt::format("{} and {} overlap by {:.2g} mm at the start",
-                              model.shapes[static_cast<std::size_t>(overlaps[i].shape_a)].name,
-                              model.shapes[static_cast<std::size_t>(overlaps[i].shape_b)].name,
-                              1e3 * overlaps[i].depth));
+                              model.shapes[at(overlaps[i].shape_a)].name,
+                              model.shapes[at(overlaps[i].shape_b)].name, 1e3 * overlaps[i].depth));
   if (overlaps.size() > kNamed)
     out.push_back(fmt::format("{} more pairs overlap, by less", overlaps.size() - kNamed));
   return out;

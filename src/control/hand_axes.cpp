@@ -62,11 +62,11 @@ HandAxes hand_axes(const model::Model& model, const model::HandIndex& hand, std:
   out.hand = hand.name;
   out.absent = std::move(absent);
   for (const int index : hand.joints) {
-    const auto j = static_cast<std::size_t>(index);
+    const auto j = at(index);
     const model::Joint& joint = model.joints[j];
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       out.axes.push_back({joint.name.substr(hand.name.size() + 1), joint.axes[a].name, j, a,
-                          static_cast<std::size_t>(joint.first_dof) + a, joint.axes[a].stop});
+                          at(joint.first_dof) + a, joint.axes[a].stop});
   }
   return out;
 }

@@ -1,6 +1,5 @@
 #include "handsim/control/joint_space.h"
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::control {
@@ -30,7 +29,7 @@ Stability explicit_stability(const Eigen::MatrixXd& inertia, const Eigen::Vector
   out.eigenvalue = value;
   Eigen::Index worst = 0;
   vector.cwiseAbs().maxCoeff(&worst);
-  out.axis = static_cast<std::size_t>(worst);
+  out.axis = at(worst);
   out.inertia = 1 / inverse(worst, worst);
   out.damping_number = derivative[worst] * step / out.inertia;
   out.stiffness_number = proportional[worst] * step * step / out.inertia;
@@ -66,7 +65,7 @@ GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
     : model_(model),
       gravity_(gravity),
       moments_(model.bodies.size(), Vec3::Zero()),
-      torques_(static_cast<std::size_t>(model.dof_count()), 0.0) {
+      torques_(at(model.dof_count()), 0.0) {
   std::vector<double> distal_mass;
   std::vector<bool> is_child(model.bodies.size(), false);
   for (const model::Body& body : model.bodies) distal_mass.push_back(body.mass);

@@ -13,7 +13,6 @@ namespace {
 
 /// Weight of missing torque [1/(N m)^2]: a thousandth of a coordinate's largest counts as activation 1.
 constexpr double kMissing = 1e6;
-constexpr int kNoRow = -1;
 /// Of a muscle's isometric force, the least that it is counted with [1]: chosen.
 constexpr double kLeastShare = 0.2;
 constexpr int kBlockPivots = 20;
@@ -28,11 +27,11 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
   std::vector<std::string> known;
   for (const model::Muscle& muscle : model.muscles) {
     const std::string bare = muscle.name.substr(muscle.name.find('.') + 1);
-    int column = kNoRow;
+    std::optional<std::size_t> column;
     for (const std::string& name : {bare, muscle.name}) {
       known.push_back(name);
       const auto found = std::ranges::find(table.names, name);
-      if (found != table.names.end()) column = static_cast<int>(found - table.names.begin());
+      if (found != table.names.end()) column = at(found - table.names.begin());
     }
     plan.columns.push_back(column);
   }
@@ -51,12 +50,12 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
 }
 
 StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least)
-    : model_(model), least_(least), dofs_(std::move(dofs)), row_(at(model.dof_count()), kNoRow) {
+    : model_(model), least_(least), dofs_(std::move(dofs)), row_(at(model.dof_count())) {
   // Bone, not muscles, holds a joint that is fused.
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       if (model::fused(joint.axes[a])) std::erase(dofs_, at(joint.first_dof) + a);
-  for (std::size_t i = 0; i < dofs_.size(); ++i) row_[dofs_[i]] = static_cast<int>(i);
+  for (std::size_t i = 0; i < dofs_.size(); ++i) row_[dofs_[i]] = static_cast<Eigen::Index>(i);
   const auto rows = static_cast<Eigen::Index>(dofs_.size());
   const auto muscles = static_cast<Eigen::Index>(model.muscles.size());
   arms_.resize(rows, muscles);
@@ -89,10 +88,10 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
                      at_activation,
                  kLeastShare * model::isometric_force(muscle, excursion));
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
-      const int row = row_[at(muscle.path.arms[i].dof)];
-      if (row == kNoRow) continue;
-      arms_(row, static_cast<Eigen::Index>(m)) = path.arm[i] * active;
-      if (!rested) wanted_[row] -= path.arm[i] * passive;
+      const std::optional<Eigen::Index> row = row_[at(muscle.path.arms[i].dof)];
+      if (!row) continue;
+      arms_(*row, static_cast<Eigen::Index>(m)) = path.arm[i] * active;
+      if (!rested) wanted_[*row] -= path.arm[i] * passive;
     }
   }
   // Rows by their largest torque, so that a fingertip counts as much as the wrist.
@@ -178,11 +177,9 @@ void MuscleDrive::from_table(double time) {
   const std::size_t to = std::min(after, table.times.size() - 1), from = after == 0 ? 0 : after - 1;
   const double span = table.times[to] - table.times[from];
   const double share = span > 0 ? (time - table.times[from]) / span : 0;
-  for (std::size_t i = 0; i < excitations_.size(); ++i) {
-    if (plan_.columns[i] == kNoRow) continue;
-    const auto column = at(plan_.columns[i]);
-    excitations_[i] = (1 - share) * table.at(from, column) + share * table.at(to, column);
-  }
+  for (std::size_t i = 0; i < excitations_.size(); ++i)
+    if (const auto column = plan_.columns[i])
+      excitations_[i] = (1 - share) * table.at(from, *column) + share * table.at(to, *column);
 }
 
 std::span<const double> MuscleDrive::excitations(const model::State& state, std::span<const double> torques,
@@ -200,7 +197,7 @@ std::span<const double> MuscleDrive::excitations(const model::State& state, std:
     torques_[i] += std::clamp(pull, -servo.limit, servo.limit);
   }
   const std::span<const double> found = optimisation_->solve(state, torques_);
-  std::copy(found.begin(), found.end(), excitations_.begin());
+  std::ranges::copy(found, excitations_.begin());
   return excitations_;
 }
 

@@ -11,7 +11,6 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/archive.h"
-#include "handsim/core/index.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/state.h"
 
@@ -19,8 +18,8 @@ namespace handsim::control {
 
 /// Where excitations come from: a table, or the controller's torques.
 struct MusclePlan {
-  std::shared_ptr<const MotionTable> table;  ///< null: torques
-  std::vector<int> columns;                  ///< of the table, for each muscle; -1: none, 0 at all times
+  std::shared_ptr<const MotionTable> table;         ///< null: torques
+  std::vector<std::optional<std::size_t>> columns;  ///< of the table, for each muscle; absent: 0 at all times
 };
 
 /// @throws nothing; columns that name no muscle are problems, with the nearest one.
@@ -50,8 +49,8 @@ class StaticOptimisation {
   const model::Model& model_;
   double least_;
   std::vector<std::size_t> dofs_;
-  std::vector<int> row_;  ///< of each coordinate; -1: does not count
-  Eigen::MatrixXd arms_;  ///< torque per activation [N m], dofs by muscles
+  std::vector<std::optional<Eigen::Index>> row_;  ///< of each coordinate; absent: does not count
+  Eigen::MatrixXd arms_;                          ///< torque per activation [N m], dofs by muscles
   Eigen::VectorXd wanted_, missing_, activation_;
   Eigen::MatrixXd Q_;
   Eigen::VectorXd c_;

@@ -9,7 +9,6 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/control/motion_trajectory.h"
-#include "handsim/core/index.h"
 #include "handsim/model/spline.h"
 
 namespace handsim::control {

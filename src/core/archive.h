@@ -8,6 +8,7 @@
 #include <concepts>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -29,6 +30,7 @@ class ArchiveWriter {
   void operator()(const std::string& text);
   void operator()(const Vec3& v);
   void operator()(const Quat& q);
+  void operator()(const Pose& pose) { (*this)(pose.p, pose.q); }
   void operator()(bool value) { word(value ? 1 : 0); }
   template <std::integral T>
   void operator()(T value) {
@@ -38,6 +40,11 @@ class ArchiveWriter {
   void operator()(const std::vector<T>& values) {
     word(values.size());
     for (const T& value : values) (*this)(value);
+  }
+  template <class T>
+  void operator()(const std::optional<T>& value) {
+    (*this)(value.has_value());
+    if (value) (*this)(*value);
   }
   template <class A, class B, class... More>
   void operator()(const A& a, const B& b, const More&... more) {
@@ -72,6 +79,7 @@ class ArchiveReader {
   void operator()(std::string& text);
   void operator()(Vec3& v);
   void operator()(Quat& q);  ///< as written; not normalised
+  void operator()(Pose& pose) { (*this)(pose.p, pose.q); }
   void operator()(bool& value);
   /// A count or an index, 0 to kLargestCount.
   template <std::integral T>
@@ -83,6 +91,13 @@ class ArchiveReader {
   void operator()(std::vector<T>& values) {
     values.resize(size());
     for (T& value : values) (*this)(value);
+  }
+  template <class T>
+  void operator()(std::optional<T>& value) {
+    bool there = false;
+    (*this)(there);
+    value = there ? std::optional<T>(T()) : std::nullopt;
+    if (value) (*this)(*value);
   }
   template <class A, class B, class... More>
   void operator()(A& a, B& b, More&... more) {

@@ -58,7 +58,7 @@ class SharedList {
   iterator erase(const_iterator at) { return own().erase(at); }
   template <class Test>
   void remove_if(Test test) {
-    if (std::any_of(items().begin(), items().end(), test)) std::erase_if(own(), test);
+    if (std::ranges::any_of(items(), test)) std::erase_if(own(), test);
   }
   void clear() { *this = {}; }
 

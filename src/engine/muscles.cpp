@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::engine {
@@ -37,7 +36,7 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
       kernel_(kernel ? kernel : tendon_kernels().back()),
       torques_(at(model.dof_count())) {
   before_.resize(at(layout_.arrays().blocks) * kTendonLanes);
-  find_parts();
+  collect_parts();
 }
 
 /// The entry of two coordinates, made where there is none.
@@ -49,7 +48,7 @@ std::size_t Muscles::slot(int a, int b) {
   return slopes_.size() - 1;
 }
 
-void Muscles::find_parts() {
+void Muscles::collect_parts() {
   const TendonArrays& all = layout_.arrays();
   for (int c = 0; c < all.coordinates; ++c)
     for (std::size_t k = 0; k < kTendonLanes; ++k) {
@@ -80,7 +79,7 @@ void Muscles::begin(std::span<const double> q, std::span<const double> u,
   kernel_->pull(layout_.arrays(),
                 {q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(), step_, goes_on_});
   goes_on_ = true;
-  std::fill(torques_.begin(), torques_.end(), 0.0);
+  std::ranges::fill(torques_, 0.0);
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
   for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;

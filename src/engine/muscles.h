@@ -59,7 +59,7 @@ class Muscles {
     std::size_t to = 0;
   };
   std::size_t slot(int a, int b);
-  void find_parts();
+  void collect_parts();
   double rate_change(const TendonLayout::Place& place, std::span<const double> u) const;
   void place_fibres(std::size_t muscle, std::span<const double> q, double faster, model::State& state) const;
 

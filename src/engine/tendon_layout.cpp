@@ -31,9 +31,9 @@ std::vector<int> chains_of(const std::vector<Dofs>& lists, std::vector<Dofs>& ch
   std::vector<int> out;
   for (const Dofs& list : lists) {
     const auto begins = [&](const Dofs& each) { return starts(each, list); };
-    const bool one = !list.empty() && std::count_if(longest.begin(), longest.end(), begins) == 1;
-    const Dofs& chain = one ? *std::find_if(longest.begin(), longest.end(), begins) : list;
-    const auto found = std::find(chains.begin(), chains.end(), chain);
+    const bool one = !list.empty() && std::ranges::count_if(longest, begins) == 1;
+    const Dofs& chain = one ? *std::ranges::find_if(longest, begins) : list;
+    const auto found = std::ranges::find(chains, chain);
     out.push_back(static_cast<int>(found - chains.begin()));
     if (found == chains.end()) chains.push_back(chain);
   }
@@ -237,7 +237,7 @@ void TendonLayout::add_pairs(TendonBlock& block, const Family& family, const Sol
       if (!solves(family[0][i], family[0][j])) continue;
       const int a = coordinate(family, i), b = coordinate(family, j);
       const std::pair<int, int> rows = std::minmax(a, b);
-      const auto found = std::find(sums_of_.begin(), sums_of_.end(), rows);
+      const auto found = std::ranges::find(sums_of_, rows);
       out = static_cast<int>(found - sums_of_.begin());
       if (found != sums_of_.end()) continue;
       sums_of_.push_back(rows);

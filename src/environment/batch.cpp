@@ -11,7 +11,6 @@
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/lanes/lane_group.h"
 #include "handsim/environment/environment.h"
 
@@ -48,12 +47,12 @@ int checked(int threads) {
 }
 
 bool finite(std::span<const double> numbers) {
-  return std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); });
+  return std::ranges::all_of(numbers, [](double x) { return std::isfinite(x); });
 }
 
 bool excitable(const model::Model& model, const engine::Settings& settings, std::span<const double> by) {
   return by.empty() || (settings.effects.has(model::Effect::muscles) && by.size() == model.muscles.size() &&
-                        std::all_of(by.begin(), by.end(), [](double x) { return x >= 0 && x <= 1; }));
+                        std::ranges::all_of(by, [](double x) { return x >= 0 && x <= 1; }));
 }
 
 /// Constants of a controller with implicit gains.
@@ -247,7 +246,7 @@ struct Batch::Impl {
   }
   void observe(std::size_t i) {
     const std::span<const double> now = environments[i].observe();
-    std::copy(now.begin(), now.end(), observations.begin() + static_cast<std::ptrdiff_t>(i * now.size()));
+    std::ranges::copy(now, observations.begin() + static_cast<std::ptrdiff_t>(i * now.size()));
   }
   void begin(std::size_t i) {
     done[i] = failed[i] = 0;
@@ -333,7 +332,7 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
   impl_->begin(i);
 }
 
-void Batch::reset(const Moment* moment, std::span<const std::uint64_t> seeds,
+void Batch::reset(const simulation::MotionSnapshot* moment, std::span<const std::uint64_t> seeds,
                   std::span<const unsigned char> mask) {
   const auto require = [&](const char* what, std::size_t count) {
     if (count != 0 && count != size())
@@ -399,9 +398,8 @@ void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& a
   }
   std::optional<Error> found;
   for (const std::size_t i : stepped) try {
-      const auto member = std::find_if(members.begin(), members.end(), [&](const Lanes::Member& each) {
-        return each.environment == &impl_->environments[i];
-      });
+      const auto member = std::ranges::find_if(
+          members, [&](const Lanes::Member& each) { return each.environment == &impl_->environments[i]; });
       const int made = member == members.end() ? 0 : member->made;
       if (made < substeps || substeps < 1) step_alone(i, of(i), substeps - made);
       impl_->observe(i);

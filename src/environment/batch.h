@@ -47,7 +47,7 @@ class Batch {
     reset(nullptr, seeds, mask);
   }
   /// The same to a motion instead of the start (Environment::reset); numbers are drawn where there are seeds.
-  void reset(const Moment& moment, std::span<const std::uint64_t> seeds,
+  void reset(const simulation::MotionSnapshot& moment, std::span<const std::uint64_t> seeds,
              std::span<const unsigned char> mask) {
     reset(&moment, seeds, mask);
   }
@@ -69,7 +69,8 @@ class Batch {
   std::span<const unsigned char> failed() const;
 
  private:
-  void reset(const Moment* moment, std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask);
+  void reset(const simulation::MotionSnapshot* moment, std::span<const std::uint64_t> seeds,
+             std::span<const unsigned char> mask);
   void step_alone(std::size_t i, const Action& action, int substeps);
   void step_group(std::size_t first, std::size_t last, const BatchAction& action, int substeps);
   struct Impl;

@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/text.h"
 
 namespace handsim::environment {

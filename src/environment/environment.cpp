@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/scene/compile/overruled.h"
 
@@ -89,7 +88,7 @@ void Environment::own_scene() {
 void Environment::build() {
   copied_ = false;
   simulation_ = std::make_unique<simulation::Simulation>(scene_, setup_.watchers);
-  if (!shared_ || !start_) start_ = std::make_shared<const Moment>(simulation_->motion());
+  if (!shared_ || !start_) start_ = std::make_shared<const simulation::MotionSnapshot>(simulation_->motion());
 }
 
 void Environment::renumber() {
@@ -125,7 +124,7 @@ void Environment::reset(std::uint64_t seed) {
   reset();
 }
 
-void Environment::reset(const Moment& moment) {
+void Environment::reset(const simulation::MotionSnapshot& moment) {
   begin();
   simulation_->reset(moment);
 }

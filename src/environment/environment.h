@@ -36,9 +36,6 @@ struct Action {
   std::span<const engine::BodyForce> forces = {};  ///< Forces on bodies; engines ode and articulated.
 };
 
-/// The motion at one time; environments of the same scene can exchange them.
-using Moment = simulation::MotionSnapshot;
-
 /// A start that replaces the scene's own.
 struct Start {
   std::span<const double> q = {};      ///< size dof_count(), or empty: the scene's
@@ -59,7 +56,7 @@ class Environment {
   /// The same with the numbers of Setup::randomise drawn: a function of the seed alone.
   void reset(std::uint64_t seed);
   /// To a motion, to the bit; numbers that were set stay. @throws Error (input) for one of another scene.
-  void reset(const Moment& moment);
+  void reset(const simulation::MotionSnapshot& moment);
   /// @throws Error (input) for another number of coordinates or objects.
   void reset(const Start& start);
   /// Goes on from a state of this scene, at its time: Simulation::reset.
@@ -84,7 +81,7 @@ class Environment {
   /// Valid until the next call.
   std::span<const double> observe();
   const Observation& observation() const { return *observation_; }
-  Moment moment() const { return simulation_->motion(); }
+  simulation::MotionSnapshot motion() const { return simulation_->motion(); }
 
   /// Changes a number of the scene (variation.h) from the next reset on.
   void set(std::string_view name, std::span<const double> values);
@@ -115,8 +112,8 @@ class Environment {
   std::unique_ptr<Variation> variation_;
   std::shared_ptr<const Observation> observation_;  ///< of all that share the scene
   std::unique_ptr<simulation::Simulation> simulation_;
-  std::shared_ptr<const Moment> start_;  ///< that of a batch, while the scene is
-  model::State state_;                   ///< the scene's start
+  std::shared_ptr<const simulation::MotionSnapshot> start_;  ///< that of a batch, while the scene is
+  model::State state_;                                       ///< the scene's start
   std::optional<Error> failure_;
   std::vector<double> observed_;
   std::vector<Pose> from_, targets_;  ///< of the driven wrists

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/watch/hand_parts.h"
@@ -24,7 +23,7 @@ constexpr std::array kPairColumns = {".normal[N]", ".points"};
 
 bool failed(const simulation::Simulation& simulation) {
   const std::vector<simulation::Verdict> verdicts = simulation.verdicts();
-  return std::any_of(verdicts.begin(), verdicts.end(), [](const auto& each) { return each.failed(); });
+  return std::ranges::any_of(verdicts, [](const auto& each) { return each.failed(); });
 }
 
 double* put(double* out, const Vec3& v) { return std::copy(v.data(), v.data() + 3, out); }
@@ -167,10 +166,10 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
   for (const Kind& kind : kinds()) known.push_back(kind.name);
   std::vector<Problem> problems;
   for (const std::string& name : names)
-    if (std::find(known.begin(), known.end(), name) == known.end())
+    if (std::ranges::find(known, name) == known.end())
       problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(known, ", "))});
   if (!problems.empty()) throw Error(std::move(problems));
-  find_things();
+  collect_things();
   for (const std::string& name : names) {
     const Kind& kind = *std::ranges::find_if(kinds(), [&](auto& each) { return each.name == name; });
     kinds_.push_back(&kind);
@@ -179,13 +178,13 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
   }
 }
 
-void Observation::find_things() {
+void Observation::collect_things() {
   const model::Model& model = scene_.model;
-  hand_part_.assign(model.shapes.size(), -1);
-  other_.assign(model.shapes.size(), -1);
-  std::vector<int> hand_of(model.bodies.size(), -1);
+  hand_part_.resize(model.shapes.size());
+  other_.assign(model.shapes.size(), model.objects.size());
+  std::vector<std::optional<std::size_t>> hand_of(model.bodies.size());
   for (std::size_t h = 0; h < model.hands.size(); ++h) {
-    for (const int body : model.hands[h].bodies) hand_of[at(body)] = static_cast<int>(h);
+    for (const int body : model.hands[h].bodies) hand_of[at(body)] = h;
     for (const char* part : simulation::kHandParts) hand_parts_.push_back(model.hands[h].name + "." + part);
     for (const model::Fingertip& tip : model.hands[h].fingertips) tips_.push_back(&tip);
   }
@@ -197,11 +196,11 @@ void Observation::find_things() {
   const std::vector<std::optional<std::size_t>> object_of = model.objects_of_shapes();
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const model::Shape& shape = model.shapes[i];
-    const int part = simulation::hand_part(shape.part), hand = hand_of[at(shape.body)];
-    if (part >= 0 && hand >= 0)
-      hand_part_[i] = hand * static_cast<int>(simulation::kHandParts.size()) + part;
-    else
-      other_[i] = static_cast<int>(object_of[i].value_or(model.objects.size()));
+    const auto part = simulation::hand_part(shape.part), hand = hand_of[at(shape.body)];
+    if (part && hand)
+      hand_part_[i] = *hand * simulation::kHandParts.size() + *part;
+    else if (object_of[i])
+      other_[i] = *object_of[i];
   }
 }
 
@@ -211,19 +210,18 @@ bool Observation::has(std::string_view part) const {
 
 void Observation::write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                                  std::span<double> by_pair) const {
-  std::fill(by_finger.begin(), by_finger.end(), 0);
-  std::fill(by_pair.begin(), by_pair.end(), 0);
+  std::ranges::fill(by_finger, 0);
+  std::ranges::fill(by_pair, 0);
   const auto one = [&](int shape, int against, const engine::Contact& contact, double sign) {
-    const int part = hand_part_[at(shape)];
-    if (part < 0) return;
+    const std::optional<std::size_t> part = hand_part_[at(shape)];
+    if (!part) return;
     if (!by_finger.empty()) {
-      double* out = by_finger.data() + at(part) * kFingerColumns.size();
+      double* out = by_finger.data() + *part * kFingerColumns.size();
       for (int i = 0; i < 3; ++i) out[i] += sign * contact.force[i];
       out[3] += 1;
     }
-    const int other = other_[at(against)] < 0 ? static_cast<int>(others_.size()) - 1 : other_[at(against)];
     if (by_pair.empty()) return;
-    double* out = by_pair.data() + (at(part) * others_.size() + at(other)) * kPairColumns.size();
+    double* out = by_pair.data() + (*part * others_.size() + other_[at(against)]) * kPairColumns.size();
     out[0] += contact.normal_force();
     out[1] += 1;
   };

@@ -1,6 +1,7 @@
 // Observation of an environment: a flat vector of parts that the caller selects by name, in their order.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -47,7 +48,7 @@ class Observation {
   /// A kind of part: its name, the names of its numbers, and how they are written.
   struct Kind;
   static std::span<const Kind> kinds();
-  void find_things();
+  void collect_things();
   bool has(std::string_view part) const;
   void write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                       std::span<double> by_pair) const;
@@ -60,7 +61,9 @@ class Observation {
   std::vector<int> objects_;             ///< bodies
   std::vector<std::string> hand_parts_;  ///< palm and fingers of each hand
   std::vector<std::string> others_;      ///< objects, then `other`
-  std::vector<int> hand_part_, other_;   ///< of each shape; -1: none
+  /// Of each shape the hand part that it is, or else its place among the others.
+  std::vector<std::optional<std::size_t>> hand_part_;
+  std::vector<std::size_t> other_;
 };
 
 }  // namespace handsim::environment

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/environment/draws.h"
 #include "handsim/simulation/simulation.h"
 
@@ -71,7 +70,7 @@ std::size_t Variation::size_of(std::string_view name) const {
 void Variation::set(std::string_view name, std::span<const double> values) {
   if (values.size() != size_of(name))
     refuse(name, fmt::format("{} numbers", values.size()), fmt::format("{}", size_of(name)));
-  if (!std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); }))
+  if (!std::ranges::all_of(values, [](double value) { return std::isfinite(value); }))
     refuse(name, fmt::format("{}", fmt::join(values, ", ")), "finite numbers");
   if (name == "gravity") {
     scene_->model.gravity = {values[0], values[1], values[2]};

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/hand/cut_capsule.h"
 #include "handsim/hand/deviations.h"
 #include "handsim/model/mass_properties.h"
@@ -48,10 +47,8 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
   std::vector<Problem> problems;
   int rows = 0;  // of the file: a carrier has none
   for (const SegmentSpec& row : spec.segments) {
-    const bool on_palm = row.parent == kPalm;
-    const auto parent = at(row.parent);
-    const Pose parent_frame = on_palm ? Pose{} : out[parent].frame;
-    const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out[parent].length, 0);
+    const Pose parent_frame = row.parent ? out[*row.parent].frame : Pose{};
+    const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out[*row.parent].length, 0);
     BuiltSegment& built = out.emplace_back();
     built.frame = parent_frame * Pose{at, row.rotation};
     if (row.carrier) continue;
@@ -60,7 +57,7 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
     const auto length = person.bones.find(row.name), radius = person.radii.find(row.name);
     // A measured finger scales its segments, but not the thumb's metacarpal, which is within the palm.
     const auto finger = size.fingers.find(row.finger);
-    const bool scaled = finger != size.fingers.end() && !(on_palm && row.part == model::Part::thumb);
+    const bool scaled = finger != size.fingers.end() && (row.parent || row.part != model::Part::thumb);
     built.length = length != person.bones.end()
                        ? length->second
                        : (scaled ? finger->second.scale : 1) * row.length.value(size);
@@ -172,13 +169,13 @@ MassProperties taken_from(const Piece& parent, const Piece& piece, double length
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
     // A carrier has no shape: its segment starts where it does, in its parent. The palm's are in the palm.
-    int row = spec.segments[i - 1].parent;
-    while (row != kPalm && (spec.segments[at(row)].carrier || !spec.segments[at(row)].of_palm.empty()))
-      row = spec.segments[at(row)].parent;
+    std::optional<std::size_t> row = spec.segments[i - 1].parent;
+    while (row && (spec.segments[*row].carrier || !spec.segments[*row].of_palm.empty()))
+      row = spec.segments[*row].parent;
     Piece& own = parts[i];
     if (own.shapes.size() != 1) continue;
     const Shape& capsule = own.shapes[0];
-    Piece& parent = parts[at(row + 1)];
+    Piece& parent = parts[row ? *row + 1 : 0];
     const Vec3 at = parent.frame.inverse() * own.frame.p;
     if (parent.cut && (at - Vec3(0, parent.shapes[0].length, 0)).norm() < 1e-9) {
       parent.cut->flat_end = true;
@@ -254,8 +251,7 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
     rest.inertia = -rest.inertia;
     std::vector<MassProperties> volumes = {before, rest};
     for (std::size_t k = i + 1; k < parts.size(); ++k)
-      if (spec.segments[k - 1].parent == static_cast<int>(i) - 1 && parts[k].taken)
-        volumes.push_back(*parts[k].taken);
+      if (spec.segments[k - 1].parent == i - 1 && parts[k].taken) volumes.push_back(*parts[k].taken);
     MassProperties volume = model::joined(volumes);
     own.mass = palm.mass * volume.mass / palm.together->mass;
     palm.mass -= own.mass;
@@ -371,7 +367,7 @@ void add_joints_of(BuiltHand& hand, const HandSpec& spec) {
     joint.name = row.joint.name;
     joint.kind = row.joint.kind;
     joint.axes = row.joint.axes;
-    joint.parent = row.parent == kPalm ? 0 : hand.segments[at(row.parent)].body;
+    joint.parent = row.parent ? hand.segments[*row.parent].body : 0;
     joint.child = built.body;
     joint.parent_frame = hand.bodies[at(joint.parent)].zero_pose.inverse() * built.frame;
     joint.child_frame = joint_in_body(hand, spec, i);
@@ -405,8 +401,8 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
     if (!row.fixed) {
       built.body = static_cast<int>(hand.bodies.size());
       hand.bodies.emplace_back();
-    } else if (row.parent != kPalm) {
-      built.body = hand.segments[at(row.parent)].body;
+    } else if (row.parent) {
+      built.body = hand.segments[*row.parent].body;
     }
     parts.push_back(segment_part(row, built, hand.size));
   }

@@ -97,7 +97,7 @@ HandSpec deviated(const HandSpec& spec, const Person& person) {
   deviate(out.wrist, wider, tissue);
   for (SegmentSpec& segment : out.segments) {
     // A measured finger's length is its own.
-    const bool metacarpal = segment.finger == "thumb" && segment.parent == kPalm;
+    const bool metacarpal = segment.finger == "thumb" && !segment.parent;
     if (metacarpal || !person.fingers.contains(segment.finger)) scale(segment.length, by.factor("segments"));
     deviate(segment.joint, wider, tissue);
   }

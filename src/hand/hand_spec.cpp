@@ -36,8 +36,8 @@ model::JointAxis read_axis(MapReader reader) {
   axis.axis = reader.direction("axis");
   if (const auto range = reader.maybe_range("range", kAngle, true)) {
     model::Stop stop{range->first, range->second};
-    stop.bounce = reader.number("bounce", kShare, 0.0);
-    stop.ode.fudge_factor = reader.number("fudge_factor", kShare, 1.0);
+    stop.restitution = reader.number("bounce", kShare, 0.0);
+    stop.motor_share = reader.number("fudge_factor", kShare, 1.0);
     axis.stop = stop;
   }
   model::Tissue tissue;
@@ -117,17 +117,16 @@ PalmSpec read_palm(MapReader reader, const std::optional<MassRule>& mass) {
   return palm;
 }
 
-int find_segment(const std::vector<SegmentSpec>& segments, std::string_view name) {
-  for (std::size_t i = 0; i < segments.size(); ++i)
-    if (segments[i].name == name) return static_cast<int>(i);
-  return kPalm;
+std::optional<std::size_t> find_segment(const std::vector<SegmentSpec>& segments, std::string_view name) {
+  const auto found = std::ranges::find(segments, name, &SegmentSpec::name);
+  return found == segments.end() ? std::nullopt : std::optional(at(found - segments.begin()));
 }
 
 void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {
   const std::string parent = reader.name("parent");
   segment.parent = find_segment(spec.segments, parent);
-  if (segment.parent != kPalm) {
-    spec.segments[static_cast<std::size_t>(segment.parent)].has_child = true;
+  if (segment.parent) {
+    spec.segments[*segment.parent].has_child = true;
   } else if (parent != "palm" && !parent.empty()) {
     std::vector<std::string> known = {"palm"};
     for (const SegmentSpec& row : spec.segments) known.push_back(row.name);
@@ -166,8 +165,7 @@ void read_finger(MapReader& reader, SegmentSpec& segment) {
 
 /// A length and a radius with more shapes, or shapes of the palm.
 void read_matter(MapReader& reader, const HandSpec& spec, SegmentSpec& segment) {
-  const bool on_part =
-      segment.parent != kPalm && !spec.segments[static_cast<std::size_t>(segment.parent)].of_palm.empty();
+  const bool on_part = segment.parent && !spec.segments[*segment.parent].of_palm.empty();
   if (reader.sound() && on_part && !segment.at)
     reader.problem("at", "nothing", "the joint's place in a parent that is a part of the palm");
   if (!reader.has("of_palm")) {
@@ -186,7 +184,7 @@ void read_matter(MapReader& reader, const HandSpec& spec, SegmentSpec& segment) 
       reader.problem("of_palm", name, "shapes of the palm that no row above has; one stays with the palm");
     std::erase(open, name);
   }
-  if (reader.sound() && segment.parent != kPalm)
+  if (reader.sound() && segment.parent)
     reader.problem("of_palm", "a row whose parent is not the palm", "parent: palm");
 }
 
@@ -194,14 +192,14 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   SegmentSpec segment;
   segment.place = reader.node().place();
   segment.name = reader.name("name");
-  const bool taken = segment.name == "palm" || segment.name == "forearm" ||
-                     find_segment(spec.segments, segment.name) != kPalm;
+  const bool taken =
+      segment.name == "palm" || segment.name == "forearm" || find_segment(spec.segments, segment.name);
   if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a unique name for each segment");
   read_finger(reader, segment);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
-  if (reader.sound() && segment.parent == kPalm && !segment.at)
+  if (reader.sound() && !segment.parent && !segment.at)
     reader.problem("at", "nothing", "the joint's place in the palm");
   segment.rotation = reader.rotation("rotation");
   read_matter(reader, spec, segment);
@@ -223,7 +221,7 @@ void add_row(SegmentSpec row, HandSpec& spec) {
     carrier.shapes.clear();
     carrier.mass_share *= kCarrierShare;
     carrier.joint.axes.pop_back();
-    row.parent = static_cast<int>(spec.segments.size());
+    row.parent = spec.segments.size();
     row.at = PlaceRule{};
     row.rotation = Quat::Identity();
     row.mass_share *= 1 - kCarrierShare;

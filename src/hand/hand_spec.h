@@ -33,7 +33,7 @@ struct SegmentSpec {
   std::string name;
   std::string finger;                           ///< any name
   model::Part part = model::Part::index;        ///< the finger with which sums, tables and colours count it
-  int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
+  std::optional<std::size_t> parent;            ///< row in HandSpec::segments; absent: the palm
   bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
   std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: distal end
   Quat rotation = Quat::Identity();             ///< q_parent_segment at zero coordinates
@@ -50,7 +50,6 @@ struct SegmentSpec {
   Place place;  ///< of the row, for messages
 };
 
-inline constexpr int kPalm = -1;
 /// Of a segment's mass, in the carrier of its joint of three axes.
 inline constexpr double kCarrierShare = 0.05;
 

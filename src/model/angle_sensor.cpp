@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::model {

@@ -1,7 +1,5 @@
 #include "handsim/model/energy.h"
 
-#include "handsim/core/index.h"
-
 namespace handsim::model {
 
 double kinetic_energy(const Model& model, const State& state) {

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::model {

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
-
 namespace handsim::model {
 
 std::vector<Marker> hand_markers(const Model& model) {

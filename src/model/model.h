@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/core/pose.h"
 #include "handsim/model/convex_mesh.h"
 #include "handsim/model/motion.h"
@@ -61,19 +62,13 @@ enum class JointKind {
 /// Number of degrees of freedom: 1, 2, 3, 1.
 int dof_count(JointKind kind);
 
-/// Parameters of a stop that only ODE uses.
-struct OdeStop {
-  /// dParamFudgeFactor, 0..1: scales the torque with which a motor of the same joint drives off the stop.
-  double fudge_factor = 1;
-};
-
 /// Limits of one joint coordinate.
 struct Stop {
-  double low = 0;     ///< [rad] or [m], below `high`
-  double high = 0;    ///< [rad] or [m]
-  double bounce = 0;  ///< restitution at the stop, 0..1
-  OdeStop ode = {};
-  bool stiff = false;  ///< narrower than the joint of a hand of this model: poses may lie beyond it
+  double low = 0;          ///< [rad] or [m], below `high`
+  double high = 0;         ///< [rad] or [m]
+  double restitution = 0;  ///< 0..1
+  double motor_share = 1;  ///< of the torque of a motor that drives off the stop, 0..1; of engine ode alone
+  bool stiff = false;      ///< narrower than the joint of a hand of this model: poses may lie beyond it
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
@@ -140,13 +135,11 @@ struct ContactGroup {
   std::string name;
 };
 
-inline constexpr int kCombined = -1;  ///< The pair's material is combined from its shapes' own.
-
 /// Two groups whose shapes are tested (a rule may name one twice), but not jointed or two immovable bodies.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;
-  int material = kCombined;  ///< index into `Model::materials`, for the pair; kCombined: of the two shapes'
+  std::optional<int> material = {};  ///< index into `Model::materials`; absent: the shapes' own, combined
 };
 
 /// A kinematic body that follows a timed trajectory of its joint centre frame.

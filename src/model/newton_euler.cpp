@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::model {

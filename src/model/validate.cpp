@@ -5,8 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
-
 namespace handsim::model {
 
 namespace {
@@ -49,8 +47,8 @@ class Checker {
     for (const ContactRule& rule : model_.contact_rules)
       if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
         add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
-      else if (rule.material != kCombined && !in(rule.material, model_.materials))
-        add("contact_rules", fmt::format("material {}", rule.material), "the index of a material");
+      else if (rule.material && !in(*rule.material, model_.materials))
+        add("contact_rules", fmt::format("material {}", *rule.material), "the index of a material");
     for (const Drive& drive : model_.drives) check_drive(drive);
     return std::move(problems_);
   }
@@ -152,8 +150,8 @@ class Checker {
     if (axis.stop) {
       if (!(axis.stop->low < axis.stop->high))
         add(key + ".stop", fmt::format("{:g}..{:g}", axis.stop->low, axis.stop->high), "low below high");
-      check_range({key, ".stop.bounce"}, axis.stop->bounce, 0, 1, "");
-      check_range({key, ".stop.ode.fudge_factor"}, axis.stop->ode.fudge_factor, 0, 1, "");
+      check_range({key, ".stop.restitution"}, axis.stop->restitution, 0, 1, "");
+      check_range({key, ".stop.motor_share"}, axis.stop->motor_share, 0, 1, "");
     }
     if (axis.tissue) {
       check_range({key, ".tissue.stiffness"}, axis.tissue->stiffness, 0, kFar, "N m/rad");

@@ -146,11 +146,11 @@ std::optional<pid_t> start_program(std::vector<std::string> words, const std::fi
   return failure == 0 ? std::optional(child) : std::nullopt;
 }
 
-int wait_for(std::optional<pid_t> program) {
+std::optional<int> wait_for(std::optional<pid_t> program) {
   int status = 0;
   while (program && waitpid(*program, &status, 0) < 0)
-    if (errno != EINTR) return -1;
-  return program && WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    if (errno != EINTR) return std::nullopt;
+  return program && WIFEXITED(status) ? std::optional(WEXITSTATUS(status)) : std::nullopt;
 }
 
 }  // namespace handsim::output

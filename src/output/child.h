@@ -25,7 +25,7 @@ std::optional<std::string> run_in_child(const std::function<void(const Progress&
 /// @returns its process, or nothing.
 std::optional<pid_t> start_program(std::vector<std::string> words, const std::filesystem::path& folder = ".",
                                    int input = 0, int errors = 2);
-/// Waits for a program. @returns its exit status; -1 if it did not start or did not exit by itself.
-int wait_for(std::optional<pid_t> program);
+/// Waits for a program. @returns its exit status; nothing if it did not start or did not exit by itself.
+std::optional<int> wait_for(std::optional<pid_t> program);
 
 }  // namespace handsim::output

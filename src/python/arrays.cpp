@@ -76,7 +76,7 @@ py::array_t<double> array_of(std::span<const double> numbers, std::size_t column
   if (columns > 0)
     shape = {static_cast<py::ssize_t>(numbers.size() / columns), static_cast<py::ssize_t>(columns)};
   py::array_t<double> out(shape);
-  std::copy(numbers.begin(), numbers.end(), out.mutable_data());
+  std::ranges::copy(numbers, out.mutable_data());
   return out;
 }
 

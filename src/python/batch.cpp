@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <thread>
 
-#include "handsim/core/index.h"
 #include "handsim/environment/draws.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -111,7 +110,7 @@ class BatchHandle {
   /// Begins the seeds anew.
   void seed(std::uint64_t seed) {
     seed_ = seed;
-    std::fill(episodes_.begin(), episodes_.end(), 0);
+    std::ranges::fill(episodes_, 0);
   }
 
   void set(const std::string& name, const py::object& values) {
@@ -247,12 +246,12 @@ void bind_batch(py::module_& module) {
       .def("failure", &failure)
       .def("motion",
            [](Self& self, std::size_t i) {
-             return Motion{self.read(i, [](const auto& of) { return of.moment(); })};
+             return Motion{self.read(i, [](const auto& of) { return of.motion(); })};
            })
       .def("frame",
            [](Self& self, std::size_t i) {
              return Frame{self.read(
-                 i, [](const auto& of) { return simulation::moment_of(of.simulation().engine()); })};
+                 i, [](const auto& of) { return simulation::picture_state(of.simulation().engine()); })};
            })
       .def("observations", [](const py::object& self) { return observations(self); })
       .def("done",

@@ -48,7 +48,7 @@ py::class_<T> bind_class(py::module_& module, const char* name) {
 }
 
 /// Pictures of moments with one common camera, as arrays [height, width, 3] of bytes; without the GIL.
-py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
+py::list draw_all(const scene::Scene& scene, std::vector<simulation::PictureState> moments,
                   const PictureChoice& choice);
 
 /// A tuple of each, as handsim.Verdict.

@@ -2,7 +2,6 @@
 
 #include <pybind11/eigen.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::python {

@@ -1,6 +1,5 @@
 // What a scene's model is made of, and the skins of its hands, as tuples and arrays: _model.py names their
 // fields.
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/render/skin.h"
 #include "handsim/python/arrays.h"

@@ -11,7 +11,7 @@
 namespace handsim::python {
 
 struct Frame {
-  simulation::Moment moment;
+  simulation::PictureState moment;
 };
 
 /// The motion that a reset goes to, within this process.

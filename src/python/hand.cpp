@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "handsim/core/data_folder.h"
-#include "handsim/core/index.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
@@ -41,9 +40,8 @@ py::dict segments(const SceneHandle& of) {
   Column length, radius, mass, centre, inertia;
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
     const model::Body& body = model.bodies[at(hand.bodies[i])];
-    const auto segment = std::find_if(built.segments.begin(), built.segments.end(), [&](const auto& each) {
-      return each.joint && each.body == static_cast<int>(i);
-    });
+    const auto segment = std::ranges::find_if(
+        built.segments, [&](const auto& each) { return each.joint && each.body == static_cast<int>(i); });
     const bool palm = segment == built.segments.end();
     names.push_back(part_name(body.name));
     joints.push_back(palm ? "" : built.joints[at(*segment->joint)].name);

@@ -1,5 +1,6 @@
+#include <algorithm>
+
 #include "handsim/app/commands.h"
-#include "handsim/core/index.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
@@ -22,7 +23,7 @@ using VideoPixels = py::array_t<std::uint8_t, py::array::c_style>;
 
 py::array_t<std::uint8_t> image_array(const output::Image& image) {
   py::array_t<std::uint8_t> out({image.height, image.width, 3});
-  std::copy(image.rgb.begin(), image.rgb.end(), out.mutable_data());
+  std::ranges::copy(image.rgb, out.mutable_data());
   return out;
 }
 
@@ -32,7 +33,7 @@ scene::PictureSpec chosen(scene::PictureSpec spec, const PictureChoice& choice) 
   if (choice.size) spec.size = *choice.size;
   if (choice.view) {
     const std::array<std::string_view, 4> names = {"dorsal", "palmar", "radial", "three_quarter"};
-    const auto found = std::find(names.begin(), names.end(), *choice.view);
+    const auto found = std::ranges::find(names, *choice.view);
     if (found == names.end())
       throw input_error("view", *choice.view, "dorsal, palmar, radial or three_quarter");
     spec.view = static_cast<scene::View>(found - names.begin());
@@ -58,14 +59,14 @@ Frame frame_at(const SceneHandle& of, double time) {
       simulation.step();
       signals.poll(0);
     }
-    return Frame{simulation::moment_of(simulation.engine())};
+    return Frame{simulation::picture_state(simulation.engine())};
   });
 }
 
 py::list draw_frames(const SceneHandle& of, const std::vector<Frame>& frames,
                      std::optional<std::array<int, 2>> size, std::optional<std::string> view,
                      decltype(PictureChoice::camera) camera) {
-  std::vector<simulation::Moment> moments;
+  std::vector<simulation::PictureState> moments;
   for (const Frame& frame : frames) {
     if (frame.moment.state.bodies.size() != of.scene->model.bodies.size())
       throw input_error("frames", std::to_string(frame.moment.state.bodies.size()) + " bodies",
@@ -79,16 +80,15 @@ py::list draw_frames(const SceneHandle& of, const std::vector<Frame>& frames,
 void film(const SceneHandle& of, const VideoChoice& video, double time,
           std::optional<std::array<int, 2>> size, std::optional<std::string> view,
           decltype(PictureChoice::camera) camera, const py::object& progress) {
-  scene::Scene shown = *of.scene;
-  shown.spec.pictures = chosen(of.scene->spec.pictures, {size, std::move(view), camera});
+  const scene::PictureSpec pictures = chosen(of.scene->spec.pictures, {size, std::move(view), camera});
   Signals signals(progress);
   // Half of the share is the simulation's.
   const auto poll = [&signals](double begin) {
     return [&signals, begin](double share) { signals.poll(begin + share / 2); };
   };
   without_gil([&] {
-    const simulation::Film film = simulation::film_until(shown, video_of(video), time, poll(0));
-    film.write({}, poll(0.5));
+    const simulation::Film film = simulation::film_until(*of.scene, video_of(video), time, poll(0));
+    film.write(pictures, {}, poll(0.5));
   });
 }
 
@@ -108,15 +108,14 @@ py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::
 
 }  // namespace
 
-py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
+py::list draw_all(const scene::Scene& scene, std::vector<simulation::PictureState> moments,
                   const PictureChoice& choice) {
-  scene::Scene shown = scene;
-  shown.spec.pictures = chosen(scene.spec.pictures, choice);
+  const scene::PictureSpec pictures = chosen(scene.spec.pictures, choice);
   std::vector<output::Image> images;
   Signals signals;
   without_gil([&] {
     simulation::draw(
-        shown, moments, {}, [](std::size_t, const output::Image&) {},
+        {scene.model, pictures}, moments, {}, [](std::size_t, const output::Image&) {},
         [&](std::size_t, const simulation::Picture& picture) {
           images.push_back(picture.image);
           signals.poll(0);

@@ -74,7 +74,7 @@ class MemoryRun {
     // The first frame is of the start, the last of the end.
     const auto taken = static_cast<long>(out_.frames.size());
     if (taken < frames_ && step * (frames_ - 1) >= taken * steps)
-      out_.frames.push_back({simulation::moment_of(simulation_.engine())});
+      out_.frames.push_back({simulation::picture_state(simulation_.engine())});
   }
 
   ScenePtr scene_;

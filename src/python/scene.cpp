@@ -1,6 +1,5 @@
 #include <map>
 
-#include "handsim/core/index.h"
 #include "handsim/core/yaml.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/table/csv_rows.h"
@@ -86,7 +85,8 @@ py::list muscles(const SceneHandle& of) {
 py::dict standalone(const SceneHandle& of) {
   py::dict out;
   out["resolved.yaml"] = py::bytes(scene::standalone_text(of.scene->resolved, of.scene->inputs));
-  for (const scene::InputFile& input : of.scene->inputs) out[py::str(input.copy)] = py::bytes(*input.bytes);
+  for (const scene::ReferencedFile& input : of.scene->inputs)
+    out[py::str(input.copy)] = py::bytes(*input.bytes);
   return out;
 }
 

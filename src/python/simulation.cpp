@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -367,7 +366,7 @@ void bind_simulation(py::module_& module) {
            })
       .def("frame",
            [](Self& self) {
-             return Frame{self.read([](const auto& of) { return simulation::moment_of(of.engine()); })};
+             return Frame{self.read([](const auto& of) { return simulation::picture_state(of.engine()); })};
            })
       .def("verdicts",
            [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); })

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <span>
 
-#include "handsim/core/index.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/motion.h"
 #include "handsim/scene/task/climb.h"

@@ -115,7 +115,7 @@ Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine)
     vertices.each(shape.mesh->vertices);
     out.emplace_back("mesh of " + shape.name, hash_bytes(vertices.bytes()));
   }
-  for (const scene::InputFile& file : scene.inputs)
+  for (const scene::ReferencedFile& file : scene.inputs)
     if (control::is_motion_file(file.copy)) out.emplace_back(file.copy, hash_bytes(*file.bytes));
   add_parts(scene::standalone(scene.resolved, scene.inputs), out);
   return out;

@@ -12,7 +12,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/engine/collision/pair_table.h"
@@ -42,7 +41,7 @@ std::shared_ptr<const scene::Scene> checked(std::shared_ptr<const scene::Scene> 
 
 void check_start(const scene::Scene& scene) {
   if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return;
-  const auto of_hand = [](const model::Shape& shape) { return hand_part(shape.part) >= 0; };
+  const auto of_hand = [](const model::Shape& shape) { return hand_part(shape.part).has_value(); };
   std::vector<std::map<std::pair<std::string, std::string>, double>> deepest(scene.plans.objects.size());
   const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
@@ -122,7 +121,7 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
   const scene::SceneSpec& spec = scene_->spec;
   const double step = spec.solver.step;
   if (spec.solver.effects.has(model::Effect::actuation)) {
-    find_constant_torques();
+    compute_constant_torques();
     for (const scene::ClimbPlan& plan : scene_->plans.climbs) {
       const model::Model& model = scene_->model;
       climbs_.push_back({plan, at(model.joints[at(*model.hands[plan.hand].rail)].first_dof), step});
@@ -163,7 +162,7 @@ void Simulation::make_watchers() {
   timed_ = std::ranges::any_of(watchers_, [](const auto& watcher) { return watcher->wants_times(); });
 }
 
-void Simulation::find_constant_torques() {
+void Simulation::compute_constant_torques() {
   constant_.resize(at(model().dof_count()));
   for (const model::Joint& joint : model().joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
@@ -222,7 +221,7 @@ engine::StepInput Simulation::command(const engine::StepInput& action) {
   };
   if (controller_) {
     add(controller_->torques());
-    std::copy(controller_->servos().begin(), controller_->servos().end(), servos_.begin());
+    std::ranges::copy(controller_->servos(), servos_.begin());
     any_servos = any_servos || !controller_->servos().empty();
   }
   for (const ClimbLoad& climb : climbs_) climb.command(engine_->state(), sum_, servos_);

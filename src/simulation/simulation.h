@@ -140,7 +140,7 @@ class Simulation {
   void check(const engine::StepInput& action) const;
   engine::StepInput command(const engine::StepInput& action);
   engine::StepInput excite(engine::StepInput input, const engine::StepInput& action);
-  void find_constant_torques();
+  void compute_constant_torques();
   void make_watchers();
   void restore_parts(const RunSnapshot& snapshot);
   const std::shared_ptr<const Fingerprint>& fingerprint() const;

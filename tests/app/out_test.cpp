@@ -296,7 +296,7 @@ TEST(Export, BeginsAtATimeOfTheRun) {
   const scene::Scene scene = scene::load_scene(file, {});
   simulation::Simulation run(scene, simulation::no_watchers);
   while (run.state().time < 0.0499) run.step();
-  const output::Moment moment = output::moment_after(run.state(), run.controller());
+  const output::Keyframe moment = output::keyframe_after(run.state(), run.controller());
   const std::string expected = output::to_mjcf(scene.model, scene.spec.solver, &*scene.control, &moment);
   EXPECT_EQ(text_of(out), expected);
   EXPECT_NE(expected, output::to_mjcf(scene.model, scene.spec.solver, &*scene.control));

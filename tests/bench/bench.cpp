@@ -150,10 +150,10 @@ BENCHMARK(person_to_world)->Unit(benchmark::kMicrosecond);
 /// One frame of two hands at 1280 x 960, the context's creation included.
 void first_frame(benchmark::State& state) {
   const scene::Scene scene = test::shipped_scene("two_hands");
-  const simulation::Moment moment{model::initial_state(scene.model), {}};
+  const simulation::PictureState moment{model::initial_state(scene.model), {}};
   for (auto unused : state) {
     (void)unused;
-    benchmark::DoNotOptimize(simulation::draw(scene, moment));
+    benchmark::DoNotOptimize(simulation::draw({scene.model, scene.spec.pictures}, moment));
   }
 }
 BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
@@ -163,13 +163,14 @@ void frame(benchmark::State& state) {
   const scene::Scene scene =
       test::shipped_scene("two_hands", {"pictures.size=[" + std::to_string(state.range(0)) + ", " +
                                         std::to_string(state.range(0) * 3 / 4) + "]"});
-  const std::vector<simulation::Moment> moments(8, {model::initial_state(scene.model), {}});
+  const std::vector<simulation::PictureState> moments(8, {model::initial_state(scene.model), {}});
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    simulation::draw(scene, moments, {}, {}, [](std::size_t, const simulation::Picture& picture) {
-      benchmark::DoNotOptimize(picture.image.rgb.data());
-    });
+    simulation::draw({scene.model, scene.spec.pictures}, moments, {}, {},
+                     [](std::size_t, const simulation::Picture& picture) {
+                       benchmark::DoNotOptimize(picture.image.rgb.data());
+                     });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
                            8);
   }

@@ -49,7 +49,7 @@ TEST_P(OnEngine, MovesAsTheSimulationAndComesBackToTheBit) {
     for (int i = 0; i < 200; ++i) simulation.step();
     environment.step({}, 200);
     EXPECT_EQ(bits(environment), bits(simulation.state())) << name;
-    const Moment moment = environment.moment();
+    const simulation::MotionSnapshot moment = environment.motion();
     steps(environment, 50);
     Environment other(scene);
     other.reset(moment);

@@ -347,7 +347,7 @@ TEST(Fingers, ThatAreMeasuredReplaceTheirPrediction) {
   EXPECT_EQ(own.size.fingers.at("thumb").length, 0.058);
   const double scale = 0.058 / plain.size.fingers.at("thumb").length;
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
-    const bool of_thumb = spec.segments[i].finger == "thumb" && spec.segments[i].parent != kPalm;
+    const bool of_thumb = spec.segments[i].finger == "thumb" && spec.segments[i].parent;
     EXPECT_NEAR(own.segments[i].length, (of_thumb ? scale : 1) * plain.segments[i].length, 1e-15);
     EXPECT_EQ(own.segments[i].radius,
               spec.segments[i].name == "index_middle" ? 0.0065 : plain.segments[i].radius);

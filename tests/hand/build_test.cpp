@@ -85,8 +85,8 @@ TEST(ShippedPrototype, KeepsTheBounceAndFudgeFactorOfItsThumb) {
     if (joint.kind == model::JointKind::universal)
       for (const model::JointAxis& axis : joint.axes) {
         ++found;
-        EXPECT_EQ(axis.stop->bounce, 0.2);
-        EXPECT_EQ(axis.stop->ode.fudge_factor, 0.2);
+        EXPECT_EQ(axis.stop->restitution, 0.2);
+        EXPECT_EQ(axis.stop->motor_share, 0.2);
       }
   EXPECT_EQ(found, 2);
 }

@@ -21,7 +21,7 @@ TEST_P(ExportedGrasps, StayInTheHand) {
   simulation::Simulation run(scene, simulation::no_watchers);
   const scene::GraspPlan& grasp = scene.plans.grasps.front();
   while (run.state().time < grasp.phase("hold")->start + 1) run.step();
-  const output::Moment moment = output::moment_after(run.state(), run.controller());
+  const output::Keyframe moment = output::keyframe_after(run.state(), run.controller());
   const auto model =
       mujoco::compile(output::to_mjcf(scene.model, scene.spec.solver, &*scene.control, &moment));
   const std::unique_ptr<mjData, mujoco::Free> data(mj_makeData(model.get()));

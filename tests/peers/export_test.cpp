@@ -149,7 +149,7 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
     const Eigen::Map<Eigen::VectorXd> du(mechanism.du().data(), n), qacc(data->qacc, n);
     forward = std::max(forward, apart(turn.transpose() * du, qacc));
     // Inertia.
-    space.find_inertia();
+    space.compute_inertia();
     Eigen::MatrixXd H(n, n);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) H(i, j) = space.inertia(std::max(i, j), std::min(i, j));

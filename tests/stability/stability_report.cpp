@@ -234,7 +234,7 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
   struct Picture {
     const StabilityCase* of;
     scene::Scene scene;
-    simulation::Moment moment;
+    simulation::PictureState moment;
   };
   std::vector<Picture> pictures;
   for (const CaseResult& of : result.cases) {
@@ -247,14 +247,15 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
       set.insert(set.end(), dimension.front().set.begin(), dimension.front().set.end());
     set.push_back(fmt::format("pictures.size=[{}, {}]", kWidth, kHeight));
     scene::Scene scene = scene::load_scene(of.of->scenes.front(), set);
-    simulation::Moment moment = simulation::moment_at(scene, *of.of->picture);
+    simulation::PictureState moment = simulation::picture_state_at(scene, *of.of->picture);
     pictures.push_back({of.of, std::move(scene), std::move(moment)});
   }
   if (pictures.empty()) return std::nullopt;
   const auto draw_all = [&](const output::Progress&) {
     output::ContactSheet sheet({static_cast<int>(pictures.size()), kWidth, kHeight, "hard cases"});
     for (const Picture& picture : pictures) {
-      const output::Image image = simulation::draw(picture.scene, picture.moment);
+      const output::Image image =
+          simulation::draw({picture.scene.model, picture.scene.spec.pictures}, picture.moment);
       output::write_png(image, out / ("scene_" + picture.of->name + ".png"));
       sheet.add(image, picture.of->name);
     }

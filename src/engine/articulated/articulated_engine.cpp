@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/ode_library.h"
 #include "handsim/engine/multibody/projection.h"
@@ -239,7 +238,7 @@ bool ArticulatedEngine::arrive(bool fast) {
 void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
-  find_targets(input.drive_targets, end);
+  compute_targets(input.drive_targets, end);
   if (collided_) {
     collided_ = false;
     report.collide_calls = collide_calls_;
@@ -262,18 +261,18 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
-  if (derive_) find_derivatives(input, report);
+  if (derive_) compute_derivatives(input, report);
   momentum_.begin(input.forces, report.contacts > 0 ? contact_.get() : nullptr, settings_.step, false);
   if (derive_ && momentum_.active())
     derive_->notes.emplace_back(
         "objects that touch only each other: without the correction of their momentum");
   if (!fast && !moving && !loops_) {
     const bool sound = momentum_.correct(kernel.advance(tree, settings_.step));
-    if (muscles_) muscles_->find_torques(settings_.step);
+    if (muscles_) muscles_->compute_torques(settings_.step);
     return check(sound, end);
   }
-  kernel.find_torques(tree, settings_.step);
-  if (muscles_) muscles_->find_torques(settings_.step);
+  kernel.compute_torques(tree, settings_.step);
+  if (muscles_) muscles_->compute_torques(settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
@@ -345,7 +344,7 @@ void ArticulatedEngine::check(bool sound, double time) {
 void ArticulatedEngine::keep_start() {
   auto to = saved_.begin();
   for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()})
-    to = std::copy(kept.begin(), kept.end(), to);
+    to = std::ranges::copy(kept, to).out;
   saved_bases_.clear();
   for (const model::Drive& drive : drives()) saved_bases_.push_back(mechanism_.base(drive.body));
 }

@@ -82,7 +82,7 @@ class ArticulatedEngine final : public Engine {
   void step_implicitly(const StepInput& input, double end, StepReport& report);
   bool arrive(bool fast);
   void begin_derivatives();
-  void find_derivatives(const StepInput& input, const StepReport& report);
+  void compute_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
   void place() const;
   void give_rest() const;
@@ -91,7 +91,7 @@ class ArticulatedEngine final : public Engine {
     return std::span(model_.drives)
         .first(settings_.effects.has(model::Effect::wrist_motion) ? model_.drives.size() : 0);
   }
-  void find_targets(std::span<const Pose> given, double end);
+  void compute_targets(std::span<const Pose> given, double end);
   bool set_base_velocities();
   void place_bases();
   void keep_start();

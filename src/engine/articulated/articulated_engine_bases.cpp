@@ -4,7 +4,7 @@
 namespace handsim::engine::articulated {
 
 /// Where the drives take their bodies in a step that ends at a time. @param given by the caller, or empty
-void ArticulatedEngine::find_targets(std::span<const Pose> given, double end) {
+void ArticulatedEngine::compute_targets(std::span<const Pose> given, double end) {
   ways_.clear();
   for (std::size_t i = 0; i < drives().size(); ++i) {
     const model::Drive& drive = drives()[i];

@@ -25,7 +25,7 @@ void ArticulatedEngine::begin_derivatives() {
 }
 
 /// Between the solution of the step and its motion.
-void ArticulatedEngine::find_derivatives(const StepInput& input, const StepReport& report) {
+void ArticulatedEngine::compute_derivatives(const StepInput& input, const StepReport& report) {
   if (!slopes_)
     slopes_ = std::make_unique<StepSlopes>(model_, settings_, mechanism_, muscles_.get(), contact_.get());
   if (report.contacts > 0 && (report.iterative || report.lcp_failures > 0 || !slopes_->refine()))

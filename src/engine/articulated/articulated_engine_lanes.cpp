@@ -1,7 +1,6 @@
 // What a LaneGroup needs of an engine whose steps it takes.
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/ode_library.h"
@@ -19,7 +18,7 @@ bool ArticulatedEngine::stands() {
   if (failure_) return false;
   for (const model::Drive& drive : drives())
     if (drive.motion.keys.size() > 1 || !drive.motion.shakes.empty()) return false;
-  find_targets({}, next_time(time_, settings_.step));
+  compute_targets({}, next_time(time_, settings_.step));
   for (std::size_t i = 0; i < drives().size(); ++i) {
     const BaseMotion& base = mechanism_.base(ways_[i].body);
     for (const Vec3& v : {ways_[i].way.shift, ways_[i].way.turn, base.v, base.w, base.dv, base.dw})

@@ -5,8 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 namespace {
@@ -171,7 +169,7 @@ void FastSpin::add_work(bool constrained) {
 
 bool FastSpin::correct(bool sound) {
   const auto due = [&](const Tree& tree) { return tree.fast && (tree.turned >= kTurned || !sound); };
-  if (!std::any_of(trees_.begin(), trees_.end(), due)) return sound;
+  if (!std::ranges::any_of(trees_, due)) return sound;
   mechanism_.kernel().momenta(mechanism_.tree());
   bool changed = false;
   for (Tree& tree : trees_)

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/contact_dynamics.h"
 
 namespace handsim::engine::articulated {
@@ -77,7 +76,7 @@ void MomentumBalance::choose(const ContactDynamics* contacts, bool smooth) {
       if (group(tree_of(a)) != group(kHeld)) trees_[tree_of(a)].active = trees_[tree_of(b)].active = true;
     });
   }
-  active_ = std::any_of(trees_.begin(), trees_.end(), [](const Tree& tree) { return tree.active; });
+  active_ = std::ranges::any_of(trees_, [](const Tree& tree) { return tree.active; });
 }
 
 void MomentumBalance::begin(std::span<const BodyForce> forces, const ContactDynamics* contacts, double step,

@@ -71,9 +71,7 @@ class MomentumBalance {
   };
   /// In trees_: stands for all that bases hold, and never takes part.
   static constexpr std::size_t kHeld = 0;
-  std::size_t tree_of(int node) const {
-    return node == kNoNode ? kHeld : tree_of_[static_cast<std::size_t>(node)];
-  }
+  std::size_t tree_of(int node) const { return node == kNoNode ? kHeld : tree_of_[at(node)]; }
   void choose(const ContactDynamics* contacts, bool smooth);
   std::size_t group(std::size_t tree);
   void add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment);

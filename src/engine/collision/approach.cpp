@@ -26,7 +26,7 @@ dGeomID Approach::geom(std::size_t shape) {
 }
 
 Approach::Side Approach::side(std::size_t shape, const model::State& state, std::span<const Way> ways) const {
-  const auto index = static_cast<std::size_t>(model_.shapes[shape].body);
+  const auto index = at(model_.shapes[shape].body);
   const model::Body& body = model_.bodies[index];
   const bool told = body.kinematic || index == model::kWorld;
   return {shape, state.bodies[index].pose(), ways[index],
@@ -47,7 +47,7 @@ void Approach::touch(const Side& a, const Pose& x_WA, const Side& b, const Pose&
   std::array<dContactGeom, kMaxPairContacts> found;
   const int count = dCollide(geom_a, geom_b, kMaxPairContacts, found.data(), sizeof(dContactGeom));
   for (int i = 0; i < count; ++i) {
-    const dContactGeom& point = found[static_cast<std::size_t>(i)];
+    const dContactGeom& point = found[at(i)];
     points_.push_back({Vec3(point.pos[0], point.pos[1], point.pos[2]),
                        Vec3(point.normal[0], point.normal[1], point.normal[2]), point.depth});
   }

@@ -85,10 +85,10 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
   std::vector<std::size_t> mover_of(model.bodies.size(), model.bodies.size());
   const auto watch = [&](std::size_t index) {
     const Shape& shape = model.shapes[index];
-    std::size_t& mover = mover_of[static_cast<std::size_t>(shape.body)];
+    std::size_t& mover = mover_of[at(shape.body)];
     if (mover == model.bodies.size()) {
       mover = movers_.size();
-      movers_.emplace_back().body = static_cast<std::size_t>(shape.body);
+      movers_.emplace_back().body = at(shape.body);
     }
     placed_[index].mover = mover;
     const Extent& of = extents_[index];
@@ -117,7 +117,7 @@ const Pose& Clearance::pose(std::size_t shape) {
 
 const Mat3& Clearance::rotation(std::size_t shape) {
   Placed& placed = placed_[shape];
-  const std::int64_t moves = movers_[placed.mover].moves;
+  const std::uint64_t moves = movers_[placed.mover].moves;
   if (std::exchange(placed.rotated, moves) != moves) placed.R = pose(shape).q.toRotationMatrix();
   return placed.R;
 }

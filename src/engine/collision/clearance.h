@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -37,13 +38,13 @@ class Clearance {
     std::size_t body = 0;
     double reach = 0;  ///< its farthest point from the body's origin [m]
     bool endless = false;
-    std::int64_t moves = 0;  ///< how often it has moved
+    std::uint64_t moves = 0;  ///< how often it has moved
     Pose last;
   };
   /// A shape with its pose, and its rotation, after so many moves of its body.
   struct Placed {
     std::size_t mover = 0;
-    std::int64_t posed = -1, rotated = -1;
+    std::optional<std::uint64_t> posed, rotated;
     Pose pose;
     Mat3 R = Mat3::Identity();
   };

@@ -63,7 +63,7 @@ void Collider::add_geoms(std::span<const dBodyID> bodies) {
     const model::Shape& shape = model_.shapes[i];
     if (!rules_.meets_any(shape.group)) continue;
     geoms_[i] = make_geom(space_.get(), shape, i);
-    const dBodyID body = bodies.empty() ? nullptr : bodies[static_cast<std::size_t>(shape.body)];
+    const dBodyID body = bodies.empty() ? nullptr : bodies[at(shape.body)];
     if (body != nullptr && shape.kind != model::ShapeKind::plane) fix_geom(geoms_[i], shape, body);
   }
 }
@@ -72,8 +72,7 @@ void Collider::place(const model::State& state) {
   if (clearance_) return;
   for (std::size_t i = 0; i < geoms_.size(); ++i)
     if (geoms_[i] != nullptr && dGeomGetBody(geoms_[i]) == nullptr)
-      place_geom(geoms_[i], model_.shapes[i],
-                 state.bodies[static_cast<std::size_t>(model_.shapes[i].body)].pose());
+      place_geom(geoms_[i], model_.shapes[i], state.bodies[at(model_.shapes[i].body)].pose());
 }
 
 void Collider::near(void* self, dGeomID a, dGeomID b) {
@@ -83,7 +82,7 @@ void Collider::near(void* self, dGeomID a, dGeomID b) {
   if (collider.allowed(i, j)) collider.near_pairs_.push_back(pair_of(i, j));
 }
 
-void Collider::find_near(const model::State& state) {
+void Collider::collect_near(const model::State& state) {
   near_pairs_.clear();
   if (!clearance_) {
     dSpaceCollide(space_.get(), this, &Collider::near);
@@ -115,7 +114,7 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
   if (!sweep_) return {};
   const double step2 = prospect.step * prospect.step;
   const auto fast = [&](int body) {
-    const model::BodyState& now = state.bodies[static_cast<std::size_t>(body)];
+    const model::BodyState& now = state.bodies[at(body)];
     return sweep_->fast(body, step2 * (now.v + prospect.fall).squaredNorm(), step2 * now.w.squaredNorm());
   };
   const auto driven_fast = [&](const Prospect::Driven& each) {
@@ -125,10 +124,10 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
     return {};
   ways_.assign(state.bodies.size(), {});
   for (const int body : sweep_->bodies()) {
-    const model::BodyState& now = state.bodies[static_cast<std::size_t>(body)];
-    ways_[static_cast<std::size_t>(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
+    const model::BodyState& now = state.bodies[at(body)];
+    ways_[at(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
   }
-  for (const Prospect::Driven& each : prospect.driven) ways_[static_cast<std::size_t>(each.body)] = each.way;
+  for (const Prospect::Driven& each : prospect.driven) ways_[at(each.body)] = each.way;
   return sweep_->find(state, ways_);
 }
 
@@ -136,7 +135,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   contacts_.clear();
   touches_.clear();
   shares_.clear();
-  find_near(state);
+  collect_near(state);
   const std::span<const Sweep::Pair> fast = find_fast(state, prospect);
   if (!fast.empty()) {
     // In order, each pair once.
@@ -164,11 +163,11 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
 /// point alone has all of K, as has the end of a capsule.
 void Collider::share_stiffness(const Touch& touch, bool flat) {
   double sum = 0;
-  for (std::size_t i = touch.first; flat && i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+  for (std::size_t i = touch.first; flat && i < touch.first + at(touch.count); ++i) {
     const double depth2 = contacts_[i].depth * contacts_[i].depth;
     sum += depth2 * depth2;
   }
-  for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+  for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
     const double depth = contacts_[i].depth;
     shares_.push_back(flat && sum > 0 ? std::max(depth * depth / std::sqrt(sum), kLeastShare)
                                       : 1.0 / touch.count);
@@ -187,7 +186,7 @@ int Collider::approach(std::size_t a, std::size_t b, bool touching, const model:
 Pose Collider::pose(std::size_t shape, const model::State& state) {
   if (clearance_) return clearance_->pose(shape);
   const model::Shape& of = model_.shapes[shape];
-  return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
+  return state.bodies[at(of.body)].pose() * of.pose;
 }
 
 /// The same of a capsule and a sphere; nothing for other pairs.
@@ -214,7 +213,7 @@ int Collider::narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const
   };
   if (const auto own = narrow_.manifold(a, x_WA, b, x_WB, pad)) {
     for (int i = 0; i < own->count; ++i) {
-      const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
+      const ManifoldPoint& point = own->points[at(i)];
       add(point.position, point.normal, point.depth);
     }
     return own->count;
@@ -227,7 +226,7 @@ int Collider::narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const
   std::array<dContactGeom, kMaxPairContacts> points;
   const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
   for (int i = 0; i < count; ++i) {
-    const dContactGeom& point = points[static_cast<std::size_t>(i)];
+    const dContactGeom& point = points[at(i)];
     add(Vec3(point.pos[0], point.pos[1], point.pos[2]),
         Vec3(point.normal[0], point.normal[1], point.normal[2]), point.depth);
   }

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/collision/approach.h"
 #include "handsim/engine/collision/clearance.h"
 #include "handsim/engine/collision/ode_library.h"
@@ -65,7 +64,7 @@ class Collider {
   void add_geoms(std::span<const dBodyID> bodies);
   bool allowed(std::size_t shape_a, std::size_t shape_b) const;
   std::vector<Clearance::Pair> allowed_pairs() const;
-  void find_near(const model::State& state);
+  void collect_near(const model::State& state);
   Pose pose(std::size_t shape, const model::State& state);
   int narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB, bool pad,
                    std::vector<Contact>& out);

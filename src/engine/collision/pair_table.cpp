@@ -7,17 +7,15 @@ namespace handsim::engine {
 PairTable::PairTable(const model::Model& model)
     : model_(model), rules_(model.groups.size() * model.groups.size(), nullptr) {
   for (const model::ContactRule& rule : model.contact_rules) {
-    const auto a = static_cast<std::size_t>(rule.group_a);
-    const auto b = static_cast<std::size_t>(rule.group_b);
+    const std::size_t a = at(rule.group_a), b = at(rule.group_b);
     rules_[a * model.groups.size() + b] = rules_[b * model.groups.size() + a] = &rule;
   }
 }
 
 model::Material PairTable::between(const model::Shape& a, const model::Shape& b) const {
-  const auto material = [&](int index) { return model_.materials[static_cast<std::size_t>(index)]; };
-  const int ruled = rule(a.group, b.group)->material;
-  return ruled != model::kCombined ? material(ruled)
-                                   : model::combined(material(a.material), material(b.material));
+  const auto material = [&](int index) { return model_.materials[at(index)]; };
+  const std::optional<int> ruled = rule(a.group, b.group)->material;
+  return ruled ? material(*ruled) : model::combined(material(a.material), material(b.material));
 }
 
 bool PairTable::meets_any(int group) const {
@@ -33,11 +31,10 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
       untested_[a * count_ + b] = a == b || (immovable[a] && immovable[b]);
   // The world at a wrist is no forearm: a palm that hangs on it meets what stands still.
   std::vector<bool> palm(count_, false);
-  for (const model::HandIndex& hand : model.hands) palm[static_cast<std::size_t>(hand.palm)] = true;
+  for (const model::HandIndex& hand : model.hands) palm[at(hand.palm)] = true;
   for (const model::Joint& joint : model.joints) {
-    if (joint.parent == model::kWorld && palm[static_cast<std::size_t>(joint.child)]) continue;
-    const auto a = static_cast<std::size_t>(joint.parent);
-    const auto b = static_cast<std::size_t>(joint.child);
+    if (joint.parent == model::kWorld && palm[at(joint.child)]) continue;
+    const std::size_t a = at(joint.parent), b = at(joint.child);
     untested_[a * count_ + b] = untested_[b * count_ + a] = true;
   }
   // What hangs on one part of a palm, or carries it, meets no part of it, as if the palm were one body.
@@ -51,8 +48,7 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
       if (std::ranges::find(parts, joint.parent) != parts.end()) near.push_back(joint.child);
     for (const int part : parts)
       for (const int other : near) {
-        const auto a = static_cast<std::size_t>(part), b = static_cast<std::size_t>(other);
-        untested_[a * count_ + b] = untested_[b * count_ + a] = true;
+        untested_[at(part) * count_ + at(other)] = untested_[at(other) * count_ + at(part)] = true;
       }
   }
 }

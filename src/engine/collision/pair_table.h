@@ -3,7 +3,6 @@
 
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/model/model.h"
 
 namespace handsim::engine {

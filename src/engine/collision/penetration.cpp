@@ -22,16 +22,16 @@ double CrossedBodies::inverse_mass(const Contact& contact) const {
   for (const int shape : {contact.shape_a, contact.shape_b}) {
     const int body = moving_body(shape);
     if (body == model::kWorld) continue;
-    inverse_mass += 1 / model_.bodies[static_cast<std::size_t>(body)].mass;
-    crossed = crossed || std::find(bodies_.begin(), bodies_.end(), body) != bodies_.end();
+    inverse_mass += 1 / model_.bodies[at(body)].mass;
+    crossed = crossed || std::ranges::find(bodies_, body) != bodies_.end();
   }
   return crossed ? kCrossedSoftness * inverse_mass : 0;
 }
 
 /// The world where the shape is on a body that nothing pushes.
 int CrossedBodies::moving_body(int shape) const {
-  const int body = model_.shapes[static_cast<std::size_t>(shape)].body;
-  return model_.bodies[static_cast<std::size_t>(body)].kinematic ? model::kWorld : body;
+  const int body = model_.shapes[at(shape)].body;
+  return model_.bodies[at(body)].kinematic ? model::kWorld : body;
 }
 
 }  // namespace handsim::engine

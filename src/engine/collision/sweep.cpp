@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/collision/clearance.h"
 #include "handsim/model/shape_extent.h"
@@ -41,7 +40,7 @@ Sweep::Sweep(const model::Model& model, const model::Effects& effects)
     radii_.push_back(inner_radius(shape));
     levers_.push_back(lever(shape));
   }
-  find_limits();
+  compute_limits();
   order_.reserve(model.shapes.size());
   found_.reserve(model.shapes.size());
 }
@@ -52,7 +51,7 @@ bool Sweep::allowed(std::size_t i, std::size_t j) const {
 }
 
 /// A pair whose two bodies each keep to half of what it may go is slow.
-void Sweep::find_limits() {
+void Sweep::compute_limits() {
   const std::size_t n = model_.shapes.size();
   std::vector<double> least(limits_.size(), kEndless);
   const auto lower = [&](int body, int other, double radius) {

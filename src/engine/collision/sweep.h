@@ -51,7 +51,7 @@ class Sweep {
   std::span<const int> bodies() const { return bodies_; }
   /// True where a body goes far enough for its pairs to matter. @param shift2, turn2 squares [m^2], [rad^2]
   bool fast(int body, double shift2, double turn2) const {
-    const Limit& limit = limits_[static_cast<std::size_t>(body)];
+    const Limit& limit = limits_[at(body)];
     // (x + y)^2 is at most 2 (x^2 + y^2).
     return 2 * (shift2 + limit.lever2 * turn2) > limit.way2;
   }
@@ -68,7 +68,7 @@ class Sweep {
     double way = 0, reach = 0;  ///< of its own centre and points [m]
   };
   bool allowed(std::size_t a, std::size_t b) const;
-  void find_limits();
+  void compute_limits();
   void add(std::size_t a, std::size_t b, const model::State& state, std::span<const Way> ways);
 
   const model::Model& model_;

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <memory>
 #include <optional>
 #include <string>
@@ -157,7 +158,7 @@ class DaeEngine final : public Engine {
   /// Sets state.tau, given torques and passive tissue, from the coordinates of the state.
   void set_joint_torques(std::span<const double> given, model::State& state) const {
     state.tau.assign(state.q.size(), 0);
-    std::copy(given.begin(), given.end(), state.tau.begin());
+    std::ranges::copy(given, state.tau.begin());
     for (std::size_t i = 0; i < drag_.size(); ++i) state.tau[i] -= drag_[i] * state.u[i];
     if (!settings_.effects.has(model::Effect::passive_tissue)) return;
     for (const model::Joint& joint : model_.joints)

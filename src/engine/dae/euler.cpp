@@ -108,11 +108,11 @@ class Euler final : public Integrator {
       system_.add_transposed(each.row, -each.tissue.stiffness * each.deviation - implicit * known, state,
                              force);
     }
-    std::vector<Row> rows;
+    std::vector<ConstraintRow> rows;
     system_.constraints(state, rows);
     Vector wanted(static_cast<Index>(rows.size()));
     for (Index i = 0; i < wanted.size(); ++i) {
-      const Row& row = rows[static_cast<std::size_t>(i)];
+      const ConstraintRow& row = rows[at(i)];
       wanted[i] = -erp_ / step * row.value - (rate(row, state) - system_.own_rate(row, u, state));
     }
     return solve_constrained(implicit_mass(system_, state, step, step), system_.times_mass(u) + step * force,

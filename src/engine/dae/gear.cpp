@@ -19,7 +19,6 @@
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"
@@ -248,7 +247,7 @@ class Gear final : public Integrator {
     project_velocities(system_, state);
   }
 
-  const Row& scratch_row(Index i) const { return scratch_rows_[at(rows_[at(i)])]; }
+  const ConstraintRow& scratch_row(Index i) const { return scratch_rows_[at(rows_[at(i)])]; }
 
   /// G^T multipliers.
   Vector joint_force(const Vector& multipliers) const {
@@ -271,7 +270,7 @@ class Gear final : public Integrator {
     out.segment(nx, nu) = slope.segment(nx, nu) - system_.over_mass(system_.all_forces(scratch_, torques_) -
                                                                     joint_force(slope.segment(nx + nu, m)));
     for (Index i = 0; i < m; ++i) {
-      const Row& row = scratch_row(i);
+      const ConstraintRow& row = scratch_row(i);
       out[nx + nu + i] = row.value;
       out[nx + nu + m + i] = rate(row, scratch_);
     }
@@ -312,7 +311,7 @@ class Gear final : public Integrator {
   std::optional<Ida> ida_;
   std::string message_;   ///< IDA's last
   model::State scratch_;  ///< work space of the residual
-  std::vector<Row> scratch_rows_;
+  std::vector<ConstraintRow> scratch_rows_;
 };
 
 }  // namespace

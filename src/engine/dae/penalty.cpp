@@ -103,7 +103,7 @@ class Penalty final : public Integrator {
 
   void solve_step(const Past& past, std::span<const double> torques, model::State& state) {
     Vector u = past.u;
-    std::vector<Row> rows;
+    std::vector<ConstraintRow> rows;
     Vector error(system_.constraint_count());
     double change = INFINITY;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/least_squares.h"
 
 namespace handsim::engine {
@@ -26,13 +25,13 @@ constexpr double kAtRest = 1e-9;  ///< Velocities below this have no usable dire
 
 LeastSquares decompose(const Matrix& jacobian) { return {jacobian, kRankThreshold}; }
 
-Vector values(const std::vector<Row>& rows) {
+Vector values(const std::vector<ConstraintRow>& rows) {
   Vector out(static_cast<Index>(rows.size()));
   for (Index i = 0; i < out.size(); ++i) out[i] = rows[at(i)].value;
   return out;
 }
 
-Vector rates(const std::vector<Row>& rows, const model::State& state) {
+Vector rates(const std::vector<ConstraintRow>& rows, const model::State& state) {
   Vector out(static_cast<Index>(rows.size()));
   for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[at(i)], state);
   return out;
@@ -55,7 +54,7 @@ double closed_error(const System& system, const model::State& state) {
 /// Calls `correct` until the joints are closed. @throws Error (physics) naming a joint that stays open.
 template <class Correct>
 void close_joints(const System& system, const model::State& state, Correct correct) {
-  std::vector<Row> rows;
+  std::vector<ConstraintRow> rows;
   rows.reserve(at(system.constraint_count()));
   double last = INFINITY;
   for (int i = 0;; ++i) {
@@ -82,7 +81,7 @@ Vector rate_drift(const System& system, const model::State& state, const Vector&
     system.place_driven(state.time + shift, model::KeySide::after, moved);
     system.displace(shift * u, moved);
     system.set_velocities(u, moved);
-    std::vector<Row> all;
+    std::vector<ConstraintRow> all;
     system.constraints(moved, all);
     return Vector(rates(all, moved)(rows));
   };
@@ -91,7 +90,7 @@ Vector rate_drift(const System& system, const model::State& state, const Vector&
 }
 
 Matrix scaled_jacobian(const System& system, const model::State& state) {
-  std::vector<Row> rows;
+  std::vector<ConstraintRow> rows;
   system.constraints(state, rows);
   return system.scaled(system.jacobian(rows, state));
 }
@@ -106,7 +105,7 @@ Matrix unit_rows(Matrix matrix) {
 
 void project_positions(const System& system, model::State& state) {
   if (system.constraint_count() == 0) return;
-  close_joints(system, state, [&](const std::vector<Row>& rows, const Vector& error) {
+  close_joints(system, state, [&](const std::vector<ConstraintRow>& rows, const Vector& error) {
     const Matrix scaled = system.scaled(system.jacobian(rows, state));
     system.displace(system.from_scaled(decompose(scaled).solve(-error)), state);
   });
@@ -114,7 +113,7 @@ void project_positions(const System& system, model::State& state) {
 
 void project_velocities(const System& system, model::State& state) {
   if (system.constraint_count() == 0) return;
-  std::vector<Row> rows;
+  std::vector<ConstraintRow> rows;
   system.constraints(state, rows);
   const LeastSquares scaled = decompose(system.scaled(system.jacobian(rows, state)));
   // The second pass removes rounding errors.
@@ -131,7 +130,7 @@ void close_step(const System& system, const model::State& before, double step, m
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;
   const Eigen::LLT<Matrix> factors(gram);
-  close_joints(system, after, [&](const std::vector<Row>&, const Vector& error) {
+  close_joints(system, after, [&](const std::vector<ConstraintRow>&, const Vector& error) {
     system.displace_by_impulse(system.from_scaled(-(scaled.transpose() * factors.solve(error))), before, step,
                                after);
   });
@@ -174,7 +173,7 @@ Accelerations accelerations(const System& system, const model::State& state, std
   out.acceleration = system.over_mass(system.all_forces(state, torques));
   out.multipliers = Vector::Zero(static_cast<Index>(rows.size()));
   if (rows.empty()) return out;
-  std::vector<Row> all;
+  std::vector<ConstraintRow> all;
   system.constraints(state, all);
   const Matrix jacobian = system.jacobian(all, state)(rows, Eigen::all);
   const Matrix scaled = system.scaled(jacobian);

@@ -14,8 +14,8 @@ struct Sides {
   Vec3 gap;                ///< from the parent's anchor to the child's
 
   Sides(const model::Joint& joint, const model::State& state) : parent(joint.parent), child(joint.child) {
-    const model::BodyState& p = state.bodies[static_cast<std::size_t>(parent)];
-    const model::BodyState& c = state.bodies[static_cast<std::size_t>(child)];
+    const model::BodyState& p = state.bodies[at(parent)];
+    const model::BodyState& c = state.bodies[at(child)];
     q_WF = p.q * joint.parent_frame.q;
     q_WM = c.q * joint.child_frame.q;
     r_parent = p.q * joint.parent_frame.p;
@@ -25,8 +25,8 @@ struct Sides {
 };
 
 /// The component of the gap along a direction. @param with_parent the direction rotates with the parent
-Row gap_component(const Sides& sides, const Vec3& direction, bool with_parent) {
-  Row row{sides.parent, sides.child, direction.dot(sides.gap)};
+ConstraintRow gap_component(const Sides& sides, const Vec3& direction, bool with_parent) {
+  ConstraintRow row{sides.parent, sides.child, direction.dot(sides.gap)};
   const Vec3 arm = with_parent ? Vec3(sides.r_parent + sides.gap) : sides.r_parent;
   row.child_v = direction;
   row.child_w = sides.r_child.cross(direction);
@@ -36,16 +36,16 @@ Row gap_component(const Sides& sides, const Vec3& direction, bool with_parent) {
 }
 
 /// The cosine between a direction of the parent and one of the child: d(a.b)/dt = (w_P - w_C).(a x b).
-Row cosine(const Sides& sides, const Vec3& in_parent, const Vec3& in_child) {
-  Row row{sides.parent, sides.child, in_parent.dot(in_child)};
+ConstraintRow cosine(const Sides& sides, const Vec3& in_parent, const Vec3& in_child) {
+  ConstraintRow row{sides.parent, sides.child, in_parent.dot(in_child)};
   row.parent_w = in_parent.cross(in_child);
   row.child_w = -row.parent_w;
   return row;
 }
 
 /// The rotation of the child relative to the parent about a direction.
-Row relative_rotation(const Sides& sides, const Vec3& direction) {
-  Row row{sides.parent, sides.child};
+ConstraintRow relative_rotation(const Sides& sides, const Vec3& direction) {
+  ConstraintRow row{sides.parent, sides.child};
   row.child_w = direction;
   row.parent_w = -direction;
   return row;
@@ -53,7 +53,8 @@ Row relative_rotation(const Sides& sides, const Vec3& direction) {
 
 }  // namespace
 
-void append_constraints(const model::Joint& joint, const model::State& state, std::vector<Row>& rows) {
+void append_constraints(const model::Joint& joint, const model::State& state,
+                        std::vector<ConstraintRow>& rows) {
   const Sides sides(joint, state);
   if (joint.kind != JointKind::slider)
     for (int i = 0; i < 3; ++i) rows.push_back(gap_component(sides, Vec3::Unit(i), false));
@@ -84,7 +85,7 @@ void append_constraints(const model::Joint& joint, const model::State& state, st
   }
 }
 
-Row coordinate_row(const model::Joint& joint, int coordinate, const model::State& state) {
+ConstraintRow coordinate_row(const model::Joint& joint, int coordinate, const model::State& state) {
   const Sides sides(joint, state);
   switch (joint.kind) {
     case JointKind::hinge:
@@ -99,9 +100,9 @@ Row coordinate_row(const model::Joint& joint, int coordinate, const model::State
   return {};
 }
 
-double rate(const Row& row, const model::State& state) {
-  const model::BodyState& p = state.bodies[static_cast<std::size_t>(row.parent)];
-  const model::BodyState& c = state.bodies[static_cast<std::size_t>(row.child)];
+double rate(const ConstraintRow& row, const model::State& state) {
+  const model::BodyState& p = state.bodies[at(row.parent)];
+  const model::BodyState& c = state.bodies[at(row.child)];
   return row.parent_v.dot(p.v) + row.parent_w.dot(p.w) + row.child_v.dot(c.v) + row.child_w.dot(c.w);
 }
 

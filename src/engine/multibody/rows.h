@@ -9,7 +9,7 @@ namespace handsim::engine {
 
 /// A scalar function of two bodies' poses. Its rate is parent_v . v_P + parent_w . w_P + child_v . v_C +
 /// child_w . w_C, velocities in world axes; a multiplier's forces and torques have these directions.
-struct Row {
+struct ConstraintRow {
   int parent = 0;    ///< body of the model
   int child = 0;     ///< body of the model
   double value = 0;  ///< [m], or the cosine of an angle that the constraint keeps at 90 degrees
@@ -24,12 +24,13 @@ inline int constraint_count(model::JointKind kind) { return 6 - model::dof_count
 
 /// Appends the constraint rows of a joint; their values are zero if it is closed. They make the anchors
 /// coincide (along the world axes, or perpendicular to a slider's axis) and keep axes perpendicular.
-void append_constraints(const model::Joint& joint, const model::State& state, std::vector<Row>& rows);
+void append_constraints(const model::Joint& joint, const model::State& state,
+                        std::vector<ConstraintRow>& rows);
 
 /// The row of one joint coordinate: its rate is that of the coordinate, its value is not set.
-Row coordinate_row(const model::Joint& joint, int coordinate, const model::State& state);
+ConstraintRow coordinate_row(const model::Joint& joint, int coordinate, const model::State& state);
 
 /// Rate of a row at a state's velocities.
-double rate(const Row& row, const model::State& state);
+double rate(const ConstraintRow& row, const model::State& state);
 
 }  // namespace handsim::engine

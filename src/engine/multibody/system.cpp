@@ -5,23 +5,16 @@
 #include <limits>
 #include <numeric>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine {
-
-namespace {
-
-constexpr Index kNoSlot = -1;
-
-}  // namespace
 
 System::System(const model::Model& model, const Settings& settings, std::vector<int> bodies,
                std::vector<const model::Joint*> joints)
     : model_(model),
       settings_(settings),
       bodies_(std::move(bodies)),
-      slot_of_(model.bodies.size(), kNoSlot),
+      slot_of_(model.bodies.size()),
       joints_(std::move(joints)) {
   for (const int index : bodies_) {
     slot_of_[at(index)] = static_cast<Index>(mass_.size());
@@ -145,12 +138,12 @@ Vector System::position_rates(const Vector& x, const Vector& u) const {
   return rates;
 }
 
-void System::constraints(const model::State& state, std::vector<Row>& rows) const {
+void System::constraints(const model::State& state, std::vector<ConstraintRow>& rows) const {
   rows.clear();
   for (const model::Joint* joint : joints_) append_constraints(*joint, state, rows);
 }
 
-Matrix System::jacobian(const std::vector<Row>& rows, const model::State& state) const {
+Matrix System::jacobian(const std::vector<ConstraintRow>& rows, const model::State& state) const {
   Matrix out = Matrix::Zero(static_cast<Index>(rows.size()), kTwistSize * body_count());
   Vector row(out.cols());
   for (Index i = 0; i < out.rows(); ++i) {
@@ -161,18 +154,19 @@ Matrix System::jacobian(const std::vector<Row>& rows, const model::State& state)
   return out;
 }
 
-void System::add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const {
+void System::add_transposed(const ConstraintRow& row, double scale, const model::State& state,
+                            Vector& out) const {
   const auto add = [&](int index, const Vec3& v, const Vec3& w) {
-    const Index slot = slot_of_[at(index)];
-    if (slot == kNoSlot) return;
-    out.segment<3>(kTwistSize * slot) += scale * v;
-    out.segment<3>(kTwistSize * slot + 3) += scale * (body(state, slot).q.conjugate() * w);
+    const std::optional<Index> slot = slot_of_[at(index)];
+    if (!slot) return;
+    out.segment<3>(kTwistSize * *slot) += scale * v;
+    out.segment<3>(kTwistSize * *slot + 3) += scale * (body(state, *slot).q.conjugate() * w);
   };
   add(row.parent, row.parent_v, row.parent_w);
   add(row.child, row.child_v, row.child_w);
 }
 
-double System::own_rate(const Row& row, const Vector& u, const model::State& state) const {
+double System::own_rate(const ConstraintRow& row, const Vector& u, const model::State& state) const {
   Vector transposed = Vector::Zero(u.size());
   add_transposed(row, 1, state, transposed);
   return transposed.dot(u);

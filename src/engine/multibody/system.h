@@ -5,6 +5,7 @@
 // is constant. World, kinematic and driven bodies are functions of time. Contains no integration method.
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -25,7 +26,7 @@ inline constexpr Index kTwistSize = 6;
 
 /// A spring-damper on one joint coordinate.
 struct TissueRow {
-  Row row;               ///< the row of the coordinate
+  ConstraintRow row;     ///< the row of the coordinate
   double deviation = 0;  ///< coordinate minus rest position
   model::Tissue tissue;
 };
@@ -64,15 +65,15 @@ class System {
   Vector position_rates(const Vector& x, const Vector& u) const;
 
   /// Constraint rows in the order of the joints.
-  void constraints(const model::State& state, std::vector<Row>& rows) const;
+  void constraints(const model::State& state, std::vector<ConstraintRow>& rows) const;
   /// G, constraint rows by velocities.
-  Matrix jacobian(const std::vector<Row>& rows, const model::State& state) const;
+  Matrix jacobian(const std::vector<ConstraintRow>& rows, const model::State& state) const;
   /// out += scale * row^T.
-  void add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const;
+  void add_transposed(const ConstraintRow& row, double scale, const model::State& state, Vector& out) const;
   /// The part of a row's rate that is due to the island's bodies, at velocities u.
-  double own_rate(const Row& row, const Vector& u, const model::State& state) const;
+  double own_rate(const ConstraintRow& row, const Vector& u, const model::State& state) const;
   /// The joint of a constraint row.
-  const model::Joint& joint_of_row(Index row) const { return *joint_of_row_[static_cast<std::size_t>(row)]; }
+  const model::Joint& joint_of_row(Index row) const { return *joint_of_row_[at(row)]; }
   const std::string& body_name(Index slot) const;
 
   /// Gravity, joint torques (size model.dof_count() or empty) and exact gyroscopic torques; no tissue.
@@ -85,7 +86,7 @@ class System {
   Vector all_forces(const model::State& state, std::span<const double> torques) const;
 
   /// Inertia of one body in body axes, a block of the mass matrix.
-  const Mat3& inertia(Index slot) const { return inertia_[static_cast<std::size_t>(slot)]; }
+  const Mat3& inertia(Index slot) const { return inertia_[at(slot)]; }
   Matrix mass_matrix() const;
   Vector times_mass(const Vector& u) const;     ///< M u
   Vector over_mass(const Vector& force) const;  ///< M^-1 force
@@ -100,8 +101,8 @@ class System {
 
   const model::Model& model_;
   Settings settings_;
-  std::vector<int> bodies_;     ///< model body of each slot
-  std::vector<Index> slot_of_;  ///< slot of each model body, or kNoSlot
+  std::vector<int> bodies_;                    ///< model body of each slot
+  std::vector<std::optional<Index>> slot_of_;  ///< slot of each model body, if it has one
   std::vector<const model::Joint*> joints_;
   std::vector<const model::Joint*> joint_of_row_;
   std::vector<double> mass_;

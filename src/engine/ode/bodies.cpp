@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/ode/world_resources.h"
 
 namespace handsim::engine::ode {

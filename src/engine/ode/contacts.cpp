@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <utility>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::ode {
 
 namespace {

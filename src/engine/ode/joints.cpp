@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
@@ -131,8 +130,8 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
     if (!joint.axes[i].stop) continue;
     const model::Stop stop = widened(joint, joint.axes[i], true);
     const int group = kParamGroup * ode_axis(joint.kind, i);
-    set_stop(link, i, stop.low, stop.high, settings.erp(), stop.bounce);
-    set_parameter(link.id, joint.kind, dParamFudgeFactor + group, stop.ode.fudge_factor);
+    set_stop(link, i, stop.low, stop.high, settings.erp(), stop.restitution);
+    set_parameter(link.id, joint.kind, dParamFudgeFactor + group, stop.motor_share);
     set_parameter(link.id, joint.kind, dParamStopCFM + group, settings.ode().cfm);
   }
 }
@@ -301,7 +300,7 @@ bool Joints::catch_approach(const Link& link, const Approach& approach, bool& ca
     let_go(link, approach, caught);
     return false;
   }
-  const double bounce = way > left ? link.joint->axes[approach.axis].stop->bounce : 0.0;
+  const double bounce = way > left ? link.joint->axes[approach.axis].stop->restitution : 0.0;
   if (rises)
     set_stop(link, approach.axis, -dInfinity, approach.q - 1, -left, bounce);
   else
@@ -314,7 +313,7 @@ bool Joints::catch_approach(const Link& link, const Approach& approach, bool& ca
 void Joints::let_go(const Link& link, const Approach& approach, bool& caught) const {
   if (!caught) return;
   set_stop(link, approach.axis, approach.low, approach.high, erp_,
-           link.joint->axes[approach.axis].stop->bounce);
+           link.joint->axes[approach.axis].stop->restitution);
   caught = false;
 }
 

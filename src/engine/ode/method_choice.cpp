@@ -2,8 +2,6 @@
 
 #include <numeric>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::ode {
 
 double world_step_cost(int rows) {

@@ -191,7 +191,7 @@ void OdeEngine::actuate(const StepInput& input) {
     if (auto fault = servo_fault(model_, settings_, state_.time, input.servos)) fail(std::move(*fault));
   joints_->set_servos(input.servos);
   for (const BodyForce& each : input.forces) {
-    const dBodyID id = bodies_[static_cast<std::size_t>(each.body)].id;
+    const dBodyID id = bodies_[at(each.body)].id;
     dBodyAddForce(id, each.force.x(), each.force.y(), each.force.z());
     dBodyAddTorque(id, each.moment.x(), each.moment.y(), each.moment.z());
   }

@@ -13,13 +13,13 @@
 
 namespace handsim::output {
 
-struct Moment {
+struct Keyframe {
   model::State state;
   std::vector<model::Servo>
       drives;  ///< of the controller, by coordinate; empty: the plan's gains and targets
 };
-/// The moment after a step. @param controller that commanded the step; null: none
-Moment moment_after(const model::State& state, const control::Controller* controller);
+/// After a step. @param controller that commanded the step; null: none
+Keyframe keyframe_after(const model::State& state, const control::Controller* controller);
 
 /// MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, contact
 /// pairs and surfaces, masses, an actuator on every axis, the initial state as keyframe `initial`.
@@ -39,7 +39,7 @@ Moment moment_after(const model::State& state, const control::Controller* contro
 ///        they are; null: the model's initial state
 /// @throws Error (input) for loops closed by universal or slider joints and more than 32 contact groups.
 std::string to_mjcf(const model::Model& model, const engine::Settings& settings,
-                    const control::Plan* plan = nullptr, const Moment* moment = nullptr);
+                    const control::Plan* plan = nullptr, const Keyframe* moment = nullptr);
 
 /// URDF, the robot description of ROS: links with masses and collision shapes, joints with ranges.
 ///

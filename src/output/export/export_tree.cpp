@@ -5,8 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
-
 namespace handsim::output {
 
 bool has_parent(const model::Model& model, std::size_t body) {

@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 #include <Eigen/Eigenvalues>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
 
@@ -22,15 +21,15 @@ constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 class MjcfWriter {
  public:
   MjcfWriter(const model::Model& model, const engine::Settings& settings, const control::Plan* plan,
-             const Moment* moment)
+             const Keyframe* moment)
       : model_(model),
         settings_(settings),
         plan_(plan),
         start_(moment ? moment->state : model::initial_state(model)) {
     if (moment && !moment->drives.empty())
-      find_drives(moment->drives);
+      collect_drives(moment->drives);
     else if (plan)
-      find_drives(*plan);
+      collect_drives(*plan);
   }
 
   std::string run() {
@@ -76,7 +75,7 @@ class MjcfWriter {
     return out;
   }
 
-  void find_drives(const control::Plan& plan) {
+  void collect_drives(const control::Plan& plan) {
     std::vector<std::vector<double>> of_hand;
     for (const control::HandPlan& hand : plan.hands) {
       of_hand.emplace_back(hand.trajectory.width());
@@ -89,7 +88,7 @@ class MjcfWriter {
     }
   }
 
-  void find_drives(const std::vector<model::Servo>& servos) {
+  void collect_drives(const std::vector<model::Servo>& servos) {
     for (std::size_t dof = 0; dof < servos.size(); ++dof)
       if (servos[dof].limit > 0) drives_[dof] = servos[dof];
   }
@@ -286,8 +285,8 @@ class MjcfWriter {
 
 }  // namespace
 
-Moment moment_after(const model::State& state, const control::Controller* controller) {
-  Moment out{state, {}};
+Keyframe keyframe_after(const model::State& state, const control::Controller* controller) {
+  Keyframe out{state, {}};
   if (!controller) return out;
   out.drives.assign(controller->servos().begin(), controller->servos().end());
   if (out.drives.empty()) return out;
@@ -299,7 +298,7 @@ Moment moment_after(const model::State& state, const control::Controller* contro
 }
 
 std::string to_mjcf(const model::Model& model, const engine::Settings& settings, const control::Plan* plan,
-                    const Moment* moment) {
+                    const Keyframe* moment) {
   return MjcfWriter(model, settings, plan, moment).run();
 }
 

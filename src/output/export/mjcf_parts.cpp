@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/collision/pair_table.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"

@@ -3,7 +3,6 @@
 #include <map>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/output/export/export_tree.h"
 

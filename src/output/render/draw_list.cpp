@@ -6,7 +6,6 @@
 #include <iterator>
 #include <limits>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/shape_extent.h"
 
@@ -182,8 +181,8 @@ struct Segment {
 std::optional<Segment> segment(const model::Model& model, const model::State& state,
                                const model::Joint& joint, const model::TendonPath& path,
                                const model::PathState& now) {
-  const auto shape = std::find_if(model.shapes.begin(), model.shapes.end(),
-                                  [&](const model::Shape& each) { return each.body == joint.child; });
+  const auto shape =
+      std::ranges::find_if(model.shapes, [&](const model::Shape& each) { return each.body == joint.child; });
   // A palm is several shapes, and its tendons lie between them.
   if (shape == model.shapes.end() || shape->part == model::Part::palm) return std::nullopt;
   const Pose parent = state.bodies[at(joint.parent)].pose(), child = state.bodies[at(joint.child)].pose();

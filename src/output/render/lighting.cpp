@@ -125,7 +125,7 @@ struct Found {
   Hides hides = Hides::both;
 };
 
-void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
+void collect_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
   const std::vector<Vec3> across = separating_directions(to_key);
   std::vector<std::vector<double>> reaches, casts;
   for (const LitSolid& lit : solids) {
@@ -231,7 +231,7 @@ void Occluders::add(const Solid& solid, Hides hides) {
   out.rows.push_back(row(half, solid.core == Core::cylinder ? 1 : 0));
 }
 
-Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {
+LitScene::LitScene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {
   const CameraAxes axes = axes_of(camera);
   const bool over_ground = drawn.ground_height && camera.position.z() > *drawn.ground_height;
   const Vec3 key = key_direction(axes, over_ground);
@@ -262,7 +262,7 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
   std::ranges::stable_sort(solids, [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
   });
-  find_occluders(solids, key);
+  collect_occluders(solids, key);
   double far = distance + radius;
   if (over_ground) {
     ground = make_ground(*drawn.ground_height, solids, key, centre, radius);

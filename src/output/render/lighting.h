@@ -56,9 +56,9 @@ struct Ground {
 };
 
 /// Geometry and light of one picture.
-struct Scene {
+struct LitScene {
   /// @throws Error (input) for a camera without a direction or a field of view.
-  Scene(const DrawList& drawn, const Camera& from, double aspect);
+  LitScene(const DrawList& drawn, const Camera& from, double aspect);
 
   const DrawList* list;
   Camera camera;

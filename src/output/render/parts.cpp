@@ -67,7 +67,8 @@ Meshes::RoundBuffers Meshes::upload_round(Mesh (*make)(int)) {
 }
 
 // The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
-Buffer Meshes::fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape, int height) {
+Buffer Meshes::fitting(const RoundBuffers& buffers, const LitScene& scene, const DrawShape& shape,
+                       int height) {
   const Solid& solid = shape.solid;
   const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
   const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
@@ -77,7 +78,7 @@ Buffer Meshes::fitting(const RoundBuffers& buffers, const Scene& scene, const Dr
   return buffers.back();
 }
 
-Buffer Meshes::buffer_of(const Scene& scene, const DrawShape& shape, int height) {
+Buffer Meshes::buffer_of(const LitScene& scene, const DrawShape& shape, int height) {
   if (shape.skin) return upload_skin(*shape.skin);
   const Solid& solid = shape.solid;
   if (is_capsule(solid)) return fitting(capsule_, scene, shape, height);
@@ -94,7 +95,7 @@ Buffer Meshes::upload_skin(const Mesh& mesh) {
   return buffer = upload(mesh, buffer);
 }
 
-std::vector<Part> Meshes::parts(const Scene& scene, int height) {
+std::vector<Part> Meshes::parts(const LitScene& scene, int height) {
   std::vector<Part> parts;
   used_skins_ = 0;
   for (const LitSolid& lit : scene.solids)
@@ -105,7 +106,7 @@ std::vector<Part> Meshes::parts(const Scene& scene, int height) {
   return parts;
 }
 
-void Meshes::add_annotations(const Scene& scene, std::vector<Part>& parts) const {
+void Meshes::add_annotations(const LitScene& scene, std::vector<Part>& parts) const {
   for (const DrawPoint& point : scene.list->points)
     parts.push_back({{Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}, {}},
                      point.colour,

@@ -40,7 +40,7 @@ class Meshes {
   Meshes();
 
   /// Solids of the scene nearest first, then points and arrows. @param height of the picture [pixels]
-  std::vector<Part> parts(const Scene& scene, int height);
+  std::vector<Part> parts(const LitScene& scene, int height);
 
  private:
   /// Numbers of sides of round meshes. Unneeded sides cost time.
@@ -48,11 +48,12 @@ class Meshes {
   using RoundBuffers = std::array<Buffer, kSides.size()>;
 
   static RoundBuffers upload_round(struct Mesh (*make)(int));
-  void add_annotations(const Scene& scene, std::vector<Part>& parts) const;
-  Buffer buffer_of(const Scene& scene, const DrawShape& shape, int height);
+  void add_annotations(const LitScene& scene, std::vector<Part>& parts) const;
+  Buffer buffer_of(const LitScene& scene, const DrawShape& shape, int height);
   Buffer upload_skin(const Mesh& mesh);
   /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
-  static Buffer fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape, int height);
+  static Buffer fitting(const RoundBuffers& buffers, const LitScene& scene, const DrawShape& shape,
+                        int height);
 
   RoundBuffers capsule_, cylinder_;
   Buffer box_, cone_, ring_;

@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
@@ -65,13 +64,13 @@ struct Renderer::Impl {
 
   Image draw(const DrawList& list, const Camera& camera);
 
-  void draw_shade(const Scene& scene);
-  void draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile);
+  void draw_shade(const LitScene& scene);
+  void draw_tile(const LitScene& scene, const std::vector<Part>& parts, const Tile& tile);
   void draw_background();
   void draw_surfaces(const std::vector<Part>& parts, std::size_t begin, std::size_t end);
-  void draw_light(const Scene& scene, std::span<const Part> parts, const Eigen::Matrix4f& projection);
-  void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
-  void draw_ids(const Scene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
+  void draw_light(const LitScene& scene, std::span<const Part> parts, const Eigen::Matrix4f& projection);
+  void draw_ground(const LitScene& scene, const Eigen::Matrix4f& projection);
+  void draw_ids(const LitScene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
   void resolve(const std::vector<Part>& parts, const Tile& tile);
   void place(const Program& program, const Part& part);
   void draw(const Buffer& buffer) {
@@ -125,7 +124,7 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
 }
 
 Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
-  const Scene scene(list, camera, static_cast<double>(width) / height);
+  const LitScene scene(list, camera, static_cast<double>(width) / height);
   canvas->make_current();
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
@@ -140,7 +139,7 @@ Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   return image;
 }
 
-void Renderer::Impl::draw_shade(const Scene& scene) {
+void Renderer::Impl::draw_shade(const LitScene& scene) {
   shade.bind(shade.width, shade.height);
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_CULL_FACE);
@@ -166,7 +165,7 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
   glDisable(GL_BLEND);
 }
 
-void Renderer::Impl::draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile) {
+void Renderer::Impl::draw_tile(const LitScene& scene, const std::vector<Part>& parts, const Tile& tile) {
   // Scales the tile's part of the picture to the viewport.
   Eigen::Matrix4f part = Eigen::Matrix4f::Identity();
   part(0, 0) = static_cast<float>(width) / static_cast<float>(tile.width);
@@ -235,7 +234,7 @@ void Renderer::Impl::draw_surfaces(const std::vector<Part>& parts, std::size_t b
 }
 
 /// The light of pixels that show one of the parts, each computed once.
-void Renderer::Impl::draw_light(const Scene& scene, std::span<const Part> parts,
+void Renderer::Impl::draw_light(const LitScene& scene, std::span<const Part> parts,
                                 const Eigen::Matrix4f& projection) {
   glDisable(GL_CULL_FACE);
   glDisable(GL_DEPTH_TEST);
@@ -281,7 +280,7 @@ void Renderer::Impl::draw_light(const Scene& scene, std::span<const Part> parts,
   glEnable(GL_DEPTH_TEST);
 }
 
-void Renderer::Impl::draw_ids(const Scene& scene, const std::vector<Part>& parts,
+void Renderer::Impl::draw_ids(const LitScene& scene, const std::vector<Part>& parts,
                               const Eigen::Matrix4f& projection) {
   glEnable(GL_CULL_FACE);
   id_program.use();
@@ -327,7 +326,7 @@ void Renderer::Impl::resolve(const std::vector<Part>& parts, const Tile& tile) {
   glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
-void Renderer::Impl::draw_ground(const Scene& scene, const Eigen::Matrix4f& projection) {
+void Renderer::Impl::draw_ground(const LitScene& scene, const Eigen::Matrix4f& projection) {
   if (!scene.ground) return;
   glDisable(GL_CULL_FACE);
   ground_program.use();

@@ -6,7 +6,6 @@
 #include <mutex>
 #include <tuple>
 
-#include "handsim/core/index.h"
 #include "handsim/output/render/mesh.h"
 #include "handsim/output/render/skin_field.h"
 

@@ -5,7 +5,6 @@
 #include <tuple>
 
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/output/render/draw_list.h"
 
 namespace handsim::output {

@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
-
 namespace handsim::output {
 
 std::vector<std::string> coordinate_names(const model::Model& model) {

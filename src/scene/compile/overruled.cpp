@@ -34,7 +34,7 @@ struct Reason {
 class Surfaces {
  public:
   explicit Surfaces(const Scene& scene) : scene_(scene), model_(scene.model) {
-    std::map<std::pair<int, int>, int> pairs;
+    std::map<std::pair<int, int>, std::optional<int>> pairs;
     for (const model::ContactRule& rule : model_.contact_rules)
       pairs[std::minmax(rule.group_a, rule.group_b)] = rule.material;
     std::map<int, std::vector<const model::Shape*>> groups;
@@ -52,7 +52,7 @@ class Surfaces {
   }
   std::optional<Reason> of_object(std::size_t object) const {
     if (object >= model_.objects.size()) return std::nullopt;
-    return of(model_.shapes[static_cast<std::size_t>(model_.objects[object].shapes.front())].material);
+    return of(model_.shapes[at(model_.objects[object].shapes.front())].material);
   }
   std::optional<Reason> of_hand(std::size_t hand) const {
     if (hand >= model_.hands.size()) return std::nullopt;
@@ -62,7 +62,7 @@ class Surfaces {
   }
   std::optional<Reason> of_material(const std::string& name) const {
     for (const int acting : acting_)
-      if (model_.materials[static_cast<std::size_t>(acting)].name == name) return std::nullopt;
+      if (model_.materials[at(acting)].name == name) return std::nullopt;
     return Reason{fmt::format("no contact has the material {}", name)};
   }
 
@@ -74,10 +74,10 @@ class Surfaces {
                                (*task->support == b && a.starts_with(task->object)));
     });
   }
-  void add(const model::Shape& a, const model::Shape& b, int material) {
-    if (material != model::kCombined) {
-      acting_.insert(material);
-      for (const model::Shape* shape : {&a, &b}) winner_.emplace(shape->material, material);
+  void add(const model::Shape& a, const model::Shape& b, std::optional<int> material) {
+    if (material) {
+      acting_.insert(*material);
+      for (const model::Shape* shape : {&a, &b}) winner_.emplace(shape->material, *material);
     } else if (!on_own_support(a.name, b.name)) {
       acting_.insert({a.material, b.material});
     }
@@ -87,7 +87,7 @@ class Surfaces {
     const bool acts = acting_.contains(material);
     if (winner == winner_.end())
       return acts ? std::nullopt : std::optional(Reason{"no effect of contact acts on this surface"});
-    const std::string& name = model_.materials[static_cast<std::size_t>(winner->second)].name;
+    const std::string& name = model_.materials[at(winner->second)].name;
     const auto& rules = *scene_.spec.contacts.rules;
     for (std::size_t i = rules.size(); i-- > 0;)
       if (rules[i].material == name)

@@ -62,8 +62,8 @@ void add_joint(model::Model& model, const MechanismJointSpec& spec) {
   joint.axes = spec.axes;
   // Frames F and M are parallel to the world at the start.
   const Pose x_WF{spec.position, Quat::Identity()};
-  joint.parent_frame = model.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * x_WF;
-  joint.child_frame = model.bodies[static_cast<std::size_t>(joint.child)].zero_pose.inverse() * x_WF;
+  joint.parent_frame = model.bodies[at(joint.parent)].zero_pose.inverse() * x_WF;
+  joint.child_frame = model.bodies[at(joint.child)].zero_pose.inverse() * x_WF;
   joint.closes_loop = std::ranges::any_of(
       model.joints, [&](const model::Joint& other) { return other.child == joint.child; });
   joint.first_dof = model.dof_count();
@@ -363,7 +363,7 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
 std::vector<std::filesystem::path> files_read(const Scene& scene) {
   std::set<std::filesystem::path> out;
   collect_files(scene.resolved, out);
-  for (const InputFile& input : scene.inputs) out.insert(input.path);
+  for (const ReferencedFile& input : scene.inputs) out.insert(input.path);
   return {out.begin(), out.end()};
 }
 

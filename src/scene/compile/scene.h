@@ -20,7 +20,7 @@ struct Scene {
   std::optional<control::Plan> control;        ///< if the scene drives its hands
   std::optional<control::MusclePlan> muscles;  ///< if the scene drives its muscles
   YamlNode resolved;                           ///< the scene with defaults filled in and references inlined
-  std::vector<InputFile> inputs;               ///< meshes and motion files that `resolved` names
+  std::vector<ReferencedFile> inputs;          ///< meshes and motion files that `resolved` names
   std::vector<std::string> warnings;           ///< e.g. a person outside the survey
   /// The same in all copies of one compilation: their motions can be exchanged.
   std::shared_ptr<const char> lineage = std::make_shared<const char>();

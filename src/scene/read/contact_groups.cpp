@@ -141,15 +141,15 @@ int add_object(model::Model& model, const ObjectSpec& object, int group) {
 
 void add_contact_rules(model::Model& model, const ContactsSpec& contacts, const ContactGroups& groups,
                        const Effects& wanted, model::Origins* origins) {
-  const auto add = [&](const auto& a, const auto& b, int material) {
+  const auto add = [&](const auto& a, const auto& b, std::optional<int> material) {
     const auto effect = effect_of(a, b);
     if (effect && wanted.has(*effect)) model.contact_rules.push_back({a.number, b.number, material});
   };
   for (std::size_t a = 0; a < groups.all.size() && !contacts.rules; ++a)
-    for (std::size_t b = a; b < groups.all.size(); ++b) add(groups.all[a], groups.all[b], model::kCombined);
+    for (std::size_t b = a; b < groups.all.size(); ++b) add(groups.all[a], groups.all[b], {});
   if (!contacts.rules) return;
   for (const ContactRuleSpec& rule : *contacts.rules) {
-    int material = model::kCombined;
+    std::optional<int> material;
     for (const model::Material& named : contacts.materials)
       if (rule.material == named.name) {
         material = static_cast<int>(model.materials.size());

@@ -78,15 +78,15 @@ std::size_t memory_of(const YamlNode& node) {
 
 }  // namespace
 
-std::vector<InputFile> collect_inputs(YamlNode& resolved) {
-  std::vector<InputFile> out;
+std::vector<ReferencedFile> collect_inputs(YamlNode& resolved) {
+  std::vector<ReferencedFile> out;
   each_path(resolved, [&](YamlNode& node) {
     const std::filesystem::path path(node.text);
-    const auto same = [&](const InputFile& file) { return file.path == path; };
+    const auto same = [&](const ReferencedFile& file) { return file.path == path; };
     if (std::ranges::any_of(out, same)) return;
     const std::string name = plain_name(path);
     std::string copy = fmt::format("{}/{}", kFolder, name);
-    const auto taken = [&](const InputFile& file) { return file.copy == copy; };
+    const auto taken = [&](const ReferencedFile& file) { return file.copy == copy; };
     for (int number = 2; std::ranges::any_of(out, taken); ++number)
       copy = fmt::format("{}/{}", kFolder, numbered(name, number));
     // Of all input files, motion files have the largest size limit.
@@ -97,9 +97,9 @@ std::vector<InputFile> collect_inputs(YamlNode& resolved) {
   return out;
 }
 
-YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs) {
+YamlNode standalone(YamlNode resolved, const std::vector<ReferencedFile>& inputs) {
   each_path(resolved, [&](YamlNode& node) {
-    for (const InputFile& file : inputs)
+    for (const ReferencedFile& file : inputs)
       if (node.text == file.path.string()) {
         node.text = file.copy;
         return;
@@ -108,7 +108,7 @@ YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs) {
   return resolved;
 }
 
-std::string standalone_text(const YamlNode& resolved, const std::vector<InputFile>& inputs) {
+std::string standalone_text(const YamlNode& resolved, const std::vector<ReferencedFile>& inputs) {
   const auto check = [&](std::size_t bytes, std::size_t most, const char* what) {
     if (bytes > most)
       throw Error(std::vector<Problem>{

@@ -12,7 +12,7 @@
 namespace handsim::scene {
 
 /// A file that a scene reads, as it was when the scene was read.
-struct InputFile {
+struct ReferencedFile {
   std::filesystem::path path;  ///< absolute path of the original
   std::string copy;            ///< path of the copy, relative to the resolved scene: `inputs/wave.mot`
   std::shared_ptr<const std::string> bytes;  ///< its content
@@ -20,13 +20,13 @@ struct InputFile {
 
 /// The meshes and motion files that a resolved scene names by absolute paths, each once, in the order of the
 /// scene; files of equal names in several folders get a number. @throws Error (input) if one cannot be read.
-std::vector<InputFile> collect_inputs(YamlNode& resolved);
+std::vector<ReferencedFile> collect_inputs(YamlNode& resolved);
 
 /// The scene with the paths of the copies in place of the originals: the content of resolved.yaml.
-YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs);
+YamlNode standalone(YamlNode resolved, const std::vector<ReferencedFile>& inputs);
 
 /// The text of standalone(). @throws Error (input) if it exceeds the limits of the reader.
-std::string standalone_text(const YamlNode& resolved, const std::vector<InputFile>& inputs);
+std::string standalone_text(const YamlNode& resolved, const std::vector<ReferencedFile>& inputs);
 
 /// The copies that an earlier run's resolved scene names, relative to it; none if there is no such scene.
 std::vector<std::string> copies_named_in(const std::filesystem::path& resolved);

@@ -60,7 +60,7 @@ model::JointAxis read_axis(MapReader reader, bool slider) {
   const Quantity range = slider ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
   if (const auto stop = reader.maybe_range("range", range)) {
     axis.stop = model::Stop{stop->first, stop->second, 0};
-    axis.stop->bounce = reader.number("bounce", {Dimension::none, 0, 1}, 0.0);
+    axis.stop->restitution = reader.number("bounce", {Dimension::none, 0, 1}, 0.0);
   }
   axis.torque = reader.number("torque", {Dimension::torque, -1e4, 1e4}, 0.0);
   reader.finish();

@@ -182,8 +182,7 @@ void read_solver(MapReader& reader, SceneSpec& scene) {
   solver.finish();
 }
 
-PictureSpec read_pictures(MapReader reader) {
-  PictureSpec out;
+PictureSpec read_pictures(MapReader reader, PictureSpec out) {
   read_size(reader, out.size);
   // A camera replaces the view.
   if (!reader.has("camera"))
@@ -210,7 +209,8 @@ PictureSpec read_pictures(MapReader reader) {
   out.contact_forces = reader.flag("contact_forces", false);
   if (reader.has("muscles")) out.muscles = reader.flag("muscles", true);
   if (reader.has("follow")) out.follow = reader.flag("follow", true);
-  if (out.follow && out.camera) reader.problem("follow", "follow beside a camera", "one of the two");
+  if (reader.has("follow") && out.camera)
+    reader.problem("follow", "follow beside a camera", "one of the two");
   reader.finish();
   return out;
 }

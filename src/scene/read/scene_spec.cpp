@@ -83,14 +83,17 @@ void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   scene.tables.reactions = record.flag("reactions", false);
   record.finish();
   if (diagnostics.problems.size() == before) check_times(reader, scene);
-  scene.pictures = read_pictures(reader.map("pictures"));
+  const bool muscles = scene.solver.effects.has(model::Effect::muscles);
+  PictureSpec pictures;
+  pictures.muscles = muscles;
+  pictures.follow = std::ranges::any_of(scene.tasks, [](auto& task) { return task->kind->moves_object; });
+  scene.pictures = read_pictures(reader.map("pictures"), pictures);
   scene.solver.contact_forces = scene.record_contacts || scene.pictures.contact_forces ||
                                 !scene.tasks.empty() ||
                                 (scene.tables.reactions && scene.solver.effects.any_contact());
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are requested, but no effect of contact is on");
-  const bool muscles = scene.solver.effects.has(model::Effect::muscles);
   for (const HandEntry& hand : scene.hands)
     if (hand.placement.tendon_strain && !(muscles && hand.model->muscles))
       reader.warning("hands",

@@ -158,10 +158,9 @@ struct PictureSpec {
   std::uint32_t skin_colour = 0xD9AC94;   ///< sRGB
   bool joint_axes = false;
   bool contact_points = false;
-  bool contact_forces = false;       ///< arrows, in front of everything
-  std::optional<bool> muscles = {};  ///< paths coloured by activation; absent: with the muscles effect
-  /// The camera follows the hands and what they touch; absent: where the scene has a grasp.
-  std::optional<bool> follow = {};
+  bool contact_forces = false;  ///< arrows, in front of everything
+  bool muscles = false;         ///< paths coloured by activation
+  bool follow = false;          ///< the camera follows the hands and what they touch
 };
 
 /// Reads engine, step and the engine's own settings; keys of other engines are refused. If the command line
@@ -180,7 +179,8 @@ std::uint64_t read_seed(MapReader& reader);
 /// Reads the `solver` block. Call after effects, mechanism and control are read.
 void read_solver(MapReader& reader, SceneSpec& scene);
 
-PictureSpec read_pictures(MapReader reader);
+/// @param out what holds for keys that are absent.
+PictureSpec read_pictures(MapReader reader, PictureSpec out);
 
 /// A color "#RRGGBB", sRGB; without quotes it is a comment of YAML.
 std::optional<std::uint32_t> read_colour(MapReader& reader, const char* key = "color");

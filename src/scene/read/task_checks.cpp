@@ -26,7 +26,7 @@ void check_hand(const SceneSpec& scene, const TaskSpec& task, std::vector<const 
   if (!hand) {
     std::vector<std::string> known;
     for (const HandEntry& entry : scene.hands) known.push_back(entry.placement.name);
-    return report(task.hand.empty() ? "nothing, in a scene with several hands or none" : task.hand,
+    return report(task.hand.value_or("nothing, in a scene with several hands or none"),
                   fmt::format("a hand of the scene: {}", fmt::join(known, ", ")));
   }
   const hand::Placement& placement = scene.hands[*hand].placement;
@@ -77,7 +77,7 @@ void check_unplaced(const SceneSpec& scene, std::size_t hand, Diagnostics& diagn
 }  // namespace
 
 std::optional<std::size_t> hand_of(const SceneSpec& scene, const TaskSpec& task) {
-  if (task.hand.empty() && scene.hands.size() == 1) return 0;
+  if (!task.hand && scene.hands.size() == 1) return 0;
   for (std::size_t i = 0; i < scene.hands.size(); ++i)
     if (scene.hands[i].placement.name == task.hand) return i;
   return std::nullopt;

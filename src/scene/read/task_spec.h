@@ -41,7 +41,7 @@ struct TaskSpec {
   const TaskKind* kind = nullptr;
   Place place;
   std::string path;                    ///< of the block: `grasps.0`
-  std::string hand;                    ///< name; empty: the scene's only hand
+  std::optional<std::string> hand;     ///< name; absent: the scene's only hand
   std::string object;                  ///< its name
   std::optional<std::string> support;  ///< name of an object that the task adds
   Pose wrist;                          ///< X_WH at the object

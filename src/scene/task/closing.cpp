@@ -5,7 +5,6 @@
 
 #include <Eigen/Dense>
 
-#include "handsim/core/index.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/collision/ode_library.h"
 #include "handsim/scene/read/contact_groups.h"
@@ -36,15 +35,15 @@ std::vector<FingerChain> finger_chains(HandOnObject& hand) {
     const model::Joint& joint = model.joints[index];
     if (index != last) {
       if (joint.parent == hand.palm()) {
-        chain_of[static_cast<std::size_t>(joint.child)] = out.size();
+        chain_of[at(joint.child)] = out.size();
         out.push_back({hand.part(joint.child), {}, {}, 0});
       } else {
-        chain_of[static_cast<std::size_t>(joint.child)] = chain_of[static_cast<std::size_t>(joint.parent)];
+        chain_of[at(joint.child)] = chain_of[at(joint.parent)];
       }
-      out[chain_of[static_cast<std::size_t>(joint.child)]].bodies.push_back(joint.child);
+      out[chain_of[at(joint.child)]].bodies.push_back(joint.child);
       last = index;
     }
-    out[chain_of[static_cast<std::size_t>(joint.child)]].axes.push_back(i);
+    out[chain_of[at(joint.child)]].axes.push_back(i);
   }
   for (FingerChain& chain : out) chain.watched = hand.watch(chain.bodies);
   return out;
@@ -78,7 +77,7 @@ double Closing::angle(std::size_t axis, double share) const {
   return stop ? std::clamp(angle, stop->low, stop->high) : angle;
 }
 
-std::vector<double> Closing::at(double share) const {
+std::vector<double> Closing::angles_at(double share) const {
   std::vector<double> out;
   for (std::size_t i = 0; i < start_.size(); ++i) out.push_back(angle(i, share));
   return out;
@@ -86,13 +85,12 @@ std::vector<double> Closing::at(double share) const {
 
 bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
   const std::vector<double>& depths = hand_.depths(q, chain.watched);
-  return std::ranges::any_of(chain.bodies,
-                             [&](int body) { return depths[static_cast<std::size_t>(body)] > 0; });
+  return std::ranges::any_of(chain.bodies, [&](int body) { return depths[at(body)] > 0; });
 }
 
 bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
   bool clear = true;
-  open_ = at(0);
+  open_ = angles_at(0);
   for (const FingerChain& chain : chains_) {
     const double fastest = way(chain);
     if (fastest == 0) continue;
@@ -127,7 +125,7 @@ void Closing::close(const FingerChain& chain, const std::vector<double>& depth, 
   const auto touching = [&]() -> std::optional<std::size_t> {
     const std::vector<double>& depths = hand_.depths(q, chain.watched);
     for (std::size_t k = chain.bodies.size(); k-- > part;) {
-      const auto body = static_cast<std::size_t>(chain.bodies[k]);
+      const auto body = at(chain.bodies[k]);
       if (depths[body] > depth[body]) return k;
     }
     return std::nullopt;
@@ -185,13 +183,13 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
         hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
     const Mat3 into = contact.normal * contact.normal.transpose();
     const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
-    const Vec3 wanted = moved + deeper[static_cast<std::size_t>(contact.body)] * contact.normal;
+    const Vec3 wanted = moved + deeper[at(contact.body)] * contact.normal;
     a += rows.transpose() * weight * rows;
     b += rows.transpose() * weight * wanted;
   }
   const Eigen::VectorXd turn = a.ldlt().solve(b);
   for (Eigen::Index k = 0; k < n; ++k) {
-    const std::size_t axis = chain.axes[static_cast<std::size_t>(k)];
+    const std::size_t axis = chain.axes[at(k)];
     q[axis] += turn[k];
     if (const auto& stop = hand_.axes().axes[axis].stop) q[axis] = std::clamp(q[axis], stop->low, stop->high);
   }

@@ -34,7 +34,7 @@ class HandOnObject {
   const model::Model& model() const { return model_; }
   const control::HandAxes& axes() const { return axes_; }
   int palm() const { return model_.hands.front().palm; }
-  model::Part part(int body) const { return parts_[static_cast<std::size_t>(body)]; }
+  model::Part part(int body) const { return parts_[at(body)]; }
   /// Puts the object. @param x_HO its frame in the hand frame
   void place(const Pose& x_HO) { x_HO_ = x_HO; }
   /// All points at which the hand touches the object. @param q size model().dof_count() [rad]
@@ -88,7 +88,7 @@ class Closing {
   /// Turns the thumb's first axis, of all poses, by this angle [rad]: how far it is opposite the fingers.
   void oppose(double turn);
   /// Angles from open (share 0) to closed (1), or back beyond open (below 0), within the joints' ranges.
-  std::vector<double> at(double share) const;
+  std::vector<double> angles_at(double share) const;
   /// Opens the fingers that touch the object anywhere on its way into the hand until they are clear of it.
   /// @param from start of the hand's approach, in the hand frame [m]; false: a finger cannot be opened so far
   bool open_clear(const Pose& x_HO, const Vec3& from);

@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "handsim/control/gains.h"
-#include "handsim/core/index.h"
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/shape_extent.h"
@@ -111,10 +110,10 @@ class Fit {
     q_ = touch_ = closing_.close(depth_);
 
     for (int round = 0; round < kRounds; ++round) {
-      find_forces();
+      compute_forces();
       press_deeper();
     }
-    find_forces();
+    compute_forces();
     sum_forces();
     return wrong() + kFarWeight * (p - place_.at.p).norm() / site_.built.size.length;
   }
@@ -220,7 +219,7 @@ class Fit {
   }
 
   /// The fingers and the palm that touch, and forces that balance.
-  void find_forces() {
+  void compute_forces() {
     contacts_.clear();
     GripTask& balance_of = task_of_;
     balance_of = {};
@@ -377,7 +376,7 @@ class Fit {
 
   /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].
   double opening() const {
-    const model::State state = model::state_at(hand_.model(), closing_.at(-kWideOpen));
+    const model::State state = model::state_at(hand_.model(), closing_.angles_at(-kWideOpen));
     const auto tip = [&](const FingerChain& chain) { return state.bodies[at(chain.bodies.back())].p; };
     double most = 0;
     for (const FingerChain& thumb : closing_.chains())

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
@@ -181,15 +180,15 @@ void add_phases(const std::vector<scene::TaskPhase>& phases, Json& out) {
 }
 
 /// Sums of normal forces by part of a hand, of parts that touch anything.
-std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
+std::vector<PartCurve> part_sums(const RunFiles& run, const RecordedContacts& rows) {
   const model::Model& model = run.scene.model;
-  std::map<std::pair<int, int>, std::vector<double>> sums;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<double>> sums;
   const auto add = [&](std::size_t row, int shape, double force) {
     const model::Shape& of = model.shapes[at(shape)];
     for (std::size_t h = 0; h < model.hands.size(); ++h) {
       const std::vector<int>& bodies = model.hands[h].bodies;
-      if (hand_part(of.part) < 0 || std::ranges::find(bodies, of.body) == bodies.end()) continue;
-      std::vector<double>& values = sums[{static_cast<int>(h), hand_part(of.part)}];
+      if (!hand_part(of.part) || std::ranges::find(bodies, of.body) == bodies.end()) continue;
+      std::vector<double>& values = sums[{h, *hand_part(of.part)}];
       values.resize(run.times.size());
       values[row] += force;
     }
@@ -201,7 +200,7 @@ std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
     }
   std::vector<PartCurve> out;
   for (auto& [key, values] : sums)
-    out.push_back({model.hands[at(key.first)].name + "." + kHandParts[at(key.second)], std::move(values)});
+    out.push_back({model.hands[key.first].name + "." + kHandParts[key.second], std::move(values)});
   return out;
 }
 
@@ -253,13 +252,13 @@ Json marks_json(const RunFiles& run) {
   return out;
 }
 
-std::optional<ContactRows> read_contacts(const RunFiles& run) {
+std::optional<RecordedContacts> read_contacts(const RunFiles& run) {
   const std::filesystem::path path = run.folder / "contacts.csv";
   if (!has_entry(path)) return std::nullopt;
   std::map<std::string, int, std::less<>> shapes;
   for (std::size_t i = 0; i < run.scene.model.shapes.size(); ++i)
     shapes[run.scene.model.shapes[i].name] = static_cast<int>(i);
-  ContactRows out;
+  RecordedContacts out;
   out.first.push_back(0);
   constexpr std::size_t kColumns = 14;
   const auto columns = output::read_rows(path, [&](std::size_t line,
@@ -293,10 +292,10 @@ std::optional<ContactRows> read_contacts(const RunFiles& run) {
   return out;
 }
 
-Json contacts_json(const RunFiles& run, const std::optional<ContactRows>& contacts,
+Json contacts_json(const RunFiles& run, const std::optional<RecordedContacts>& contacts,
                    std::vector<PartCurve>& sums) {
   if (!contacts) return nullptr;
-  const ContactRows& rows = *contacts;
+  const RecordedContacts& rows = *contacts;
   sums = part_sums(run, rows);
   // Position and force of each contact, and its two shapes.
   constexpr double kBytes = 6 * 4 + 2 * 2;

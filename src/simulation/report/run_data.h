@@ -43,7 +43,7 @@ inline constexpr double kPoseTolerance = 1e-4;
 inline constexpr double kPoseBytes = 0.9e6, kContactBytes = 0.45e6, kCurveBytes = 0.4e6;
 
 /// Contact points of the rows of a trajectory.
-struct ContactRows {
+struct RecordedContacts {
   std::vector<engine::Contact> contacts;
   std::vector<std::size_t> first;  ///< of each row, and the end
 
@@ -52,10 +52,10 @@ struct ContactRows {
   }
 };
 /// contacts.csv; nothing if the run recorded none.
-std::optional<ContactRows> read_contacts(const RunFiles& run);
+std::optional<RecordedContacts> read_contacts(const RunFiles& run);
 
 /// Bodies, shapes in the colours of the pictures, joint axes, fingertips, camera and floor.
-Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts);
+Json scene_json(const RunFiles& run, const std::optional<RecordedContacts>& contacts);
 Json poses_json(const RunFiles& run);
 
 /// Normal forces of a hand's parts over time [N].
@@ -64,7 +64,7 @@ struct PartCurve {
   std::vector<double> values;  ///< at RunFiles::times
 };
 /// Contact points and forces; null if the run recorded none.
-Json contacts_json(const RunFiles& run, const std::optional<ContactRows>& contacts,
+Json contacts_json(const RunFiles& run, const std::optional<RecordedContacts>& contacts,
                    std::vector<PartCurve>& sums);
 /// @param zero names of the groups of curves that are left out because all their values are 0.
 Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums, Json& zero);

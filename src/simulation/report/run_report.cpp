@@ -4,7 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/core/version.h"
 #include "handsim/model/kinematics.h"
@@ -25,7 +24,7 @@ std::string command_of(const RunFiles& run) {
 }
 
 Json run_json(const RunFiles& run) {
-  const std::optional<ContactRows> contacts = read_contacts(run);
+  const std::optional<RecordedContacts> contacts = read_contacts(run);
   std::vector<PartCurve> sums;
   Json out = {{"name", run.folder.lexically_normal().string()},
               {"title", run.summary["title"]},

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/render/draw_list.h"
 #include "handsim/output/render/mesh.h"
@@ -113,9 +112,9 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
-std::vector<Moment> moments_of(const RunFiles& run, const std::optional<ContactRows>& contacts,
-                               std::size_t most) {
-  std::vector<Moment> out;
+std::vector<PictureState> moments_of(const RunFiles& run, const std::optional<RecordedContacts>& contacts,
+                                     std::size_t most) {
+  std::vector<PictureState> out;
   const std::size_t rows = run.times.size(), count = std::min(most, rows);
   for (std::size_t i = 0; i < count; ++i) {
     const std::size_t row = i * (rows - 1) / std::max<std::size_t>(1, count - 1);
@@ -126,7 +125,7 @@ std::vector<Moment> moments_of(const RunFiles& run, const std::optional<ContactR
 }
 
 /// Times, targets and distances of a camera that follows the hand as in a video; null for one that stands.
-Json path_json(const std::vector<Moment>& moments, const std::vector<output::Camera>& cameras) {
+Json path_json(const std::vector<PictureState>& moments, const std::vector<output::Camera>& cameras) {
   std::vector<float> times, values;
   bool moves = false;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -141,16 +140,17 @@ Json path_json(const std::vector<Moment>& moments, const std::vector<output::Cam
 }
 
 /// The camera of the start, and how it follows.
-Json camera_json(const RunFiles& run, const std::optional<ContactRows>& contacts, const Stage& stage) {
+Json camera_json(const RunFiles& run, const std::optional<RecordedContacts>& contacts, const Stage& stage) {
   // As many as follow every motion of an arm.
   constexpr std::size_t kMost = 400;
   /// A camera looks this far ahead and back [s].
   constexpr double kSmooth = 0.5;
-  const std::vector<Moment> moments = moments_of(run, contacts, kMost);
+  const std::vector<PictureState> moments = moments_of(run, contacts, kMost);
   const double spacing = (run.times.back() - run.times.front()) /
                          static_cast<double>(std::max<std::size_t>(1, moments.size() - 1));
   const auto reach = spacing > 0 ? static_cast<std::size_t>(std::lround(kSmooth / spacing)) : 0;
-  const std::vector<output::Camera> along = cameras(run.scene, moments, reach);
+  const std::vector<output::Camera> along =
+      cameras({run.scene.model, run.scene.spec.pictures}, moments, reach);
   Json path = path_json(moments, along);
   const output::Camera& camera = path.is_null() ? stage.camera : along.front();
   const auto& size = run.scene.spec.pictures.size;
@@ -228,11 +228,11 @@ Json skins_json(const scene::Scene& scene) {
 
 }  // namespace
 
-Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts) {
+Json scene_json(const RunFiles& run, const std::optional<RecordedContacts>& contacts) {
   const model::Model& model = run.scene.model;
   const model::State start = model::initial_state(model);
   // As many as a contact sheet shows.
-  const Stage stage = stage_of(run.scene, moments_of(run, {}, 24));
+  const Stage stage = stage_of({run.scene.model, run.scene.spec.pictures}, moments_of(run, {}, 24));
   constexpr int kSides = 24;
   return {{"bodies", bodies_json(model)},
           {"shapes", shapes_json(model, start)},

@@ -22,9 +22,9 @@ constexpr double kSmooth = 0.5;
 }  // namespace
 
 Film::Film(const scene::Scene& scene, const VideoSpec& spec, long first, long last)
-    : scene_(scene), spec_(spec), first_(first), last_(last) {
+    : model_(scene.model), step_(scene.spec.solver.step), spec_(spec), first_(first), last_(last) {
   output::check_video(spec.file, spec.fps);
-  const double span = static_cast<double>(last - first) * scene.spec.solver.step;
+  const double span = static_cast<double>(last - first) * step_;
   const double frames = std::min(span / spec.speed * spec.fps, static_cast<double>(last - first)) + 1;
   // Slow motion repeats frames.
   constexpr double kMostFrames = 1e6, kFastest = 1e4;
@@ -42,24 +42,25 @@ Film::Film(const scene::Scene& scene, const VideoSpec& spec, long first, long la
 
 long Film::step_of(long frame) const {
   const double time = static_cast<double>(frame) / spec_.fps * spec_.speed;
-  return first_ + std::lround(time / scene_.spec.solver.step);
+  return first_ + std::lround(time / step_);
 }
 
 void Film::record(long step, const engine::Engine& engine) {
   if (step > last_ || step_of(frames_) > step) return;
-  moments_.push_back(moment_of(engine));
+  moments_.push_back(picture_state(engine));
   repeats_.push_back(0);
   for (; step_of(frames_) <= step; ++frames_) ++repeats_.back();
 }
 
-void Film::write(const Drawing& drawing, const output::Progress& progress) const {
-  const auto [width, height] = scene_.spec.pictures.size;
+void Film::write(const scene::PictureSpec& pictures, const Drawing& drawing,
+                 const output::Progress& progress) const {
+  const auto [width, height] = pictures.size;
   output::VideoWriter video({spec_.file, width, height, spec_.fps});
   Drawing own = drawing;
   const double moments_per_second =
       static_cast<double>(moments_.size()) / static_cast<double>(std::max(1L, frames_)) * spec_.fps;
   own.smooth = static_cast<std::size_t>(std::lround(kSmooth * moments_per_second));
-  draw(scene_, moments_, own, {}, [&](std::size_t i, const Picture& picture) {
+  draw({model_, pictures}, moments_, own, {}, [&](std::size_t i, const Picture& picture) {
     for (int k = 0; k < repeats_[i]; ++k) video.add(picture.image);
     if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(moments_.size()));
   });

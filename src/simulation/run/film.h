@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "handsim/output/child.h"
+#include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/run/pictures.h"
 
 namespace handsim::simulation {
@@ -25,14 +26,16 @@ class Film {
   void record(long step, const engine::Engine& engine);
   bool empty() const { return moments_.empty(); }
   /// Draws and writes the video. @throws Error (output) if it cannot be written.
-  void write(const Drawing& drawing, const output::Progress& progress) const;
+  void write(const scene::PictureSpec& pictures, const Drawing& drawing,
+             const output::Progress& progress) const;
 
  private:
-  const scene::Scene& scene_;
+  const model::Model& model_;
+  double step_;
   VideoSpec spec_;
   long first_, last_;
   long frames_ = 0;  ///< planned so far
-  std::vector<Moment> moments_;
+  std::vector<PictureState> moments_;
   std::vector<int> repeats_;  ///< frames that show each moment: several in slow motion
 
   long step_of(long frame) const;

@@ -90,7 +90,8 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
             extra_row_bytes(scene, kNumberBytes);
   const auto [width, height] = scene.spec.pictures.size;
   out.pictures = kPixelBytes * frames * width * height;
-  for (const scene::InputFile& input : scene.inputs) out.inputs += static_cast<double>(input.bytes->size());
+  for (const scene::ReferencedFile& input : scene.inputs)
+    out.inputs += static_cast<double>(input.bytes->size());
   out.moments = frames * (bodies * sizeof(model::BodyState) + contacts_of(scene) * sizeof(engine::Contact));
   return out;
 }

@@ -6,7 +6,6 @@
 #include <memory>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/output/render/renderer.h"
 #include "handsim/output/render/skin.h"
 #include "handsim/output/video/video.h"
@@ -39,7 +38,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
   return out;
 }
 
-void add_shake(const model::Model& model, const Moment& moment, output::DrawList& list) {
+void add_shake(const model::Model& model, const PictureState& moment, output::DrawList& list) {
   if (moment.shaken.isZero() || model.hands.empty()) return;
   const model::HandIndex& hand = model.hands.front();
   const Vec3 wrist = moment.state.bodies[at(hand.palm)].pose() * hand.wrist_frame.p;
@@ -58,9 +57,8 @@ output::Camera fixed_camera(const scene::CameraSpec& spec) {
 }
 
 /// The side of the first hand from which the pictures show it.
-output::Framing framing(const scene::Scene& scene) {
-  const model::Model& model = scene.model;
-  const scene::PictureSpec& pictures = scene.spec.pictures;
+output::Framing framing(const Pictured& of) {
+  const model::Model& model = of.model;
   Pose hand;
   model::Side side = model::Side::right;
   if (!model.hands.empty()) {
@@ -68,7 +66,7 @@ output::Framing framing(const scene::Scene& scene) {
     hand = model.bodies[at(first.palm)].zero_pose * first.wrist_frame;
     side = first.side;
   }
-  return {pictures.view, hand, side, static_cast<double>(pictures.size[0]) / pictures.size[1]};
+  return {of.pictures.view, hand, side, static_cast<double>(of.pictures.size[0]) / of.pictures.size[1]};
 }
 
 using Extents = output::Framing::Extents;
@@ -96,25 +94,18 @@ void smooth_out(std::vector<Extents>& values, std::size_t reach) {
       [](double sum, std::size_t count) { return sum / static_cast<double>(count); });
 }
 
-bool follows(const scene::Scene& scene) {
-  return !scene.model.hands.empty() && scene.spec.pictures.follow.value_or(!scene.plans.grasps.empty());
-}
-
-bool shows_tendons(const scene::Scene& scene) {
-  return scene.spec.pictures.muscles.value_or(scene.spec.solver.effects.has(model::Effect::muscles));
-}
+bool follows(const Pictured& of) { return of.pictures.follow && !of.model.hands.empty(); }
 
 /// The list with hands as the scene wants them. Skin over shapes is a picture over a picture.
-output::Image drawn(output::Renderer& renderer, const scene::Scene& scene, const model::State& state,
+output::Image drawn(output::Renderer& renderer, const Pictured& of, const model::State& state,
                     output::DrawList list, const output::Camera& camera) {
-  const scene::PictureSpec& pictures = scene.spec.pictures;
   output::Image shapes;
-  const bool glass = pictures.hands == scene::HandLook::both || shows_tendons(scene);
-  if (pictures.hands == scene::HandLook::shapes || glass) shapes = renderer.draw(list, camera);
-  if (pictures.hands == scene::HandLook::shapes) return shapes;
-  for (const auto& skin : output::skins_of(scene.model))
-    output::put_on(*skin, scene.model, state, output::from_srgb(pictures.skin_colour),
-                   pictures.finger_colours, list);
+  const bool glass = of.pictures.hands == scene::HandLook::both || of.pictures.muscles;
+  if (of.pictures.hands == scene::HandLook::shapes || glass) shapes = renderer.draw(list, camera);
+  if (of.pictures.hands == scene::HandLook::shapes) return shapes;
+  for (const auto& skin : output::skins_of(of.model))
+    output::put_on(*skin, of.model, state, output::from_srgb(of.pictures.skin_colour),
+                   of.pictures.finger_colours, list);
   output::Image out = renderer.draw(list, camera);
   for (std::size_t i = 0; i < shapes.rgb.size(); ++i)
     out.rgb[i] = static_cast<std::uint8_t>(kGlass * out.rgb[i] + (1 - kGlass) * shapes.rgb[i]);
@@ -122,22 +113,22 @@ output::Image drawn(output::Renderer& renderer, const scene::Scene& scene, const
 }
 
 /// Cameras of the moments, one each, and the height of the lowest point of all [m].
-std::pair<std::vector<output::Camera>, double> views(const scene::Scene& scene,
-                                                     std::span<const Moment> moments,
+std::pair<std::vector<output::Camera>, double> views(const Pictured& of,
+                                                     std::span<const PictureState> moments,
                                                      std::optional<double> scale, std::size_t smooth) {
   double lowest = std::numeric_limits<double>::infinity();
-  output::Framing all = framing(scene);
+  output::Framing all = framing(of);
   std::vector<Extents> each;
-  for (const Moment& moment : moments) {
-    const output::DrawList list = shown(scene, moment, scale);
+  for (const PictureState& moment : moments) {
+    const output::DrawList list = shown(of, moment, scale);
     lowest = std::min(lowest, output::bounds(list).low.z());
     all.add(list);
-    output::Framing one = framing(scene);
-    one.add(followed(scene, moment, list));
+    output::Framing one = framing(of);
+    one.add(followed(of, moment, list));
     each.push_back(one.extents());
   }
-  const auto& fixed = scene.spec.pictures.camera;
-  if (fixed || !follows(scene))
+  const auto& fixed = of.pictures.camera;
+  if (fixed || !follows(of))
     return {std::vector(moments.size(), fixed ? fixed_camera(*fixed) : all.camera()), lowest};
   smooth_out(each, smooth);
   std::vector<output::Camera> out;
@@ -147,7 +138,7 @@ std::pair<std::vector<output::Camera>, double> views(const scene::Scene& scene,
 
 }  // namespace
 
-Moment moment_of(const engine::Engine& engine) {
+PictureState picture_state(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
 }
 
@@ -158,10 +149,10 @@ Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
-std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments) {
+std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const PictureState> moments) {
   if (!pictures.contact_forces) return std::nullopt;
   double largest = 0;
-  for (const Moment& moment : moments)
+  for (const PictureState& moment : moments)
     for (const engine::Contact& contact : moment.contacts) largest = std::max(largest, contact.force.norm());
   if (!(largest > 0)) return std::nullopt;
   // 1, 2 or 5 times a power of ten.
@@ -171,14 +162,13 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
   return decade * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
 }
 
-output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::optional<double> force_scale) {
-  const model::Model& model = scene.model;
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
+output::DrawList shown(const Pictured& of, const PictureState& moment, std::optional<double> force_scale) {
+  const model::Model& model = of.model;
+  output::DrawList list = output::draw_list(model, moment.state, {of.pictures.joint_axes});
   const std::vector<bool> lost = lost_bodies(model, moment.state);
   std::erase_if(list.shapes,
                 [&](const output::DrawShape& drawn) { return lost[at(model.shapes[at(drawn.shape)].body)]; });
-  if (shows_tendons(scene)) output::add_tendons(model, moment.state, list);
+  if (of.pictures.muscles) output::add_tendons(model, moment.state, list);
   if (force_scale)
     for (const engine::Contact& contact : moment.contacts)
       list.arrows.push_back({contact.position,
@@ -187,14 +177,14 @@ output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::opt
                              {0.75F, 0.0F, 0.35F},
                              true});
   add_shake(model, moment, list);
-  if (!pictures.contact_points) return list;
+  if (!of.pictures.contact_points) return list;
   for (const engine::Contact& contact : moment.contacts)
     list.points.push_back({contact.position, kContactPointRadius, {0.9F, 0.05F, 0.05F}});
   return list;
 }
 
-output::DrawList followed(const scene::Scene& scene, const Moment& moment, const output::DrawList& shown) {
-  const std::vector<model::Shape>& shapes = scene.model.shapes;
+output::DrawList followed(const Pictured& of, const PictureState& moment, const output::DrawList& shown) {
+  const std::vector<model::Shape>& shapes = of.model.shapes;
   std::vector<bool> in(shapes.size(), false);
   for (std::size_t i = 0; i < shapes.size(); ++i) in[i] = is_hand(shapes[i].part);
   for (const engine::Contact& contact : moment.contacts) {
@@ -212,43 +202,42 @@ output::DrawList followed(const scene::Scene& scene, const Moment& moment, const
   return out;
 }
 
-std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
+std::vector<output::Camera> cameras(const Pictured& of, std::span<const PictureState> moments,
                                     std::size_t smooth) {
-  return views(scene, moments, force_scale(scene.spec.pictures, moments), smooth).first;
+  return views(of, moments, force_scale(of.pictures, moments), smooth).first;
 }
 
-Stage stage_of(const scene::Scene& scene, std::span<const Moment> moments) {
+Stage stage_of(const Pictured& of, std::span<const PictureState> moments) {
   Stage stage;
-  output::Framing all = framing(scene);
+  output::Framing all = framing(of);
   double lowest = std::numeric_limits<double>::infinity();
-  for (const Moment& moment : moments) {
-    const output::DrawList list = shown(scene, moment, {});
+  for (const PictureState& moment : moments) {
+    const output::DrawList list = shown(of, moment, {});
     lowest = std::min(lowest, output::bounds(list).low.z());
     stage.ground = list.ground_height;
-    all.add(follows(scene) ? followed(scene, moment, list) : list);
+    all.add(follows(of) ? followed(of, moment, list) : list);
   }
-  if (scene.spec.pictures.floor && !stage.ground && std::isfinite(lowest))
-    stage.ground = lowest - kFloorClearance;
-  stage.camera = scene.spec.pictures.camera ? fixed_camera(*scene.spec.pictures.camera) : all.camera();
+  if (of.pictures.floor && !stage.ground && std::isfinite(lowest)) stage.ground = lowest - kFloorClearance;
+  stage.camera = of.pictures.camera ? fixed_camera(*of.pictures.camera) : all.camera();
   return stage;
 }
 
-void draw(const scene::Scene& scene, std::span<const Moment> moments, const Drawing& drawing,
+void draw(const Pictured& of, std::span<const PictureState> moments, const Drawing& drawing,
           const std::function<void(std::size_t, const output::Image&)>& store,
           const std::function<void(std::size_t, const Picture&)>& take) {
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  const std::optional<double> scale = force_scale(pictures, moments);
-  const auto found = views(scene, moments, scale, drawing.smooth);
+  const std::optional<double> scale = force_scale(of.pictures, moments);
+  const auto found = views(of, moments, scale, drawing.smooth);
   const std::vector<output::Camera>& from = found.first;
   const double floor = found.second - kFloorClearance;
   // Before threads begin: they share the skins.
-  if (pictures.hands != scene::HandLook::shapes) output::skins_of(scene.model);
+  if (of.pictures.hands != scene::HandLook::shapes) output::skins_of(of.model);
   const auto maker = [&] {
-    const auto renderer = std::make_shared<output::Renderer>(pictures.size[0], pictures.size[1], drawing.gl);
+    const auto renderer =
+        std::make_shared<output::Renderer>(of.pictures.size[0], of.pictures.size[1], drawing.gl);
     return [&, renderer](std::size_t i) {
-      output::DrawList list = shown(scene, moments[i], scale);
-      if (pictures.floor && !list.ground_height) list.ground_height = floor;
-      output::Image image = drawn(*renderer, scene, moments[i].state, std::move(list), from[i]);
+      output::DrawList list = shown(of, moments[i], scale);
+      if (of.pictures.floor && !list.ground_height) list.ground_height = floor;
+      output::Image image = drawn(*renderer, of, moments[i].state, std::move(list), from[i]);
       if (store) store(i, image);
       return image;
     };
@@ -256,13 +245,13 @@ void draw(const scene::Scene& scene, std::span<const Moment> moments, const Draw
   output::make_in_order(moments.size(), drawing.threads, maker, [&](std::size_t i, output::Image&& image) {
     const output::Camera& camera = from[i];
     const double distance = (camera.position - camera.target).norm();
-    take(i, {std::move(image), pictures.size[1] / (2 * std::tan(camera.field_of_view / 2) * distance)});
+    take(i, {std::move(image), of.pictures.size[1] / (2 * std::tan(camera.field_of_view / 2) * distance)});
   });
 }
 
-output::Image draw(const scene::Scene& scene, const Moment& moment, std::optional<output::Gl> gl) {
+output::Image draw(const Pictured& of, const PictureState& moment, std::optional<output::Gl> gl) {
   output::Image out;
-  draw(scene, std::span(&moment, 1), {gl, 1, 0}, {},
+  draw(of, std::span(&moment, 1), {gl, 1, 0}, {},
        [&](std::size_t, const Picture& picture) { out = picture.image; });
   return out;
 }

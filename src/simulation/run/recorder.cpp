@@ -93,7 +93,7 @@ void Recorder::plan_phases(const std::vector<scene::TaskPhase>& phases) {
   }
 }
 
-void Recorder::show(Moment moment, std::string caption) {
+void Recorder::show(PictureState moment, std::string caption) {
   moment.caption = std::move(caption);
   moments_.push_back(std::move(moment));
 }
@@ -102,7 +102,7 @@ void Recorder::record_climb() {
   const ClimbFigures figures = climb_->figures();
   if (figures.failed || figures.carried <= 0) return;
   if (loaded_.empty() || figures.carried >= loaded_.back().first + kGripEvery)
-    loaded_.emplace_back(figures.carried, moment_of(simulation_.engine()));
+    loaded_.emplace_back(figures.carried, picture_state(simulation_.engine()));
 }
 
 /// Under the load: half of what is carried, the last that is carried, and after the failure.
@@ -114,14 +114,14 @@ void Recorder::finish_climb() {
     show(half->second, fmt::format("{:.0f} N", half->first));
     show(loaded_.back().second, fmt::format("{:.0f} N", loaded_.back().first));
   }
-  if (figures.failed) show(moment_of(simulation_.engine()), "after failure");
+  if (figures.failed) show(picture_state(simulation_.engine()), "after failure");
 }
 
 void Recorder::record(long step) {
   tables_.record(step);
   for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
     const std::string& caption = planned_[taken_].caption;
-    Moment moment = moment_of(simulation_.engine());
+    PictureState moment = picture_state(simulation_.engine());
     moment.shaken = planned_[taken_].shaken;
     show(std::move(moment),
          caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);

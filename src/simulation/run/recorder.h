@@ -20,7 +20,7 @@ class Recorder {
   /// Completes the tables.
   void finish();
   /// Moments of the pictures, with their captions.
-  const std::vector<Moment>& moments() const { return moments_; }
+  const std::vector<PictureState>& moments() const { return moments_; }
   /// Null if there is no video.
   const Film* film() const { return film_ ? &*film_ : nullptr; }
 
@@ -37,7 +37,7 @@ class Recorder {
   void plan_phases(const std::vector<scene::TaskPhase>& phases);
   Planned extreme_of(const scene::TaskPhase& phase, std::size_t level) const;
   void record_climb();
-  void show(Moment moment, std::string caption);
+  void show(PictureState moment, std::string caption);
   void finish_climb();
 
   const Simulation& simulation_;
@@ -47,8 +47,8 @@ class Recorder {
   std::size_t taken_ = 0;
   /// Of a climb: moments under load; after its failure, some of them are chosen for pictures.
   const ClimbWatch* climb_ = nullptr;
-  std::vector<std::pair<double, Moment>> loaded_;  ///< by load [N]
-  std::vector<Moment> moments_;
+  std::vector<std::pair<double, PictureState>> loaded_;  ///< by load [N]
+  std::vector<PictureState> moments_;
   std::optional<Film> film_;
 };
 

@@ -31,24 +31,26 @@ Drawing drawing_of(const RunOptions& options) {
 /// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
 void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
                    const output::Progress& progress) {
-  const std::span<const Moment> moments = recorder.moments();
+  const std::span<const PictureState> moments = recorder.moments();
   const std::size_t count = moments.size(), cells = std::min(count, kSheetCells);
-  const auto [width, height] = scene.spec.pictures.size;
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  const auto [width, height] = pictures.size;
   output::SheetFormat format = {static_cast<int>(cells), width, height, scene.spec.title};
-  format.force_scale = force_scale(scene.spec.pictures, moments);
+  format.force_scale = force_scale(pictures, moments);
   output::ContactSheet sheet(format);
   const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
   const auto store = [&](std::size_t i, const output::Image& image) {
     output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
   };
   std::size_t cell = 0;
-  draw(scene, moments, drawing_of(options), store, [&](std::size_t i, const Picture& picture) {
-    if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
-      sheet.add(picture.image, moments[i].caption, picture.scale);
-      ++cell;
-    }
-    if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(count));
-  });
+  draw({scene.model, pictures}, moments, drawing_of(options), store,
+       [&](std::size_t i, const Picture& picture) {
+         if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
+           sheet.add(picture.image, moments[i].caption, picture.scale);
+           ++cell;
+         }
+         if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(count));
+       });
   output::write_png(sheet.image(), options.out / "contact_sheet.png");
 }
 
@@ -78,7 +80,9 @@ void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOpti
   if (!recorder.moments().empty())
     made("pictures", [&](const auto& progress) { draw_pictures(scene, recorder, options, progress); });
   if (const Film* film = recorder.film())
-    made("video", [&](const output::Progress& progress) { film->write(drawing_of(options), progress); });
+    made("video", [&](const output::Progress& progress) {
+      film->write(scene.spec.pictures, drawing_of(options), progress);
+    });
   if (!options.plots) return;
   if (const auto failure = failure_of([&] { write_plots(scene, options.out); }))
     result.missing.push_back("plots: " + *failure);
@@ -208,7 +212,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
     names.push_back(fmt::format("frame_{}.png", digits));
   for (const char* plot : {"angles", "errors", "torques"})
     for (const char* kind : {"gp", "png"}) names.push_back(fmt::format("plots/*_{}.{}", plot, kind));
-  for (const scene::InputFile& input : scene.inputs) names.push_back(input.copy);
+  for (const scene::ReferencedFile& input : scene.inputs) names.push_back(input.copy);
   for (std::string& copy : scene::copies_named_in(options.out / "resolved.yaml"))
     names.push_back(std::move(copy));
   if (options.video && options.video->file.parent_path() == options.out)
@@ -254,11 +258,11 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   return result;
 }
 
-Moment moment_at(const scene::Scene& scene, double time) {
+PictureState picture_state_at(const scene::Scene& scene, double time) {
   Simulation simulation = simulation_of(scene, only<Monitor>);
   const long steps = std::lround(time / scene.spec.solver.step);
   for (long i = 0; i < steps; ++i) simulation.step();
-  return moment_of(simulation.engine());
+  return picture_state(simulation.engine());
 }
 
 }  // namespace handsim::simulation

@@ -86,7 +86,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);
 
 /// The scene at a time [s], 0 to its duration. @throws Error (physics) if the simulation diverges before.
-Moment moment_at(const scene::Scene& scene, double time);
+PictureState picture_state_at(const scene::Scene& scene, double time);
 
 /// Text of summary.json, also of a run that a fault stopped (`result.fault`).
 std::string summary_json(const Simulation& simulation, const RunResult& result);

@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/units.h"
 #include "handsim/model/energy.h"
 #include "handsim/model/markers.h"

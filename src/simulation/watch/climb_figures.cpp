@@ -43,7 +43,7 @@ double load_at(const scene::ClimbPlan& plan, double time) {
 }
 
 /// Finds the flexors of the four fingers, of a hand that has them, and their joints.
-void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& hand) {
+void ClimbWatch::collect_flexors(const model::Model& model, const hand::BuiltHand& hand) {
   const std::string of = model.hands[plan_.hand].name + ".";
   const auto dof = [&](const std::string& axis) -> std::optional<int> {
     for (const model::Joint& joint : model.joints)
@@ -56,7 +56,7 @@ void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& 
     for (const model::Muscle& muscle : hand.muscles.muscles)
       if (muscle.name == name)
         for (model::MomentArm arm : muscle.path.arms)
-          if (const auto found = dof(hand.axes[static_cast<std::size_t>(arm.dof)].name)) {
+          if (const auto found = dof(hand.axes[at(arm.dof)].name)) {
             arm.dof = *found;
             out.arms.push_back(arm);
           }
@@ -74,17 +74,17 @@ void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& 
     Flexors each{finger, path("FDP" + number),      path("FDS" + number),     0,
                  0,      in_effect("FDP" + number), in_effect("FDS" + number)};
     if (!dip || !pip || each.deep.arms.empty() || each.superficial.arms.empty()) continue;
-    each.dip = static_cast<std::size_t>(*dip);
-    each.pip = static_cast<std::size_t>(*pip);
+    each.dip = at(*dip);
+    each.pip = at(*pip);
     flexors_.push_back(std::move(each));
   }
 }
 
 FingerLoad ClimbWatch::Flexors::load(const model::State& state, const Eigen::VectorXd& held) const {
   const auto arm = [&](const model::TendonPath& path, std::size_t dof) {
-    const model::PathState at = model::path_state(path, state.q);
+    const model::PathState now = model::path_state(path, state.q);
     for (std::size_t i = 0; i < path.arms.size(); ++i)
-      if (static_cast<std::size_t>(path.arms[i].dof) == dof) return at.arm[i];
+      if (at(path.arms[i].dof) == dof) return now.arm[i];
     return 0.0;
   };
   model::FlexorTensions tensions;
@@ -102,12 +102,12 @@ FingerLoad ClimbWatch::Flexors::load(const model::State& state, const Eigen::Vec
 ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& built,
                        double step)
     : model_(&model), plan_(plan), half_step_(step / 2) {
-  find_flexors(model, built);
+  collect_flexors(model, built);
   const model::HandIndex& hand = model.hands[plan.hand];
-  dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
+  dof_ = at(model.joints[at(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::ranges::find(hand.bodies, shape.body) != hand.bodies.end();
-    part_of_shape_.push_back(mine ? hand_part(shape.part) : -1);
+    part_of_shape_.push_back(mine ? hand_part(shape.part) : std::nullopt);
   }
   for (const std::optional<std::size_t> object : model.objects_of_shapes())
     of_hold_.push_back(object && model.objects[*object].name == plan.hold);
@@ -123,11 +123,11 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   PartForces parts;
   Eigen::VectorXd held = Eigen::VectorXd::Zero(model_->dof_count());
   for (const engine::Contact& contact : engine.contacts()) {
-    const auto a = static_cast<std::size_t>(contact.shape_a), b = static_cast<std::size_t>(contact.shape_b);
+    const auto a = at(contact.shape_a), b = at(contact.shape_b);
     const bool first = of_hold_[b];
-    const int part = part_of_shape_[first ? a : b];
-    if (!(first || of_hold_[a]) || part < 0 || contact.normal_force() <= 0) continue;
-    parts.add(part, contact);
+    const std::optional<std::size_t> part = part_of_shape_[first ? a : b];
+    if (!(first || of_hold_[a]) || !part || contact.normal_force() <= 0) continue;
+    parts.add(*part, contact);
     const int body = model_->shapes[first ? a : b].body;
     held += (first ? 1 : -1) *
             model::jacobian(*model_, engine.state(), body, contact.position).topRows<3>().transpose() *

@@ -78,7 +78,7 @@ class ClimbWatch {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   LoadedGrip grip(const engine::Engine& engine) const;
-  void find_flexors(const model::Model& model, const hand::BuiltHand& hand);
+  void collect_flexors(const model::Model& model, const hand::BuiltHand& hand);
 
   /// The flexors of a finger, with arms by the model's coordinates.
   struct Flexors {
@@ -94,9 +94,9 @@ class ClimbWatch {
   scene::ClimbPlan plan_;
   double half_step_;
   std::size_t dof_ = 0;
-  std::vector<int> part_of_shape_;  ///< by shape: -1 no part of the hand, else index into kHandParts
-  std::vector<bool> of_hold_;       ///< by shape
-  double start_ = 0;                ///< coordinate at the start of the load [m]
+  std::vector<std::optional<std::size_t>> part_of_shape_;  ///< in kHandParts, of shapes of the hand
+  std::vector<bool> of_hold_;                              ///< by shape
+  double start_ = 0;                                       ///< coordinate at the start of the load [m]
   bool loading_ = false;
   ClimbFigures figures_;
   std::vector<LoadedGrip> grips_;  ///< while the palm is held

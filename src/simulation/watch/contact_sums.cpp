@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/summary_json.h"
 
@@ -48,15 +47,15 @@ ContactSums::ContactSums(const Watched& watched) {
   const std::vector<std::optional<std::size_t>> objects = model.objects_of_shapes();
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const model::Shape& shape = model.shapes[i];
-    const int part = hand_part(shape.part);
+    const std::optional<std::size_t> part = hand_part(shape.part);
     // `right.index_distal` is of `right.index`.
     std::string name = objects[i] ? model.objects[*objects[i]].name : shape.name;
-    if (part >= 0) name = shape.name.substr(0, shape.name.find('.') + 1) + kHandParts[at(part)];
+    if (part) name = shape.name.substr(0, shape.name.find('.') + 1) + kHandParts[*part];
     const auto found = std::ranges::find(things_, name);
     thing_.push_back(at(found - things_.begin()));
     if (found != things_.end()) continue;
     things_.push_back(name);
-    is_finger_.push_back(part >= 0);
+    is_finger_.push_back(part.has_value());
   }
 }
 

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {

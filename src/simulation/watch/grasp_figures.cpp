@@ -1,7 +1,6 @@
 #include "handsim/simulation/watch/grasp_figures.h"
 
 #include <algorithm>
-#include <concepts>
 
 #include <fmt/format.h>
 
@@ -29,30 +28,20 @@ void carry_figures(Archive& archive, T& figures) {
   carry_grip(archive, figures.hold);
   carry_grip(archive, figures.after);
   archive(figures.slip, figures.spin, figures.shaken_shift, figures.shaken_time, figures.shift, figures.turn,
-          figures.held, figures.left, figures.left_time, figures.last_part, figures.moved_time);
-}
-
-template <class Archive, class T>
-void carry_pose(Archive& archive, T& pose) {
-  bool there = pose.has_value();
-  archive(there);
-  if constexpr (std::same_as<Archive, ArchiveReader>)
-    pose = there ? std::optional<Pose>(Pose()) : std::nullopt;
-  if (!pose) return;
-  archive(pose->p, pose->q);
+          figures.held, figures.left_time, figures.last_part, figures.moved_time);
 }
 
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
-    : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
+    : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size()) {
   const model::HandIndex& hand = model.hands[plan.hand];
-  palm_ = static_cast<std::size_t>(hand.palm);
+  palm_ = at(hand.palm);
   for (const model::ObjectIndex& object : model.objects)
-    if (object.name == plan.object) object_ = static_cast<std::size_t>(object.body.value_or(model::kWorld));
+    if (object.name == plan.object) object_ = at(object.body.value_or(model::kWorld));
   for (const model::Shape& shape : model.shapes) {
     if (std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
-      part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.part);
+      part_of_body_[at(shape.body)] = hand_part(shape.part);
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
@@ -74,28 +63,28 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
   std::vector<WrenchContact> wrenches;
   const Vec3 centre = engine.state().bodies[object_].p;
   for (const engine::Contact& contact : engine.contacts()) {
-    const auto a = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(contact.shape_a)].body);
-    const auto b = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(contact.shape_b)].body);
+    const std::size_t a = at(model_.shapes[at(contact.shape_a)].body),
+                      b = at(model_.shapes[at(contact.shape_b)].body);
     if (a != object_ && b != object_) continue;
-    const int part = part_of_body_[a == object_ ? b : a];
+    const std::optional<std::size_t> part = part_of_body_[a == object_ ? b : a];
     const double normal = contact.normal_force();
     if (normal <= 0) continue;
-    if (part < 0) {
+    if (!part) {
       ++out.others;
       continue;
     }
-    parts.add(part, contact);
+    parts.add(*part, contact);
     out.normal += normal;
     ++out.contacts;
     WrenchContact wrench;
-    const model::Material between = rules_.between(model_.shapes[static_cast<std::size_t>(contact.shape_a)],
-                                                   model_.shapes[static_cast<std::size_t>(contact.shape_b)]);
+    const model::Material between =
+        rules_.between(model_.shapes[at(contact.shape_a)], model_.shapes[at(contact.shape_b)]);
     wrench.friction = between.friction;
     wrench.spinning = between.spinning_friction;
     wrench.position = contact.position - centre;
     wrench.normal = a == object_ ? contact.normal : Vec3(-contact.normal);
     wrenches.push_back(wrench);
-    limits[static_cast<std::size_t>(part)] += wrench.friction * normal;
+    limits[*part] += wrench.friction * normal;
   }
   for (std::size_t i = 0; i < limits.size(); ++i)
     if (parts.each[i].normal > kBearing * out.normal && limits[i] > 0)
@@ -106,14 +95,12 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
 }
 
 void GraspWatch::save(ArchiveWriter& out) const {
-  carry_pose(out, at_slip_start_);
-  carry_pose(out, at_hold_end_);
+  out(at_slip_start_, at_hold_end_);
   carry_figures(out, figures_);
 }
 
 void GraspWatch::restore(ArchiveReader& in, double time) {
-  carry_pose(in, at_slip_start_);
-  carry_pose(in, at_hold_end_);
+  in(at_slip_start_, at_hold_end_);
   carry_figures(in, figures_);
   figures_.watched_time = time;
 }
@@ -138,7 +125,7 @@ void GraspWatch::update(const engine::Engine& engine) {
   if (shift > figures_.shaken_shift) {
     figures_.shaken_shift = shift;
     figures_.shaken_time = time;
-    if (figures_.moved_time == 0 && figures_.failed()) figures_.moved_time = time;
+    if (!figures_.moved_time && figures_.failed()) figures_.moved_time = time;
   }
   if (time >= end_ - half_step_) finish(engine, now);
 }
@@ -146,21 +133,20 @@ void GraspWatch::update(const engine::Engine& engine) {
 /// Which part of the hand touched the object last, and since when none does.
 void GraspWatch::watch_touch(const engine::Engine& engine) {
   const engine::Contact* deepest = nullptr;
-  int part = -1;
+  std::optional<std::size_t> part;
   for (const engine::Contact& contact : engine.contacts()) {
-    const auto a = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(contact.shape_a)].body);
-    const auto b = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(contact.shape_b)].body);
+    const std::size_t a = at(model_.shapes[at(contact.shape_a)].body),
+                      b = at(model_.shapes[at(contact.shape_b)].body);
     if ((a != object_ && b != object_) || contact.depth <= 0) continue;
-    const int touching = part_of_body_[a == object_ ? b : a];
-    if (touching < 0 || (deepest != nullptr && deepest->depth >= contact.depth)) continue;
+    const std::optional<std::size_t> touching = part_of_body_[a == object_ ? b : a];
+    if (!touching || (deepest != nullptr && deepest->depth >= contact.depth)) continue;
     deepest = &contact;
     part = touching;
   }
-  if (part >= 0) {
-    figures_.left = false;
-    figures_.last_part = kHandParts[static_cast<std::size_t>(part)];
-  } else if (!figures_.left) {
-    figures_.left = true;
+  if (part) {
+    figures_.left_time.reset();
+    figures_.last_part = kHandParts[*part];
+  } else if (!figures_.left_time) {
     figures_.left_time = engine.state().time;
   }
 }
@@ -177,7 +163,7 @@ void GraspWatch::finish(const engine::Engine& engine, const Pose& now) {
 
 Outcome GraspFigures::outcome() const {
   if (held) return Outcome::held;
-  if (left && (complete || failed() || lost(watched_time))) return Outcome::lost;
+  if (left_time && (complete || failed() || lost(watched_time))) return Outcome::lost;
   return complete || failed() ? Outcome::moved : Outcome::cut_off;
 }
 
@@ -188,9 +174,9 @@ double GraspFigures::margin() const {
 std::string GraspFigures::told() const {
   std::string out = word(outcome());
   if (outcome() == Outcome::lost)
-    out += fmt::format(" at {:.3f} s, {}", left_time,
+    out += fmt::format(" at {:.3f} s, {}", *left_time,
                        last_part.empty() ? "before it was lifted" : "last touched by the " + last_part);
-  if (outcome() == Outcome::moved && moved_time > 0) out += fmt::format(" at {:.3f} s", moved_time);
+  if (outcome() == Outcome::moved && moved_time) out += fmt::format(" at {:.3f} s", *moved_time);
   return out;
 }
 
@@ -251,8 +237,8 @@ void Grasps::add_summary(SummaryJson& out) const {
                                   {"turn_rad", grasp.turn},
                                   {"end_of_hold", grip_json(grasp.hold)},
                                   {"after_shake", grip_json(grasp.after)}});
-    if (grasp.outcome() == Outcome::lost) out.json["grasps"].back()["lost_time_s"] = grasp.left_time;
-    if (grasp.moved_time > 0) out.json["grasps"].back()["moved_time_s"] = grasp.moved_time;
+    if (grasp.outcome() == Outcome::lost) out.json["grasps"].back()["lost_time_s"] = *grasp.left_time;
+    if (grasp.moved_time) out.json["grasps"].back()["moved_time_s"] = *grasp.moved_time;
   }
 }
 

@@ -58,20 +58,21 @@ struct GraspFigures {
   double shift = 0;         ///< movement from the end of the hold to the end of the plan [m]
   double turn = 0;          ///< the same [rad]
   bool held = false;        ///< within the limits, with contacts of the hand and no others
-  bool left = false;        ///< the hand lost contact with the object
-  double left_time = 0;     ///< time of the last contact [s]
-  std::string last_part;    ///< part of the last contact; empty if there was none after the lift
-  double moved_time = 0;    ///< first time beyond the limit of motion in the shake [s]; 0: never
-  double watched_time = 0;  ///< of the latest step [s]
+  std::optional<double> left_time = {};  ///< time of the last contact [s], while the hand has none
+  std::string last_part;                 ///< part of the last contact; empty if there was none after the lift
+  std::optional<double> moved_time = {};  ///< first time beyond the limit of motion in the shake [s]
+  double watched_time = 0;                ///< of the latest step [s]
 
   /// True if the run reached the end of the hold.
   bool hold_measured() const { return hold.time > 0; }
   /// True if the object has moved beyond the limit of the shake, so that the grasp cannot be held any more.
   bool failed() const { return shaken_shift > kShakenShift; }
   /// The hand has let go of the object. @param now time of the run [s]
-  bool lost(double now) const { return left && now - left_time >= kLostSpan; }
+  bool lost(double now) const { return left_time && now - *left_time >= kLostSpan; }
   /// The object is lost, or it has moved too far for kMovedSpan. @param now time of the run [s]
-  bool decided(double now) const { return lost(now) || (failed() && now - moved_time >= kMovedSpan); }
+  bool decided(double now) const {
+    return lost(now) || (failed() && now - moved_time.value_or(0) >= kMovedSpan);
+  }
   Outcome outcome() const;
   /// True if there is a margin: a lost object has none, wherever it lies.
   bool margin_measured() const { return outcome() == Outcome::held || outcome() == Outcome::moved; }
@@ -112,7 +113,7 @@ class GraspWatch {
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]
   double lift_start_ = 0, slip_start_ = 0, hold_end_ = 0, end_ = 0;
-  std::vector<int> part_of_body_;  ///< by body: -1 no part of the hand, else index into the part names
+  std::vector<std::optional<std::size_t>> part_of_body_;  ///< in kHandParts, of bodies of the hand
   std::optional<Pose> at_slip_start_, at_hold_end_;
   GraspFigures figures_;
 };

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,21 +15,21 @@ namespace handsim::simulation {
 inline constexpr std::array<const char*, 6> kHandParts = {"palm",   "thumb", "index",
                                                           "middle", "ring",  "little"};
 
-/// Index into kHandParts; -1 for a shape that is not part of a hand.
-inline int hand_part(model::Part part) {
+/// Index into kHandParts, if it is a part of a hand.
+inline std::optional<std::size_t> hand_part(model::Part part) {
   static_assert(static_cast<int>(model::Part::palm) == 0 && static_cast<int>(model::Part::little) == 5);
-  return part <= model::Part::little ? static_cast<int>(part) : -1;
+  return part <= model::Part::little ? std::optional(static_cast<std::size_t>(part)) : std::nullopt;
 }
 
 /// The finger that a muscle moves; `wrist` where it moves none.
 inline const char* moved_by(const model::Muscle& muscle, const model::Model& model) {
-  int part = 0;
+  std::size_t part = 0;
   for (const model::MomentArm& arm : muscle.path.arms)
     for (const model::Joint& joint : model.joints)
       if (joint.first_dof <= arm.dof && arm.dof < joint.first_dof + static_cast<int>(joint.axes.size()))
         for (const model::Shape& shape : model.shapes)
-          if (shape.body == joint.child) part = std::max(part, hand_part(shape.part));
-  return part == 0 ? "wrist" : kHandParts[static_cast<std::size_t>(part)];
+          if (shape.body == joint.child) part = std::max(part, hand_part(shape.part).value_or(0));
+  return part == 0 ? "wrist" : kHandParts[part];
 }
 
 /// Contact of one part of a hand with the object or hold at one time.
@@ -43,9 +44,9 @@ struct PartForce {
 struct PartForces {
   std::array<PartForce, kHandParts.size()> each;
 
-  void add(int part, const engine::Contact& contact) {
-    PartForce& sum = each[static_cast<std::size_t>(part)];
-    sum.part = kHandParts[static_cast<std::size_t>(part)];
+  void add(std::size_t part, const engine::Contact& contact) {
+    PartForce& sum = each[part];
+    sum.part = kHandParts[part];
     ++sum.contacts;
     sum.normal += contact.normal_force();
     sum.friction += contact.friction_force().norm();

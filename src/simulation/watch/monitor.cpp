@@ -6,8 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
-
 namespace handsim::simulation {
 
 namespace {

@@ -26,8 +26,8 @@ void StateHash::add(const model::State& state, bool fibres) {
           body.v.y(), body.v.z(), body.w.x(), body.w.y(), body.w.z()})
       *to++ = value;
   }
-  to = std::copy(state.activation.begin(), state.activation.end(), to);
-  if (fibres) std::copy(state.fibre_length.begin(), state.fibre_length.end(), to);
+  to = std::ranges::copy(state.activation, to).out;
+  if (fibres) std::ranges::copy(state.fibre_length, to);
   value_ =
       hash_bytes({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)}, value_);
 }

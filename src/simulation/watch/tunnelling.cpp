@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/shape_extent.h"
 
@@ -47,7 +46,7 @@ void Tunnelling::update(Step& step) {
     fast = fast ||
            sweep_.fast(body, (now.p - before.p).squaredNorm(), kTurnPerChange * kTurnPerChange * change2);
   }
-  if (fast) find_passages(state);
+  if (fast) collect_passages(state);
   start_from(state);
 }
 
@@ -69,7 +68,7 @@ void Tunnelling::update_depths(const engine::Engine& engine) {
   }
 }
 
-void Tunnelling::find_passages(const model::State& state) {
+void Tunnelling::collect_passages(const model::State& state) {
   ways_.assign(state.bodies.size(), {});
   for (std::size_t i = 0; i < ways_.size(); ++i)
     ways_[i] = {state.bodies[i].p - last_.bodies[i].p,

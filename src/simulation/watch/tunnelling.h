@@ -45,7 +45,7 @@ class Tunnelling final : public Watcher {
   std::string warning(const Event& met) const;
   void start_from(const model::State& state);
   void update_depths(const engine::Engine& engine);
-  void find_passages(const model::State& state);
+  void collect_passages(const model::State& state);
   bool passes(std::size_t a, std::size_t b, const model::State& state) const;
 
   const model::Model& model_;

@@ -81,8 +81,8 @@ std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGra
                   {"wall_s", row.wall}};
     entry["smallest_friction"] = row.smallest_friction ? Json(*row.smallest_friction) : Json();
     if (!row.not_searched.empty()) entry["not_searched"] = row.not_searched;
-    if (f.outcome() == simulation::Outcome::lost) entry["lost_time_s"] = f.left_time;
-    if (f.moved_time > 0) entry["moved_time_s"] = f.moved_time;
+    if (f.outcome() == simulation::Outcome::lost) entry["lost_time_s"] = *f.left_time;
+    if (f.moved_time) entry["moved_time_s"] = *f.moved_time;
     if (row.turning) entry["turning"] = *row.turning;
     if (row.half_step) {
       const simulation::GraspFigures& half = *row.half_step;

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/control/muscle_drive.h"
-#include "handsim/core/index.h"
 #include "handsim/engine/muscles.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"

@@ -21,7 +21,7 @@ std::optional<Estimate> estimate_of(const std::vector<double>& outcomes, bool ve
 template <class T>
 std::vector<std::pair<T, double>> rows_with(const Table& table, std::size_t column, std::size_t outcome) {
   std::vector<std::pair<T, double>> out;
-  for (const Row& row : table.rows) {
+  for (const RolloutRow& row : table.rows) {
     const double* result = std::get_if<double>(&row.cells[outcome]);
     const T* value = std::get_if<T>(&row.cells[column]);
     if (result && value && std::isfinite(*result)) out.emplace_back(*value, *result);
@@ -61,14 +61,14 @@ std::vector<Bin> bins_of(const std::vector<std::pair<std::string, double>>& rows
 }
 
 /// Numbers, or the index of each text in their order. Every rollout has what was drawn for it.
-Input input_of(const Table& table, std::size_t column, const std::vector<const Row*>& rows) {
+Input input_of(const Table& table, std::size_t column, const std::vector<const RolloutRow*>& rows) {
   Input out{table.head.columns[column].name, {}, table.head.columns[column].text};
   std::map<std::string, double> numbers;
   if (out.categories)
-    for (const Row* row : rows) numbers.emplace(std::get<std::string>(row->cells[column]), 0);
+    for (const RolloutRow* row : rows) numbers.emplace(std::get<std::string>(row->cells[column]), 0);
   double next = 0;
   for (auto& [text, number] : numbers) number = next++;
-  for (const Row* row : rows)
+  for (const RolloutRow* row : rows)
     out.values.push_back(out.categories ? numbers.at(std::get<std::string>(row->cells[column]))
                                         : std::get<double>(row->cells[column]));
   return out;
@@ -80,8 +80,8 @@ OutcomeEffects effects_on(const Table& table, std::size_t outcome) {
   OutcomeEffects out;
   out.name = table.head.columns[outcome].name;
   out.verdict = out.name == "held" || out.name.ends_with(".held");
-  std::vector<const Row*> rows;
-  for (const Row& row : table.rows)
+  std::vector<const RolloutRow*> rows;
+  for (const RolloutRow& row : table.rows)
     if (const double* value = std::get_if<double>(&row.cells[outcome]); value && std::isfinite(*value)) {
       rows.push_back(&row);
       out.values.push_back(*value);

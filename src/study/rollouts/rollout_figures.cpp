@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/summary_json.h"
@@ -84,7 +83,7 @@ void add_grasp(const GraspFigures& grasp, const std::string& head, double now, N
   const auto add = [&](const char* name, Cell cell) { out.emplace_back(head + name, std::move(cell)); };
   const bool lost = grasp.lost(now);
   add("outcome", std::string(lost ? word(simulation::Outcome::lost) : word(grasp.outcome())));
-  add("lost_at[s]", lost ? Cell(grasp.left_time) : Cell());
+  add("lost_at[s]", lost ? Cell(*grasp.left_time) : Cell());
   add("last_touched_by", lost ? Cell(grasp.last_part) : Cell());
   const simulation::Grip* grip = grasp.complete          ? &grasp.after
                                  : grasp.hold_measured() ? &grasp.hold
@@ -121,7 +120,7 @@ NamedCells figures_of(const Simulation& simulation) {
   return out;
 }
 
-void add_curves(const Simulation& simulation, Trajectory& to) {
+void add_curves(const Simulation& simulation, TimeSeries& to) {
   const model::Model& model = simulation.model();
   const model::State& state = simulation.state();
   const bool first = to.columns.empty();
@@ -146,9 +145,9 @@ void add_curves(const Simulation& simulation, Trajectory& to) {
     for (const engine::Contact& contact : simulation.engine().contacts())
       for (const int index : {contact.shape_a, contact.shape_b}) {
         const model::Shape& shape = model.shapes[at(index)];
-        const int part = simulation::hand_part(shape.part);
-        if (part >= 0 && std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
-          forces[at(part)] += contact.normal_force();
+        const std::optional<std::size_t> part = simulation::hand_part(shape.part);
+        if (part && std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
+          forces[*part] += contact.normal_force();
       }
     for (std::size_t i = 0; i < forces.size(); ++i)
       add(fmt::format("force.{}.{}[N]", hand.name, simulation::kHandParts[i]), forces[i]);

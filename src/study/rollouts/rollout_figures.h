@@ -20,7 +20,7 @@ NamedCells figures_of(const simulation::Simulation& simulation);
 
 /// Adds a row of curves: the hands' angles, torques about driven axes, activations, and the normal forces of
 /// the parts of hands where the scene has contacts with forces.
-void add_curves(const simulation::Simulation& simulation, Trajectory& to);
+void add_curves(const simulation::Simulation& simulation, TimeSeries& to);
 
 /// The numbers of summary.json that the motion alone decides, by their path: items of lists by their `name`,
 /// `part` or pair (`contact_forces.fingers.right.index.mean_normal_force_N`); true is 1.

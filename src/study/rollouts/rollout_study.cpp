@@ -59,7 +59,7 @@ Problem at_key(const Problem& problem, const std::vector<BoundKey>& keys) {
   return out;
 }
 
-void record(const Simulation& simulation, Trajectory& out) {
+void record(const Simulation& simulation, TimeSeries& out) {
   const long every = simulation::record_steps(simulation.scene().spec);
   if (simulation.steps() % every != 0) return;
   if (out.columns.empty()) out.columns = output::trajectory_columns(simulation.model());
@@ -84,7 +84,7 @@ void take_figures(const Simulation& simulation, bool diverged, Outcome& out) {
 /// To the end, or to what ends it.
 /// @param curves for bands, or null
 Outcome run_to_end(Simulation& simulation, bool stop_lost, const std::atomic<bool>& stop,
-                   std::optional<Trajectory>& trajectory, Trajectory* curves = nullptr) {
+                   std::optional<TimeSeries>& trajectory, TimeSeries* curves = nullptr) {
   Outcome out;
   bool diverged = false;
   try {
@@ -241,7 +241,7 @@ void RolloutStudy::check_keys() {
 /// Other levels may have figures of their own, and name files of their own.
 void RolloutStudy::take_sample(const scene::Scene& scene) {
   scene_hash_ = hash_bytes(emit_yaml(scene::standalone(scene.resolved, scene.inputs)), scene_hash_);
-  for (const scene::InputFile& input : scene.inputs) scene_hash_ = hash_bytes(*input.bytes, scene_hash_);
+  for (const scene::ReferencedFile& input : scene.inputs) scene_hash_ = hash_bytes(*input.bytes, scene_hash_);
   for (std::filesystem::path& file : scene::files_read(scene))
     if (std::ranges::find(files_, file) == files_.end()) files_.push_back(std::move(file));
   if (spec_.measure && sample_) return;
@@ -259,7 +259,7 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
 }
 
 /// The columns of the study's outcomes: figures, or those of summary.json, which the end of a run shows.
-void RolloutStudy::find_outcomes() {
+void RolloutStudy::collect_outcomes() {
   std::vector<std::string> known;
   for (const Column& column : figures_)
     if (!column.text) known.push_back(column.name);
@@ -280,7 +280,7 @@ void RolloutStudy::find_outcomes() {
     }
     if (!reads_summary_) {
       Simulation simulation(*sample_);
-      std::optional<Trajectory> none;
+      std::optional<TimeSeries> none;
       run_to_end(simulation, spec_.stop_lost, false, none);
       summary = summary_figures(simulation);
       for (const auto& [path, value] : summary) known.push_back(path);
@@ -299,7 +299,7 @@ void RolloutStudy::make_head() {
   // An object may start within the hand of some persons, but not of all.
   if (refused_ && figures_.empty()) throw *refused_;
   check_record_and_stop();
-  find_outcomes();
+  collect_outcomes();
   head_.title = spec_.title;
   head_.seed = std::to_string(spec_.seed);
   std::vector<Column>& columns = head_.columns;
@@ -346,9 +346,9 @@ std::vector<std::string> RolloutStudy::overrides(long rollout) const { return ch
 
 scene::Scene RolloutStudy::scene(long rollout) const { return compile(overrides(rollout)); }
 
-std::optional<Row> RolloutStudy::run(long rollout, const std::atomic<bool>& stop) const {
+std::optional<RolloutRow> RolloutStudy::run(long rollout, const std::atomic<bool>& stop) const {
   Choice choice = choose(rollout);
-  Row row;
+  RolloutRow row;
   row.rollout = rollout;
   if (rollout < spec_.trajectories) row.trajectory.emplace();
   Outcome outcome;

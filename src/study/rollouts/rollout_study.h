@@ -38,7 +38,7 @@ class RolloutStudy {
   std::vector<std::string> overrides(long rollout) const;
   /// Runs one. A scene that is refused and a run that diverges are rows with their reasons.
   /// @return nothing where `stop` has become true.
-  std::optional<Row> run(long rollout, const std::atomic<bool>& stop) const;
+  std::optional<RolloutRow> run(long rollout, const std::atomic<bool>& stop) const;
 
  private:
   struct Choice {
@@ -55,7 +55,7 @@ class RolloutStudy {
   void check_record_and_stop() const;
   void take_sample(const scene::Scene& scene);
   void add_uncertain(const scene::Scene& scene);
-  void find_outcomes();
+  void collect_outcomes();
   void make_head();
 
   RolloutsSpec spec_;

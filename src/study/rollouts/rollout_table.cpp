@@ -152,7 +152,7 @@ std::string csv_head(const TableHead& head) {
   return out + "\n";
 }
 
-std::string csv_row(const TableHead& head, const Row& row) {
+std::string csv_row(const TableHead& head, const RolloutRow& row) {
   std::string out;
   for (std::size_t i = 0; i < head.columns.size(); ++i) {
     if (i > 0) out += ',';
@@ -172,7 +172,7 @@ JournalContent read_journal(const std::filesystem::path& path) {
   while (const auto record = records.next()) {
     ArchiveReader in(*record, path.string());
     for (std::size_t n = in.size(); n > 0; --n) {
-      Row& row = out.rows.emplace_back();
+      RolloutRow& row = out.rows.emplace_back();
       carry_row(in, row);
       if (row.cells.size() != out.head.columns.size())
         in.refuse(fmt::format("a row of {} cells", row.cells.size()),
@@ -185,11 +185,11 @@ JournalContent read_journal(const std::filesystem::path& path) {
   return out;
 }
 
-std::string bands_csv(const std::vector<Trajectory>& curves) {
-  const auto longer = [](const Trajectory& a, const Trajectory& b) {
+std::string bands_csv(const std::vector<TimeSeries>& curves) {
+  const auto longer = [](const TimeSeries& a, const TimeSeries& b) {
     return a.values.size() < b.values.size();
   };
-  const Trajectory& longest = *std::ranges::max_element(curves, longer);
+  const TimeSeries& longest = *std::ranges::max_element(curves, longer);
   const std::size_t width = longest.columns.size();
   std::string out = field(longest.columns[0]);
   for (std::size_t c = 1; c < width; ++c) {
@@ -203,7 +203,7 @@ std::string bands_csv(const std::vector<Trajectory>& curves) {
     out += "\n" + number_text(longest.values[row]);
     for (std::size_t c = 1; c < width; ++c) {
       values.clear();
-      for (const Trajectory& each : curves)
+      for (const TimeSeries& each : curves)
         if (row + c < each.values.size()) values.push_back(each.values[row + c]);
       std::ranges::sort(values);
       for (const double share : {0.05, 0.5, 0.95}) out += fmt::format(",{:.7g}", quantile(values, share));
@@ -229,7 +229,7 @@ Journal::~Journal() {
   if (file_ >= 0) close(file_);
 }
 
-void Journal::add(const std::vector<Row>& rows) {
+void Journal::add(const std::vector<RolloutRow>& rows) {
   std::string records;
   for (auto from = rows.begin(); from != rows.end();) {
     ArchiveWriter of_rows;

@@ -35,16 +35,16 @@ struct Column {
 constexpr long kBandRows = 400;
 
 /// The states of one rollout, in the columns of trajectory.csv, or other curves; the time first.
-struct Trajectory {
+struct TimeSeries {
   std::vector<std::string> columns;
   std::vector<double> values;  ///< row by row
 };
 
-struct Row {
+struct RolloutRow {
   long rollout = 0;
   std::vector<Cell> cells;  ///< in the order of the columns
-  std::optional<Trajectory> trajectory;
-  Trajectory curves;  ///< for bands; the journal does not keep them
+  std::optional<TimeSeries> trajectory;
+  TimeSeries curves;  ///< for bands; the journal does not keep them
 };
 
 /// What all shards of a study share.
@@ -62,16 +62,16 @@ struct TableHead {
 
 struct Table {
   TableHead head;
-  std::vector<Row> rows;  ///< by number
+  std::vector<RolloutRow> rows;  ///< by number
 };
 
 /// One row of CSV; a number as the shortest text that reads back as the same.
-std::string csv_row(const TableHead& head, const Row& row);
+std::string csv_row(const TableHead& head, const RolloutRow& row);
 std::string csv_head(const TableHead& head);
 
 /// At each time the 5th, 50th and 95th percentile of each curve, `NAME.p5[unit]`, of those that reach it.
 /// @param curves with the same columns and times, some of which may end early
-std::string bands_csv(const std::vector<Trajectory>& curves);
+std::string bands_csv(const std::vector<TimeSeries>& curves);
 
 /// Rollouts k - 1, k - 1 + n, k - 1 + 2 n, ... of a study.
 struct Shard {
@@ -87,8 +87,8 @@ inline constexpr std::size_t kMostRecord = std::size_t{1} << 30U;
 
 struct JournalContent {
   TableHead head;
-  std::vector<Row> rows;  ///< in the order of the file
-  std::size_t bytes = 0;  ///< that hold together
+  std::vector<RolloutRow> rows;  ///< in the order of the file
+  std::size_t bytes = 0;         ///< that hold together
 };
 
 /// @throws Error (input) for a file that is no journal.
@@ -105,7 +105,7 @@ class Journal {
   Journal& operator=(const Journal&) = delete;
 
   /// Is on the disk when this returns. @throws Error (output) on a full disk; what was written before stays.
-  void add(const std::vector<Row>& rows);
+  void add(const std::vector<RolloutRow>& rows);
 
  private:
   void write(const std::string& record);

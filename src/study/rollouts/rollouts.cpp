@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/table/csv_rows.h"
@@ -34,12 +33,12 @@ class WorkQueue {
  public:
   /// @param done rollouts whose rows are there.
   WorkQueue(const RolloutStudy& study, const RolloutOptions& options, Journal& journal,
-            const std::vector<Row>& rows)
+            const std::vector<RolloutRow>& rows)
       : options_(options),
         journal_(journal),
         size_(shard_size(study.size(), options.shard)),
         done_(at(size_)) {
-    for (const Row& row : rows) {
+    for (const RolloutRow& row : rows) {
       if (row.rollout >= study.size() || row.rollout % options.shard.n != options.shard.k - 1)
         throw input_error(kJournalName, fmt::format("rollout {}", row.rollout), "those of this shard");
       done_[place(row.rollout)] = true;
@@ -56,11 +55,11 @@ class WorkQueue {
       if (!done_[at(next_)]) out.push_back(options_.shard.k - 1 + next_ * options_.shard.n);
     return out;
   }
-  void take(std::vector<Row> rows) {
+  void take(std::vector<RolloutRow> rows) {
     if (rows.empty()) return;
     const std::lock_guard lock(mutex_);
     journal_.add(rows);
-    for (Row& row : rows)
+    for (RolloutRow& row : rows)
       if (!row.curves.columns.empty()) curves_.push_back(std::move(row.curves));
     count_ += static_cast<long>(rows.size());
     if (options_.progress) options_.progress(static_cast<double>(count_) / static_cast<double>(size_));
@@ -69,7 +68,7 @@ class WorkQueue {
   long done() const { return count_; }
   long computed() const { return count_ - before_; }
   /// Of the rollouts of this run, in any order.
-  const std::vector<Trajectory>& curves() const { return curves_; }
+  const std::vector<TimeSeries>& curves() const { return curves_; }
 
  private:
   std::size_t place(long rollout) const { return at(rollout / options_.shard.n); }
@@ -78,13 +77,13 @@ class WorkQueue {
   Journal& journal_;
   long size_, next_ = 0, count_ = 0, before_ = 0;
   std::vector<bool> done_;
-  std::vector<Trajectory> curves_;
+  std::vector<TimeSeries> curves_;
   std::mutex mutex_;
 };
 
-std::vector<Row> compute(const RolloutStudy& study, const std::vector<long>& chunk,
-                         const std::atomic<bool>& stop) {
-  std::vector<Row> out;
+std::vector<RolloutRow> compute(const RolloutStudy& study, const std::vector<long>& chunk,
+                                const std::atomic<bool>& stop) {
+  std::vector<RolloutRow> out;
   for (const long rollout : chunk)
     if (auto row = study.run(rollout, stop))
       out.push_back(std::move(*row));
@@ -232,8 +231,9 @@ Table merge_shards(const std::vector<fs::path>& folders) {
     check_same(content.head, out.head, file.string(), "one of the same study, by the same build");
     std::move(content.rows.begin(), content.rows.end(), std::back_inserter(out.rows));
   }
-  std::ranges::stable_sort(out.rows, [](const Row& a, const Row& b) { return a.rollout < b.rollout; });
-  const auto same = [](const Row& a, const Row& b) { return a.rollout == b.rollout; };
+  std::ranges::stable_sort(out.rows,
+                           [](const RolloutRow& a, const RolloutRow& b) { return a.rollout < b.rollout; });
+  const auto same = [](const RolloutRow& a, const RolloutRow& b) { return a.rollout == b.rollout; };
   out.rows.erase(std::unique(out.rows.begin(), out.rows.end(), same), out.rows.end());
   if (static_cast<long>(out.rows.size()) < out.head.size) {
     long missing = 0;

@@ -28,7 +28,7 @@ constexpr std::size_t kMostLines = 30;
 std::map<std::string, long> endings(const Table& table) {
   std::map<std::string, long> out;
   const std::size_t column = table.head.column("ended");
-  for (const Row& row : table.rows) ++out[std::get<std::string>(row.cells[column])];
+  for (const RolloutRow& row : table.rows) ++out[std::get<std::string>(row.cells[column])];
   return out;
 }
 
@@ -90,7 +90,7 @@ Json outcome_json(const OutcomeEffects& of) {
 
 std::string csv_of(const Table& table) {
   std::string out = csv_head(table.head);
-  for (const Row& row : table.rows) out += csv_row(table.head, row);
+  for (const RolloutRow& row : table.rows) out += csv_row(table.head, row);
   return out;
 }
 

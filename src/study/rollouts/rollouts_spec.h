@@ -47,7 +47,7 @@ struct VariedKey {
 /// What is measured of a scene: figures by name, and curves.
 struct Findings {
   std::vector<std::pair<std::string, Cell>> figures;
-  Trajectory curves;
+  TimeSeries curves;
 };
 
 struct RolloutsSpec {

@@ -94,14 +94,14 @@ void write_column(hid_t in, const Table& table, std::size_t i) {
   column.name = link_name(column.name);
   if (column.text) {
     std::vector<std::string> texts;
-    for (const Row& row : table.rows) {
+    for (const RolloutRow& row : table.rows) {
       const auto* text = std::get_if<std::string>(&row.cells[i]);
       texts.push_back(text ? *text : "");
     }
     return write_texts(in, column.name, texts);
   }
   std::vector<double> numbers;
-  for (const Row& row : table.rows) {
+  for (const RolloutRow& row : table.rows) {
     const double* number = std::get_if<double>(&row.cells[i]);
     numbers.push_back(number ? *number : std::numeric_limits<double>::quiet_NaN());
   }
@@ -124,7 +124,7 @@ std::string image_of(const Table& table) {
   }
   {
     const Handle trajectories = group(file, "trajectories");
-    for (const Row& row : table.rows) {
+    for (const RolloutRow& row : table.rows) {
       if (!row.trajectory || row.trajectory->columns.empty()) continue;
       const hsize_t width = row.trajectory->columns.size();
       const std::string name = std::to_string(row.rollout);

@@ -14,10 +14,10 @@ namespace {
 
 /// A distance that does not depend on the joint angles.
 struct Distance {
-  std::size_t a = 0, b = 0;    ///< keypoints
-  std::optional<int> segment;  ///< the bone between them; absent: both on the palm
-  double measured = 0;         ///< [m]
-  double weight = 0;           ///< number of frames
+  std::size_t a = 0, b = 0;            ///< keypoints
+  std::optional<std::size_t> segment;  ///< the bone between them; absent: both on the palm
+  double measured = 0;                 ///< [m]
+  double weight = 0;                   ///< number of frames
 };
 
 /// Pairs of keypoints on the palm, and the ends of every bone.
@@ -25,8 +25,7 @@ std::vector<Distance> distances_of(const std::vector<Feature>& points, const han
   std::vector<Distance> out;
   // A keypoint is the base of its own segment; it lies on the palm if that segment starts there.
   const auto on_palm = [&](const Feature& point) {
-    return point.segment < 0 ||
-           (point.at.isZero() && spec.segments[static_cast<std::size_t>(point.segment)].parent < 0);
+    return !point.segment || (point.at.isZero() && !spec.segments[*point.segment].parent);
   };
   for (std::size_t a = 0; a < points.size(); ++a)
     for (std::size_t b = a + 1; b < points.size(); ++b)
@@ -135,7 +134,7 @@ hand::Person fit_bones(const Recording& recording, const hand::HandSpec& spec, c
   out.title =
       person.title + ", hand measured from " + std::filesystem::path(recording.file).filename().string();
   for (const Distance& each : distances)
-    if (each.segment) out.bones[spec.segments[static_cast<std::size_t>(*each.segment)].name] = each.measured;
+    if (each.segment) out.bones[spec.segments[*each.segment].name] = each.measured;
   return out;
 }
 

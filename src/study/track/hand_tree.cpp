@@ -80,10 +80,10 @@ std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand
     for (std::size_t row = 0; row < spec.segments.size(); ++row) {
       const bool tip = ends_in(row, name);
       if (!tip && spec.segments[row].joint.name != name) continue;
-      feature.segment = static_cast<int>(row);
+      feature.segment = row;
       if (tip) feature.at = {0, hand.segments[row].length, 0};
     }
-    if (name != "wrist" && feature.segment < 0)
+    if (name != "wrist" && !feature.segment)
       throw input_error("--model", "a hand model without " + name, "joints thumb_cmc to little_dip");
   }
   return out;

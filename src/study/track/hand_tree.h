@@ -2,11 +2,11 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/hand/build.h"
 #include "handsim/model/kinematics.h"
 
@@ -22,10 +22,10 @@ struct HandPose {
 struct Feature {
   enum class Kind { point, orientation };
   Kind kind = Kind::point;
-  std::string name;                  ///< of the channel in the recording
-  int segment = -1;                  ///< row in the hand model's segments; -1: the palm
-  Vec3 at = Vec3::Zero();            ///< in the segment's frame [m]
-  Quat rotation = Quat::Identity();  ///< q_SegmentSensor
+  std::string name;                    ///< of the channel in the recording
+  std::optional<std::size_t> segment;  ///< row in the hand model's segments; absent: the palm
+  Vec3 at = Vec3::Zero();              ///< in the segment's frame [m]
+  Quat rotation = Quat::Identity();    ///< q_SegmentSensor
 };
 
 /// An axis of the hand's joints.
@@ -62,7 +62,9 @@ class HandTree {
     int body = 0;
     Pose in_body;
   };
-  const Frame& frame(const Feature& feature) const { return frames_[at(feature.segment + 1)]; }
+  const Frame& frame(const Feature& feature) const {
+    return frames_[feature.segment ? *feature.segment + 1 : 0];
+  }
   Pose pose(const Feature& feature) const;
 
   model::Side side_;

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/study/report.h"
 
 namespace handsim::study {

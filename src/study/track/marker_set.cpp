@@ -54,8 +54,8 @@ std::vector<Feature> features_of(const MarkerSet& set, const hand::HandSpec& spe
                           "palm, or a segment of the hand model" + nearest_hint(marker.segment, known)});
       continue;
     }
-    out.push_back(
-        {marker.kind, marker.name, static_cast<int>(found - known.begin()) - 1, marker.at, marker.rotation});
+    out.push_back({marker.kind, marker.name, std::nullopt, marker.at, marker.rotation});
+    if (found != known.begin()) out.back().segment = at(found - known.begin() - 1);
   }
   if (!problems.empty()) throw Error(problems);
   return out;

@@ -147,7 +147,7 @@ FitResult PoseFit::find(const MeasuredFrame& frame, double outlier) {
       for (std::size_t i = 0; i < features_.size(); ++i) {
         const Feature& feature = features_[i];
         const bool at_base =
-            feature.segment < 0 || feature.name.ends_with("_mcp") || feature.name.ends_with("_cmc");
+            !feature.segment || feature.name.ends_with("_mcp") || feature.name.ends_with("_cmc");
         if (!frame[i].point || (palm_only && (!at_base || feature.name.ends_with("thumb_mcp")))) continue;
         from.push_back(tree_.point(feature));
         to.push_back(*frame[i].point);
@@ -157,7 +157,7 @@ FitResult PoseFit::find(const MeasuredFrame& frame, double outlier) {
       if (rigid) break;
     }
     for (std::size_t i = 0; i < features_.size(); ++i)
-      if (frame[i].orientation && features_[i].segment < 0)
+      if (frame[i].orientation && !features_[i].segment)
         start.wrist.q = *frame[i].orientation * tree_.orientation(features_[i]).conjugate();
     FitResult found = fit(frame, start, outlier);
     if (!best || found.rms < best->rms) best = std::move(found);

@@ -37,7 +37,7 @@ class BandSystem {
     for (std::size_t b = blocks; b-- > 0;) {
       if (b + 1 < blocks) {
         factor(b, heads[b]);
-        std::copy(later.begin(), later.end(), right_.end() - static_cast<std::ptrdiff_t>(width_));
+        std::ranges::copy(later, right_.end() - static_cast<std::ptrdiff_t>(width_));
       }
       const std::size_t begin = b * kBlock * size_;
       for (std::size_t i = base_ + right_.size(); i-- > begin;) {

@@ -9,7 +9,6 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/error.h"
-#include "handsim/core/index.h"
 #include "handsim/core/text.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
@@ -123,7 +122,7 @@ class HandTracker {
 
   /// Smooths all stretches of tracked frames, and measures the distances again.
   void finish() {
-    find_determined();
+    compute_determined();
     estimate_noise();
     for (std::size_t k = 0; k < out_.frames.size();) {
       std::size_t end = k;
@@ -166,7 +165,7 @@ class HandTracker {
   }
 
   /// Axes that move a feature by more than rounding in one of the first tracked frames.
-  void find_determined() {
+  void compute_determined() {
     constexpr std::size_t kFrames = 20;
     constexpr double kLeast = 1e-12;  // [m^2/rad^2]
     out_.determined.assign(out_.axes.size(), false);
@@ -245,7 +244,7 @@ bool wrists_swapped(const HandTracker& a, const HandTracker& b, std::size_t k) {
 }
 
 /// Fills TrackedHand::overlaps. @param hand right hand as built.
-void find_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
+void collect_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
   constexpr std::size_t kMostTested = 200;
   constexpr double kDepth = 1e-3;
   model::Model model = model::make_model();
@@ -393,7 +392,7 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   out.cpu = cpu_seconds() - start;
   shift_times(out, recording.file);
   for (TrackedHand& tracked : out.hands) {
-    find_overlaps(hand, tracked);
+    collect_overlaps(hand, tracked);
     if (input.truth) compare(control::read_motion(*input.truth), recording.times, tracked);
   }
   return out;

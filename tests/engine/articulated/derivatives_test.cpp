@@ -254,7 +254,7 @@ TEST(Derivatives, OfABallThatBouncesAreThoseOfDifferences) {
 TEST(Derivatives, OfServosAndStopsThatBounceAreThoseOfDifferences) {
   model::Model model = engine::test::five_fingers(true, true);
   for (model::Joint& joint : model.joints)
-    for (model::JointAxis& axis : joint.axes) axis.stop->bounce = 0.3;
+    for (model::JointAxis& axis : joint.axes) axis.stop->restitution = 0.3;
   Beside beside(model, smooth_settings());
   std::mt19937 random(3);
   std::uniform_real_distribution<double> unit(0, 1);

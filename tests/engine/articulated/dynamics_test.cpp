@@ -142,7 +142,7 @@ TEST(ArticulatedDynamics, InertiaMatrixIsWhatInverseDynamicsSays) {
     const auto n = static_cast<std::size_t>(space.size());
     std::vector<double> zero(n), bias(n), unit(n), column(n);
     space.inverse_dynamics(zero, bias);
-    space.find_inertia();
+    space.compute_inertia();
     Eigen::MatrixXd H(space.size(), space.size());
     for (int i = 0; i < space.size(); ++i) {
       unit.assign(n, 0);
@@ -175,7 +175,7 @@ TEST(ArticulatedDynamics, EnergyAndPointVelocitiesAreThoseOfTheBodies) {
     mechanism.kernel().velocities(mechanism.tree());
     model::State state = model::initial_state(model);
     mechanism.give(state);
-    space.find_inertia();
+    space.compute_inertia();
     const Eigen::Map<Eigen::VectorXd> u(mechanism.u().data(), space.size());
     double energy = 0;
     for (int i = 0; i < space.size(); ++i)

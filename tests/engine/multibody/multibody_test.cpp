@@ -54,10 +54,10 @@ System system_of(const model::Model& model) {
 }
 
 double largest_error(const System& system, const model::State& state) {
-  std::vector<Row> rows;
+  std::vector<ConstraintRow> rows;
   system.constraints(state, rows);
   double worst = 0;
-  for (const Row& row : rows) worst = std::max(worst, std::abs(row.value));
+  for (const ConstraintRow& row : rows) worst = std::max(worst, std::abs(row.value));
   return worst;
 }
 
@@ -68,7 +68,7 @@ TEST(JointRows, HaveTheRateOfTheirValue) {
     for (int i = 0; i < 20; ++i) {
       const model::Model model = two_bodies(random, kind);
       const model::State state = scattered(model, random, 0.01);
-      std::vector<Row> rows, before, after;
+      std::vector<ConstraintRow> rows, before, after;
       append_constraints(model.joints[0], state, rows);
       append_constraints(model.joints[0], moved(state, -1e-6), before);
       append_constraints(model.joints[0], moved(state, 1e-6), after);
@@ -91,9 +91,9 @@ TEST(Projection, FindsTheNearestStateWithAClosedJoint) {
     project_positions(system, state);
     EXPECT_LT(largest_error(system, state), 1e-12);
     project_velocities(system, state);
-    std::vector<Row> rows;
+    std::vector<ConstraintRow> rows;
     system.constraints(state, rows);
-    for (const Row& row : rows) EXPECT_NEAR(rate(row, state), 0, 1e-12);
+    for (const ConstraintRow& row : rows) EXPECT_NEAR(rate(row, state), 0, 1e-12);
     const Matrix jacobian = system.jacobian(rows, state);
     const Vector change = system.velocities(state) - system.velocities(before);
     const Matrix allowed = Eigen::FullPivLU<Matrix>(jacobian).kernel();
@@ -124,7 +124,7 @@ TEST(Accelerations, OfAHorizontalPendulumAreTheClosedForm) {
   EXPECT_NEAR(found.acceleration.tail<3>().norm(), alpha, 1e-9);
   EXPECT_NEAR(found.acceleration[2], -0.1 * alpha, 1e-9);
   // M u' = f - G^T lambda.
-  std::vector<Row> all;
+  std::vector<ConstraintRow> all;
   system.constraints(state, all);
   Vector left = system.all_forces(state, {}) - system.times_mass(found.acceleration);
   for (std::size_t i = 0; i < rows.size(); ++i)

@@ -106,7 +106,7 @@ TEST(ContactForces, AreArrowsInThePicture) {
                                                 : "pictures: {size: [640, 480]}\n");
     Simulation simulation(scene);
     for (int i = 0; i < 1000; ++i) simulation.step();
-    const Moment moment = moment_of(simulation.engine());
+    const PictureState moment = picture_state(simulation.engine());
     const auto scale = force_scale(scene.spec.pictures, std::span(&moment, 1));
     ASSERT_EQ(scale.has_value(), shown);
     if (shown) {
@@ -116,7 +116,7 @@ TEST(ContactForces, AreArrowsInThePicture) {
       EXPECT_GE(*scale * largest, 0.04);
       EXPECT_LE(*scale * largest, 0.1 + 1e-12);
     }
-    const long pixels = magenta(draw(scene, moment));
+    const long pixels = magenta(draw({scene.model, scene.spec.pictures}, moment));
     if (shown)
       EXPECT_GT(pixels, 150);
     else

@@ -64,14 +64,15 @@ TEST_P(ShippedGrasp, FillsHalfOfThePicture) {
   }
   const scene::Scene scene = test::shipped_scene(std::string("grasp_") + GetParam());
   Simulation simulation(scene);
-  std::vector<Moment> moments = {moment_of(simulation.engine())};
+  std::vector<PictureState> moments = {picture_state(simulation.engine())};
   const scene::TaskPhase* close = scene.plans.grasps.front().phase("close");
   while (simulation.state().time < close->end) simulation.step();
-  moments.push_back(moment_of(simulation.engine()));
+  moments.push_back(picture_state(simulation.engine()));
   const auto [width, height] = scene.spec.pictures.size;
-  const std::vector<output::Camera> from = cameras(scene, moments);
+  const Pictured of{scene.model, scene.spec.pictures};
+  const std::vector<output::Camera> from = cameras(of, moments);
   for (std::size_t i = 0; i < moments.size(); ++i) {
-    const output::DrawList list = followed(scene, moments[i], shown(scene, moments[i], {}));
+    const output::DrawList list = followed(of, moments[i], shown(of, moments[i], {}));
     const Fill fill = fill_of(list, from[i], static_cast<double>(width) / height);
     EXPECT_GE(fill.share, 0.5) << GetParam() << " " << i;
     EXPECT_TRUE(fill.whole) << GetParam() << " " << i;
@@ -79,8 +80,8 @@ TEST_P(ShippedGrasp, FillsHalfOfThePicture) {
 }
 
 /// A grasp at its start, whose object may have been lost.
-Moment with_object_at(const scene::Scene& scene, double z) {
-  Moment moment{model::initial_state(scene.model), {}};
+PictureState with_object_at(const scene::Scene& scene, double z) {
+  PictureState moment{model::initial_state(scene.model), {}};
   for (std::size_t i = 0; i < scene.model.bodies.size(); ++i)
     if (scene.model.bodies[i].name == scene.plans.grasps.front().object) moment.state.bodies[i].p.z() = z;
   return moment;
@@ -91,11 +92,13 @@ TEST(LostObject, IsNotShownAndMovesNoCamera) {
   for (const char* follow : {"true", "false"}) {
     const scene::Scene scene =
         test::shipped_scene("grasp_power_can", {std::string("pictures.follow=") + follow});
-    const std::vector<Moment> lost = {with_object_at(scene, -1820)}, near = {with_object_at(scene, 0.4)};
-    const output::DrawList list = shown(scene, lost.front(), {});
-    EXPECT_EQ(list.shapes.size() + 1, shown(scene, near.front(), {}).shapes.size());
+    const std::vector<PictureState> lost = {with_object_at(scene, -1820)},
+                                    near = {with_object_at(scene, 0.4)};
+    const Pictured of{scene.model, scene.spec.pictures};
+    const output::DrawList list = shown(of, lost.front(), {});
+    EXPECT_EQ(list.shapes.size() + 1, shown(of, near.front(), {}).shapes.size());
     EXPECT_GT(output::bounds(list).low.z(), -1);
-    const output::Camera camera = cameras(scene, lost).front();
+    const output::Camera camera = cameras(of, lost).front();
     EXPECT_LT((camera.position - model::initial_state(scene.model).bodies[1].p).norm(), 2) << follow;
   }
 }
@@ -127,7 +130,7 @@ TEST(Phases, OfAShakeShowItsExtremes) {
   std::vector<Vec3> moved;
   Vec3 hold = Vec3::Zero();
   const auto palm = static_cast<std::size_t>(scene.model.hands.front().palm);
-  for (const Moment& moment : recorder.moments()) {
+  for (const PictureState& moment : recorder.moments()) {
     if (moment.caption.starts_with("hold")) hold = moment.state.bodies[palm].p;
     if (moment.caption.starts_with("shake")) moved.push_back(moment.state.bodies[palm].p - hold);
     if (moment.caption.starts_with("shake")) {
@@ -152,7 +155,7 @@ TEST(Film, HasAMomentForEachFrame) {
   const scene::Scene scene = test::shipped_scene("two_hands", {"pictures.size=[64, 48]"});
   for (const auto& [speed, frames] : {std::pair{1.0, 7}, {0.25, 25}, {2.0, 4}}) {
     const std::filesystem::path file = folder.path() / "v.mp4";
-    film_until(scene, {file, 30, speed}, 0.2, {}).write({}, {});
+    film_until(scene, {file, 30, speed}, 0.2, {}).write(scene.spec.pictures, {}, {});
     std::FILE* pipe = popen(
         ("ffprobe -v error -count_frames -show_entries stream=nb_read_frames -of csv=p=0 " + file.string())
             .c_str(),

@@ -148,10 +148,10 @@ TEST(FailedRun, SaysWhereAndKeepsItsFiles) {
 // 60 pictures of 0.9 MB would be 55 MB; the first ten have warmed the renderer up.
 TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
   const scene::Scene scene = shipped_scene("two_hands", {"pictures.size=[640, 480]"});
-  const std::vector<Moment> moments(70, {model::initial_state(scene.model), {}});
+  const std::vector<PictureState> moments(70, {model::initial_state(scene.model), {}});
   double before = 0;
   std::size_t drawn = 0;
-  draw(scene, moments, {}, {}, [&](std::size_t i, const Picture& picture) {
+  draw({scene.model, scene.spec.pictures}, moments, {}, {}, [&](std::size_t i, const Picture& picture) {
     EXPECT_EQ(i, drawn++);
     EXPECT_EQ(picture.image.width, 640);
     if (i == 10) before = peak_memory();

@@ -106,7 +106,6 @@ TEST(GraspFigures, TellWhatLeftTheHandFromWhatMovedInIt) {
   figures.moved_time = 3.5;
   figures.shaken_shift = 6e-3;
   EXPECT_EQ(figures.told(), "MOVED at 3.500 s");
-  figures.left = true;
   figures.left_time = 4.2;
   figures.last_part = "thumb";
   EXPECT_EQ(figures.told(), "LOST at 4.200 s, last touched by the thumb");
@@ -120,7 +119,6 @@ TEST(GraspFigures, TellWhatLeftTheHandFromWhatMovedInIt) {
 // moved too far, whether or not the plan has ended.
 TEST(GraspFigures, AreDecidedOnceTheObjectIsLostOrHasMovedTooFar) {
   simulation::GraspFigures figures;
-  figures.left = true;
   figures.left_time = figures.watched_time = 1;
   EXPECT_EQ(figures.outcome(), simulation::Outcome::cut_off);
   EXPECT_FALSE(figures.decided(1.24));
@@ -150,10 +148,10 @@ TEST(GraspStudy, EndsARunWhoseObjectIsLost) {
   const GraspRow& row = tables.grasps.front();
   EXPECT_EQ(row.figures.outcome(), simulation::Outcome::lost);
   EXPECT_FALSE(row.passed);
-  EXPECT_NEAR(row.simulated, row.figures.left_time + simulation::kLostSpan, 2e-3);
+  EXPECT_NEAR(row.simulated, row.figures.left_time.value() + simulation::kLostSpan, 2e-3);
   EXPECT_LT(row.simulated, shortened("grasp_sphere_35mm", {kBrief}).spec.duration - 0.1);
   const nlohmann::json told = nlohmann::json::parse(std::ifstream(study.out / "grasps.json")).front();
-  EXPECT_DOUBLE_EQ(told["lost_time_s"], row.figures.left_time);
+  EXPECT_DOUBLE_EQ(told["lost_time_s"], row.figures.left_time.value());
   for (const char* unknown : {"margin", "slip_m_per_s", "shift_m", "contacts"})
     EXPECT_TRUE(told[unknown].is_null()) << unknown;
   EXPECT_NE(std::string(told["outcome"]).find("LOST at"), std::string::npos);
@@ -163,7 +161,7 @@ TEST(GraspStudy, EndsARunWhoseObjectIsLost) {
 // of motion is near, and none was kept.
 TEST(GraspFigures, HaveNoMarginOfAnObjectThatLiesOnTheGround) {
   simulation::GraspFigures figures;
-  figures.complete = figures.left = true;
+  figures.complete = true;
   figures.left_time = 2;
   figures.watched_time = 3;
   EXPECT_EQ(figures.outcome(), simulation::Outcome::lost);
@@ -189,7 +187,7 @@ TEST(GraspStudy, CallsAVerdictUncertainWhoseMarginIsSmallerThanTheStepsDifferenc
     EXPECT_EQ(row.uncertain(), uncertain) << margin;
   }
   row.figures.held = false;
-  row.figures.left = true;
+  row.figures.left_time = 0;
   row.half_step = row.figures;
   row.half_step->shift = 1;
   EXPECT_FALSE(row.uncertain());

@@ -359,7 +359,7 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
 // Oracle: of 21 evenly spaced numbers the 5th, 50th and 95th percentile are the 2nd, 11th and 20th. A curve
 // that ends early counts as long as it lasts.
 TEST(Rollouts, BandsAreThePercentilesOfTheCurvesThatAreThere) {
-  std::vector<Trajectory> curves;
+  std::vector<TimeSeries> curves;
   for (int i = 21; i > 0; --i) {
     curves.push_back({{"time[s]", "x.torque[N_m]"}, {0.5, static_cast<double>(i)}});
     if (i == 7) curves.back().values.insert(curves.back().values.end(), {1, 70});

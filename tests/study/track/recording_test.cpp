@@ -202,8 +202,8 @@ TEST(MarkerSet, NamesSegmentsOfTheHandModel) {
   const hand::HandSpec spec = hand::read_hand_spec(model, "", diagnostics);
   const std::vector<Feature> right = features_of(set, spec, model::Side::right);
   ASSERT_EQ(right.size(), 1U);
-  EXPECT_EQ(spec.segments[static_cast<std::size_t>(right[0].segment)].name, "index_proximal");
-  EXPECT_EQ(features_of(set, spec, model::Side::left).at(0).segment, -1);
+  EXPECT_EQ(spec.segments[right[0].segment.value()].name, "index_proximal");
+  EXPECT_FALSE(features_of(set, spec, model::Side::left).at(0).segment);
   YamlNode wrong = parse_yaml("markers: [{name: A, segment: index_proximl, at: [0, 0, 0]}]\n", "set.yaml");
   const MarkerSet misspelt = read_marker_set(wrong, "", diagnostics);
   EXPECT_THROW(features_of(misspelt, spec, model::Side::right), Error);

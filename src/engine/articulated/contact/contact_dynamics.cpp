@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 #include "handsim/engine/collision/ode_library.h"
 
@@ -108,7 +107,7 @@ void ContactDynamics::select_dofs() {
     if (involved(order_[at(i)])) chosen_.push_back(i);
   if (!system_.chosen.choose(system_.all, chosen_)) return;
   dof_of_.clear();
-  std::fill(place_.begin(), place_.end(), kNoDof);
+  std::ranges::fill(place_, kNoDof);
   for (const int i : chosen_) {
     place_[at(order_[at(i)])] = static_cast<int>(dof_of_.size());
     dof_of_.push_back(order_[at(i)]);
@@ -173,7 +172,7 @@ ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
   return {1 / body.mass, 3 / body.inertia.trace()};
 }
 
-void ContactDynamics::find_moving_dofs(MovingDofs& of) const {
+void ContactDynamics::collect_moving_dofs(MovingDofs& of) const {
   of.dofs.clear();
   of.signs.clear();
   const auto add = [&](int dof, signed char sign) {
@@ -206,7 +205,7 @@ bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const
     if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
       return false;
   }
-  return each.side == Side::within && rate >= -stop_target(*each.q - *a.low, step) &&
+  return each.side == LimitSide::within && rate >= -stop_target(*each.q - *a.low, step) &&
          rate <= stop_target(*a.high - *each.q, step);
 }
 
@@ -225,14 +224,14 @@ void ContactDynamics::choose_trees(double step) {
 }
 
 /// The solver's A and g from the step without contacts and stops, of the trees that are involved.
-void ContactDynamics::find_free(Problem& p, double step) {
+void ContactDynamics::compute_free(Problem& p, double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
   if (muscles_) muscles_->correct(step);
   choose_trees(step);
   p.begin(system_.chosen);
-  space_.find_inertia([&](int dof) { return involved(dof); });
+  space_.compute_inertia([&](int dof) { return involved(dof); });
   for (const Coordinate& each : axes_)
     if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
   if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return involved(dof); });
@@ -281,7 +280,7 @@ void ContactDynamics::bound_axes(Problem& p, double step) {
                            side_of(*a.saturated)};
       p.servos[at(each.place)] = servo;
       p.g[at(each.place)] -= servo.torque(servo.offset);
-      if (servo.saturated == Side::within) p.inertia(each.place, each.place) -= servo.slope;
+      if (servo.saturated == LimitSide::within) p.inertia(each.place, each.place) -= servo.slope;
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
     p.bounds[at(each.place)] = {-stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
@@ -297,9 +296,9 @@ bool ContactDynamics::apply_restitution(Problem& p) {
     Bound& bound = p.bounds[at(each.place)];
     const int side = sign(bound.side);
     const double speed = side * *each.u;
-    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
+    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.restitution > 0)) continue;
     // Speeds towards the stop after the step: without and with restitution.
-    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
+    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.restitution * speed;
     if (!(bounced < now)) continue;
     each.bounced = any = true;
     // The opposite stop stays, and the rebound ends there at the latest.
@@ -334,7 +333,7 @@ NewtonReport ContactDynamics::solve(double step) {
     each.side = side_of(*each.axis.side);
     *each.axis.side = 0;
   }
-  find_free(p, step);
+  compute_free(p, step);
   bound_axes(p, step);
   add_contacts(p, step);
   add_loop_rows(p);

@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/dynamics/loops.h"
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"
@@ -72,7 +71,7 @@ class ContactDynamics {
     int dof = 0, place = 0;  ///< of the joint space, of the solver
     AxisView axis;
     const double *q = nullptr, *u = nullptr;
-    Side side = Side::within;  ///< stop that was in force
+    LimitSide side = LimitSide::within;  ///< stop that was in force
     bool bounced = false;
   };
   /// One body of a contact: its velocity at an origin, that of its island where it is a node.
@@ -100,7 +99,7 @@ class ContactDynamics {
   static void carry(Archive& archive, T& point);
   void order_dofs();
   void select_dofs();
-  void find_free(Problem& p, double step);
+  void compute_free(Problem& p, double step);
   bool free_step_holds(const Coordinate& each, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
@@ -109,12 +108,12 @@ class ContactDynamics {
   void add_contacts(Problem& p, double step);
   void add_contact(Problem& p, const Contact& contact, const model::Material& surface, double share,
                    double step);
-  void find_pair(Problem& p, std::size_t index, int shape_a, int shape_b);
-  void find_moving_dofs(MovingDofs& of) const;
+  void compute_pair(Problem& p, std::size_t index, int shape_a, int shape_b);
+  void collect_moving_dofs(MovingDofs& of) const;
   Motion motion_of(int shape) const;
   double mobility_across(Problem& p, const Contact& contact, double enough);
-  double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
-                     double crossed, double approach, double step);
+  double compute_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
+                        double share, double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
   void store_warm_start(const Problem& p, double step);
   void add_loop_rows(Problem& p);

@@ -4,7 +4,6 @@
 #include <tuple>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/contact_dynamics.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 #include "handsim/engine/spring.h"
@@ -18,7 +17,7 @@ bool ContactDynamics::matters(const Touch& touch) const {
 }
 
 /// The bodies of a pair that touches, and the unknowns that move one against the other.
-void ContactDynamics::find_pair(Problem& p, std::size_t index, int shape_a, int shape_b) {
+void ContactDynamics::compute_pair(Problem& p, std::size_t index, int shape_a, int shape_b) {
   pair_.a = motion_of(shape_a);
   pair_.b = motion_of(shape_b);
   const Mobility a = mobility_of(shape_a), b = mobility_of(shape_b);
@@ -30,7 +29,7 @@ void ContactDynamics::find_pair(Problem& p, std::size_t index, int shape_a, int 
   if (moving.node_a != node_a || moving.node_b != node_b) {
     moving.node_a = node_a;
     moving.node_b = node_b;
-    find_moving_dofs(moving);
+    collect_moving_dofs(moving);
   }
   const auto last = [&](int node) { return node == kNoNode ? kNone : place_[at(space_.last_dof(node))]; };
   p.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
@@ -52,8 +51,9 @@ double ContactDynamics::mobility_across(Problem& p, const Contact& contact, doub
 }
 
 /// Velocity along the normal that a contact is to have after the step, and its regularization.
-double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
-                                    double share, double crossed, double approach, double step) {
+double ContactDynamics::compute_target(ContactRows& rows, const Contact& contact,
+                                       const model::Material& surface, double share, double crossed,
+                                       double approach, double step) {
   const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   double target = 0;
   if (surface.compliance) {
@@ -89,7 +89,7 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const mode
   frame.col(2) = contact.normal.cross(frame.col(1));
   const Vec3 v =
       frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
-  rows.start[0] = v.x() - find_target(rows, contact, surface, share, crossed, -v.x(), step);
+  rows.start[0] = v.x() - compute_target(rows, contact, surface, share, crossed, -v.x(), step);
 
   double* G = p.wrenches_of(rows);
   const auto set_wrench = [](double* to, const Vec3& moment, const Vec3& force) {
@@ -146,7 +146,7 @@ void ContactDynamics::add_contacts(Problem& p, double step) {
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
     if (const auto last = std::exchange(bodies, these); pairs == 0 || last != these)
-      find_pair(p, pairs++, any.shape_a, any.shape_b);
+      compute_pair(p, pairs++, any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
       const std::size_t i = touch.first + at(index);
       const Contact& contact = collider_.contacts()[i];
@@ -178,7 +178,7 @@ void ContactDynamics::add_loop_rows(Problem& p) {
     row.bilateral = true;
     row.open = false;
     row.start[0] = rates[i];
-    std::copy(entries.begin(), entries.end(), p.jacobian(row).begin());
+    std::ranges::copy(entries, p.jacobian(row).begin());
     row.regularization = kTuning.loop_regularization * mobility;
   }
 }

@@ -5,7 +5,6 @@
 #include <limits>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -20,7 +19,7 @@ double* motion_of(const Problem& p, Workspace& w, int body) {
 }
 
 /// Of body a against b at a's origin.
-void find_relative_motion(const Problem& p, Workspace& w, const Pair& pair, double* out) {
+void compute_relative_motion(const Problem& p, Workspace& w, const Pair& pair, double* out) {
   const double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
   const Vec3 turn(b[0], b[1], b[2]), v = Vec3(b[4], b[5], b[6]) + turn.cross(pair.apart);
   for (std::size_t k = 0; k < 3; ++k) {
@@ -44,7 +43,7 @@ void add_pair_wrench(const Problem& p, Workspace& w, const Pair& pair, const dou
 }
 
 /// r = start + J x.
-void find_row_velocities(Problem& p, Workspace& w, bool still, bool whole_step) {
+void compute_row_velocities(Problem& p, Workspace& w, bool still, bool whole_step) {
   w.r.resize(kMostRows * p.contacts.size());
   if (!still && !whole_step) multiply_rows(p, w, p.x.data(), w.r.data());
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
@@ -57,7 +56,7 @@ void find_row_velocities(Problem& p, Workspace& w, bool still, bool whole_step) 
 
 /// -J^T p, into F.
 void add_contact_impulses(Problem& p, Workspace& w) {
-  std::fill(w.carried.begin(), w.carried.end(), 0.0);
+  std::ranges::fill(w.carried, 0.0);
   std::array<double, kSpatial> wrench{};
   int pair = kNone;
   const auto add_pair = [&] {
@@ -153,14 +152,14 @@ double stop_compliance(const Problem& p, int i) { return kTuning.stop_compliance
 
 void multiply_rows(Problem& p, Workspace& w, const double* x, double* out) {
   if (!p.pairs.empty())
-    w.kernel.find_motions(p.motions.data(), p.unknowns->parent.data(), p.size(), x, w.carried.data());
+    w.kernel.compute_motions(p.motions.data(), p.unknowns->parent.data(), p.size(), x, w.carried.data());
   std::array<double, kSpatial> motion;
   int pair = kNone;
   for (const ContactRows& contact : p.contacts) {
     if (contact.pair == kNone) {
       w.kernel.multiply(p.block(contact, 0, contact.rows), x, out);
     } else {
-      if (contact.pair != pair) find_relative_motion(p, w, p.pairs[at(contact.pair)], motion.data());
+      if (contact.pair != pair) compute_relative_motion(p, w, p.pairs[at(contact.pair)], motion.data());
       pair = contact.pair;
       w.kernel.project(p.wrenches_of(contact), contact.rows, motion.data(), out);
     }
@@ -172,7 +171,7 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
   w.law = law;
   w.rounding_known = false;
   const int n = p.size();
-  const bool still = std::all_of(p.x.begin(), p.x.end(), [](double x) { return x == 0; });
+  const bool still = std::ranges::all_of(p.x, [](double x) { return x == 0; });
   for (int i = 0; i < n; ++i) w.F[at(i)] = -p.g[at(i)];
   if (!still)
     w.kernel.add_product({p.A.data(), p.unknowns->row_start.data()}, p.unknowns->last.data(), n, p.x.data(),
@@ -181,8 +180,8 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
     const double x = p.x[at(i)];
     if (law == Law::fixed_limits) {
       Bound& bound = p.bounds[at(i)];
-      bound.side = x < bound.low ? Side::low : (x > bound.high ? Side::high : Side::within);
-      if (bound.side != Side::within) w.F[at(i)] += (x - bound.end()) / stop_compliance(p, i);
+      bound.side = x < bound.low ? LimitSide::low : (x > bound.high ? LimitSide::high : LimitSide::within);
+      if (bound.side != LimitSide::within) w.F[at(i)] += (x - bound.end()) / stop_compliance(p, i);
     }
     Servo& servo = p.servos[at(i)];
     if (!(servo.limit > 0)) continue;
@@ -190,19 +189,19 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
     if (law != Law::active_set) servo.saturated = servo.side(pull);
     w.F[at(i)] -= servo.torque(pull);
   }
-  find_row_velocities(p, w, still, whole_step);
+  compute_row_velocities(p, w, still, whole_step);
   add_contact_impulses(p, w);
 }
 
-void find_rounding(Problem& p, Workspace& w) {
+void compute_rounding(Problem& p, Workspace& w) {
   if (std::exchange(w.rounding_known, true)) return;
-  p.find_jacobians(w.kernel);
+  p.compute_jacobians(w.kernel);
   for (int i = 0; i < p.size(); ++i) {
     double& sum = w.rounding[at(i)];
     const double x = p.x[at(i)];
     sum = std::abs(p.g[at(i)]);
     const Bound& bound = p.bounds[at(i)];
-    if (w.law == Law::fixed_limits && bound.side != Side::within)
+    if (w.law == Law::fixed_limits && bound.side != LimitSide::within)
       sum += (std::abs(x) + std::abs(bound.end())) / stop_compliance(p, i);
     const Servo& servo = p.servos[at(i)];
     if (servo.limit > 0) sum += std::abs(servo.torque(servo.offset - servo.slope * x));
@@ -226,7 +225,7 @@ double largest_residual(const Problem& p, const Workspace& w) {
   double most = 0;
   for (int i = 0; i < p.size(); ++i) {
     // A bound holds it.
-    if (w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within) continue;
+    if (w.law != Law::fixed_limits && p.bounds[at(i)].side != LimitSide::within) continue;
     const double left = std::abs(w.F[at(i)]) - (w.rounding_known ? kRounding * w.rounding[at(i)] : 0);
     // Written so that NaN counts.
     if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / p.inertia(i));
@@ -237,7 +236,7 @@ double largest_residual(const Problem& p, const Workspace& w) {
 double residual(Problem& p, Workspace& w, double tolerance) {
   const double most = largest_residual(p, w);
   if (most <= tolerance || w.rounding_known) return most;
-  find_rounding(p, w);
+  compute_rounding(p, w);
   return largest_residual(p, w);
 }
 
@@ -246,10 +245,10 @@ bool release_bounds(Problem& p, Workspace& w) {
   for (int i = 0; i < p.size(); ++i) {
     Bound& bound = p.bounds[at(i)];
     const double push = sign(bound.side) * w.F[at(i)];
-    if (bound.side == Side::within || !(push > 0)) continue;
-    find_rounding(p, w);
+    if (bound.side == LimitSide::within || !(push > 0)) continue;
+    compute_rounding(p, w);
     if (!(push > kRounding * w.rounding[at(i)])) continue;
-    bound.side = Side::within;
+    bound.side = LimitSide::within;
     any = true;
   }
   return any;

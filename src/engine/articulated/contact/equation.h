@@ -71,7 +71,7 @@ void multiply_rows(Problem& p, Workspace& w, const double* x, double* out);
 /// Impulses at x, and the residual. @param whole_step x is that of the last evaluation plus d
 void evaluate(Problem& p, Workspace& w, Law law, bool whole_step = false);
 /// The sums of the magnitudes of the residual's terms, where they are not known.
-void find_rounding(Problem& p, Workspace& w);
+void compute_rounding(Problem& p, Workspace& w);
 /// Largest entry of F as a rate, without rounding where that is known.
 double largest_residual(const Problem& p, const Workspace& w);
 /// The same; where it is beyond the tolerance, without rounding.

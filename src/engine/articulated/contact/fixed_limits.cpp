@@ -9,7 +9,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
@@ -104,7 +103,7 @@ void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, 
   evaluate(p, w, Law::fixed_limits);
   for (int i = 0; i < kTuning.fixed_steps && !(residual(p, w, tolerance) <= tolerance); ++i) {
     factor.factor(p, w);
-    find_step(p, factor, w, report);
+    compute_step(p, factor, w, report);
     evaluate(p, w, Law::fixed_limits, advance(p, w, line_search(p, w)));
   }
 }
@@ -135,7 +134,7 @@ double update_limits(Problem& p, double relaxation, double most) {
 /// Moves the limits of the latest solution towards those that a Newton step for Coulomb's law predicts.
 void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
   factor.factor(p, w);
-  find_step(p, factor, w, report);
+  compute_step(p, factor, w, report);
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
     const double end = -(w.r[kMostRows * c] + w.s[kMostRows * c]) / contact.regularization;
@@ -161,7 +160,7 @@ void restart_limits(Problem& p, double multiple) {
 
 void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
                         NewtonReport& report) {
-  std::fill(p.x.begin(), p.x.end(), 0.0);
+  std::ranges::fill(p.x, 0.0);
   restart_limits(p, 0);
   double relaxation = 1;
   double least = HUGE_VAL;

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
@@ -25,9 +24,9 @@ struct Block {
 class Sweeps {
  public:
   Sweeps(Problem& p, SparseFactor& factor, Workspace& w) : p_(p), factor_(factor), w_(w) {
-    p.find_jacobians(w.kernel);
+    p.compute_jacobians(w.kernel);
     factor.factor_inertia(p, w);
-    std::fill(w.d.begin(), w.d.end(), 0.0);
+    std::ranges::fill(w.d, 0.0);
     for (std::size_t c = 0; c < p.contacts.size(); ++c)
       add({.kind = Block::Kind::contact, .index = c, .rows = p.contacts[c].rows});
     for (int i = 0; i < p.size(); ++i) {
@@ -129,11 +128,12 @@ class Sweeps {
       Servo& servo = p_.servos[block.index];
       next =
           std::clamp((servo.offset - servo.slope * free) / (1 + servo.slope * D), -servo.limit, servo.limit);
-      servo.saturated = next >= servo.limit ? Side::high : (next <= -servo.limit ? Side::low : Side::within);
+      servo.saturated =
+          next >= servo.limit ? LimitSide::high : (next <= -servo.limit ? LimitSide::low : LimitSide::within);
     } else {
       Bound& bound = p_.bounds[block.index];
       next = (std::clamp(free, bound.low, bound.high) - free) / D;
-      bound.side = next > 0 ? Side::low : (next < 0 ? Side::high : Side::within);
+      bound.side = next > 0 ? LimitSide::low : (next < 0 ? LimitSide::high : LimitSide::within);
     }
     const double change = next - block.impulse;
     apply(block, 0, change);

@@ -3,7 +3,6 @@
 #include <numeric>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
@@ -139,10 +138,11 @@ void store(const Problem& island, std::span<const int> members, std::span<const 
 }
 
 NewtonReport solve_island(Problem& p, SparseFactor& factor, Workspace& w, double tolerance) {
+  check(p);
   w.resize(p);
   factor.update_pattern(p, w);
   for (std::size_t i = 0; i < p.x.size(); ++i)
-    p.x[i] = p.bounds[i].side == Side::within ? p.start[i] : p.bounds[i].end();
+    p.x[i] = p.bounds[i].side == LimitSide::within ? p.start[i] : p.bounds[i].end();
   NewtonReport report;
   if (p.size() <= kTuning.heap) {
     solve_newton(p, factor, w, tolerance, report);

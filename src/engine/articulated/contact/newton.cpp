@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/solvers.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
@@ -41,7 +40,7 @@ void update_directions(Problem& p, const Workspace& w) {
 
 /// A step with the factor for Coulomb's law.
 bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
-  find_step(p, factor, w, report);
+  compute_step(p, factor, w, report);
   update_directions(p, w);
   evaluate(p, w, Law::coulomb, advance(p, w, 1));
   return solved(p, w, tolerance, report);
@@ -93,7 +92,8 @@ bool keeps_active_set(const Problem& p, const Workspace& w) {
 bool keeps_bounds(const Problem& p) {
   for (int i = 0; i < p.size(); ++i)
     if (const Bound& bound = p.bounds[at(i)];
-        bound.side == Side::within && (p.x[at(i)] < bound.low - kBeyond || p.x[at(i)] > bound.high + kBeyond))
+        bound.side == LimitSide::within &&
+        (p.x[at(i)] < bound.low - kBeyond || p.x[at(i)] > bound.high + kBeyond))
       return false;
   return true;
 }
@@ -126,8 +126,10 @@ bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double toleran
 
 }  // namespace
 
-void find_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
-  const auto kept = [&](int i) { return w.law != Law::fixed_limits && p.bounds[at(i)].side != Side::within; };
+void compute_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
+  const auto kept = [&](int i) {
+    return w.law != Law::fixed_limits && p.bounds[at(i)].side != LimitSide::within;
+  };
   for (int i = 0; i < p.size(); ++i) w.d[at(i)] = kept(i) ? 0 : -w.F[at(i)];
   factor.solve(w, w.d.data());
   // An earlier problem's factor does not know which unknowns are at a bound.
@@ -144,12 +146,12 @@ bool advance(Problem& p, const Workspace& w, double share) {
     double& x = p.x[at(i)];
     Bound& bound = p.bounds[at(i)];
     const bool penalty = w.law == Law::fixed_limits;
-    if (!penalty && bound.side != Side::within) continue;
+    if (!penalty && bound.side != LimitSide::within) continue;
     x += share * w.d[at(i)];
     if (penalty) continue;
-    if (x < bound.low - kBeyond) bound.side = Side::low;
-    if (x > bound.high + kBeyond) bound.side = Side::high;
-    if (bound.side == Side::within) continue;
+    if (x < bound.low - kBeyond) bound.side = LimitSide::low;
+    if (x > bound.high + kBeyond) bound.side = LimitSide::high;
+    if (bound.side == LimitSide::within) continue;
     x = bound.end();
     whole = false;
   }

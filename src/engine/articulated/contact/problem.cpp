@@ -1,10 +1,9 @@
 #include "handsim/engine/articulated/contact/problem.h"
 
 #include <algorithm>
+#include <cassert>
 #include <limits>
 #include <utility>
-
-#include "handsim/core/index.h"
 
 namespace handsim::engine::articulated {
 
@@ -29,7 +28,7 @@ void Problem::begin(const Unknowns& of) {
   start.assign(n, 0.0);
   x.resize(n);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  bounds.assign(n, {-kInfinity, kInfinity, Side::within});
+  bounds.assign(n, {-kInfinity, kInfinity, LimitSide::within});
   servos.assign(n, {});
   motions.assign(kSpatial * n, 0.0);
   contacts.clear();
@@ -93,7 +92,7 @@ ContactRows& Problem::add_contact(std::size_t rows) {
   return out;
 }
 
-void Problem::find_jacobians(const RowKernel& kernel) {
+void Problem::compute_jacobians(const RowKernel& kernel) {
   if (std::exchange(with_jacobians, true)) return;
   if (J.size() < entries) J.resize(entries);
   std::array<double, kMostRows> column;
@@ -117,6 +116,41 @@ void Problem::find_jacobians(const RowKernel& kernel) {
       for (std::size_t row = 0; row < contact.rows; ++row) to[row * contact.dof_count + k] = column[row];
     }
   }
+}
+
+void check([[maybe_unused]] const Problem& p) {
+#ifndef NDEBUG
+  const Unknowns& u = *p.unknowns;
+  const int n = p.size();
+  assert(p.A.size() == u.entries && p.motions.size() == kSpatial * at(n));
+  assert(!p.with_jacobians || p.J.size() >= p.entries);
+  for (const std::size_t size : {p.g.size(), p.start.size(), p.x.size(), p.bounds.size(), p.servos.size()})
+    assert(size == at(n));
+  for (int i = 0; i < n; ++i) {
+    // A row and its column have the same ends: the pattern is symmetric, and fills along branches alone.
+    const int up = u.parent[at(i)], last = u.last[at(i)];
+    assert(u.first[at(i)] <= i && u.first[at(last)] <= i && i <= last && last < n);
+    assert(up > i && (up == n ? last == i : u.last[at(up)] == last && u.first[at(up)] <= u.first[at(i)]));
+    assert(!(p.bounds[at(i)].low > p.bounds[at(i)].high) && !(p.servos[at(i)].limit < 0));
+  }
+  std::size_t entries = 0;
+  for (const ContactRows& contact : p.contacts) {
+    const std::span<const int> dofs = p.dofs_of(contact);
+    assert(!dofs.empty() && dofs.front() >= 0 && dofs.back() < n && std::ranges::is_sorted(dofs));
+    auto dof = dofs.begin();
+    for (const Run& run : p.runs_of(contact))
+      for (int i = run.first; i < run.end; ++i) assert(dof != dofs.end() && *dof++ == i);
+    assert(dof == dofs.end() && contact.first_entry == entries);
+    entries += contact.rows * dofs.size();
+    std::size_t row = 1;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      assert(contact.discs[k].row == row);
+      row += contact.discs[k].size;
+    }
+    assert(row == contact.rows && row <= kMostRows && contact.pair < static_cast<int>(p.pairs.size()));
+  }
+  assert(entries == p.entries);
+#endif
 }
 
 }  // namespace handsim::engine::articulated

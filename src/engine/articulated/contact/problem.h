@@ -26,10 +26,10 @@ inline constexpr std::size_t kUsualContacts = 16, kUsualRows = 4, kUsualSliding 
 inline constexpr std::size_t kMostRows = 6;  ///< of a contact
 
 /// Where a value is that has two limits.
-enum class Side : signed char { low = -1, within = 0, high = 1 };
-constexpr int sign(Side side) { return static_cast<int>(side); }
+enum class LimitSide : signed char { low = -1, within = 0, high = 1 };
+constexpr int sign(LimitSide side) { return static_cast<int>(side); }
 /// @param sign -1, 0 or 1
-constexpr Side side_of(double sign) { return static_cast<Side>(static_cast<int>(sign)); }
+constexpr LimitSide side_of(double sign) { return static_cast<LimitSide>(static_cast<int>(sign)); }
 
 /// Friction on the edge of its disc, and which way.
 struct Sliding {
@@ -73,18 +73,18 @@ struct ContactRows : Dofs {
 /// Bounds of an unknown. In: it starts on the bound; out: the bound holds it.
 struct Bound {
   double low, high;
-  Side side;
-  double end() const { return side == Side::low ? low : high; }
+  LimitSide side;
+  double end() const { return side == LimitSide::low ? low : high; }
 };
 
 /// Adds offset - slope x, clamped to +-limit, to the right side; none without a limit.
 struct Servo {
   double offset = 0, slope = 0, limit = 0;
-  Side saturated = Side::within;  ///< in: in the last step; out: in this one
-  Side side(double pull) const {
-    return pull > limit ? Side::high : (pull < -limit ? Side::low : Side::within);
+  LimitSide saturated = LimitSide::within;  ///< in: in the last step; out: in this one
+  LimitSide side(double pull) const {
+    return pull > limit ? LimitSide::high : (pull < -limit ? LimitSide::low : LimitSide::within);
   }
-  double torque(double pull) const { return saturated == Side::within ? pull : sign(saturated) * limit; }
+  double torque(double pull) const { return saturated == LimitSide::within ? pull : sign(saturated) * limit; }
 };
 
 /// Two bodies that touch, by the unknowns that carry them last, or kNone.
@@ -125,13 +125,9 @@ struct Problem : Iterate {
   int size() const { return unknowns->size(); }
   Iterate& iterate() { return *this; }
   /// A's entry, i <= j.
-  double& inertia(int i, int j) {
-    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
-  }
-  double inertia(int i) const {
-    return A[unknowns->row_start[static_cast<std::size_t>(i)] + static_cast<std::size_t>(i)];
-  }
-  double* motion(int i) { return motions.data() + kSpatial * static_cast<std::size_t>(i); }
+  double& inertia(int i, int j) { return A[unknowns->row_start[at(i)] + at(j)]; }
+  double inertia(int i) const { return A[unknowns->row_start[at(i)] + at(i)]; }
+  double* motion(int i) { return motions.data() + kSpatial * at(i); }
   /// Adds a contact on these unknowns (at least one, in ascending order). The caller fills in its J.
   ContactRows& add(std::span<const int> of, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {
@@ -145,7 +141,7 @@ struct Problem : Iterate {
     return wrenches.data() + kSpatial * contact.first_wrench;
   }
   /// J of all pairs.
-  void find_jacobians(const RowKernel& kernel);
+  void compute_jacobians(const RowKernel& kernel);
 
   std::span<const int> dofs_of(const Dofs& of) const { return {dofs.data() + of.first_dof, of.dof_count}; }
   std::span<const Run> runs_of(const Dofs& of) const { return {runs.data() + of.first_run, of.run_count}; }
@@ -159,5 +155,8 @@ struct Problem : Iterate {
  private:
   void list(Dofs& out, std::span<const int> of);
 };
+
+/// Asserts what solvers rely on: sizes, A's pattern, order of unknowns, rows and limits. Nothing with NDEBUG.
+void check(const Problem& p);
 
 }  // namespace handsim::engine::articulated

@@ -53,7 +53,7 @@ void solve_gauss_seidel(Problem& p, SparseFactor& factor, Workspace& w, double t
                         NewtonReport& report);
 
 // Steps of Newton's method and its fallback (newton.cpp). Newton's step into d, its J d into s.
-void find_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report);
+void compute_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report);
 /// x += share d, projected on the bounds unless these are penalties. @returns whether x has moved by all of d
 bool advance(Problem& p, const Workspace& w, double share);
 /// Whether the evaluated x is the solution.

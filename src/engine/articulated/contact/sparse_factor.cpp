@@ -4,7 +4,6 @@
 #include <bit>
 #include <utility>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -54,11 +53,11 @@ void SparseFactor::update_pattern(const Problem& p, Workspace& w) {
     active_.clear();
     known_ = false;
   }
-  if (!std::exchange(known_, true)) find_pattern(p, w, p.contacts);
+  if (!std::exchange(known_, true)) compute_pattern(p, w, p.contacts);
 }
 
 /// The pattern of the factor of A and of what contacts add.
-void SparseFactor::find_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts) {
+void SparseFactor::compute_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts) {
   const Unknowns& unknowns = *p.unknowns;
   const int n = p.size();
   const std::vector<std::size_t>& chain_of = unknowns.chain_of;
@@ -174,7 +173,7 @@ void SparseFactor::add_coupling(const Problem& p) {
     const double share = disc.coefficient / contact.regularization;
     for (std::size_t j = 0; j < dofs.size(); ++j) {
       const std::size_t dof = at(dofs[j]);
-      if (p.bounds[dof].side != Side::within) continue;
+      if (p.bounds[dof].side != LimitSide::within) continue;
       C_[dof * m + column] =
           share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[dofs.size() + j] : 0));
       G_[dof * m + column] = J[j];
@@ -183,7 +182,7 @@ void SparseFactor::add_coupling(const Problem& p) {
 }
 
 void SparseFactor::assemble(Problem& p, Workspace& w) {
-  p.find_jacobians(w.kernel);
+  p.compute_jacobians(w.kernel);
   M_.resize(entries_);
   const Unknowns& unknowns = *p.unknowns;
   const bool fixed = w.law == Law::fixed_limits;
@@ -194,8 +193,8 @@ void SparseFactor::assemble(Problem& p, Workspace& w) {
     std::copy(A + i, A + own_last + 1, M + i);
     std::fill(M + own_last + 1, M + std::max(own_last, last_[at(i)]) + 1, 0.0);
     const Servo& servo = p.servos[at(i)];
-    if (servo.limit > 0 && servo.saturated == Side::within) M[i] += servo.slope;
-    if (fixed && p.bounds[at(i)].side != Side::within) M[i] += 1 / stop_compliance(p, i);
+    if (servo.limit > 0 && servo.saturated == LimitSide::within) M[i] += servo.slope;
+    if (fixed && p.bounds[at(i)].side != LimitSide::within) M[i] += 1 / stop_compliance(p, i);
   }
   for (const ContactRows& contact : p.contacts)
     if (!contact.open || fixed) add_stiffness(p, w, contact);
@@ -203,7 +202,7 @@ void SparseFactor::assemble(Problem& p, Workspace& w) {
   if (fixed) return;
   add_coupling(p);
   for (int i = 0; i < p.size(); ++i) {
-    if (p.bounds[at(i)].side == Side::within) continue;
+    if (p.bounds[at(i)].side == LimitSide::within) continue;
     std::fill(&entry(i, i), &entry(i, last_[at(i)]) + 1, 0.0);
     for (int j = 0; j < i; ++j)
       if (last_[at(j)] >= i) entry(j, i) = 0;
@@ -227,7 +226,7 @@ void SparseFactor::factor(Problem& p, Workspace& w) {
 }
 
 void SparseFactor::factor_inertia(const Problem& p, Workspace& w) {
-  find_pattern(p, w, {});
+  compute_pattern(p, w, {});
   known_ = false;
   active_.clear();
   M_ = p.A;
@@ -255,7 +254,7 @@ bool SparseFactor::fits(const Problem& p, Workspace& w) {
   const std::size_t m = columns_.size();
   if (M_.size() != entries_ || C_.size() != at(p.size()) * m || G_.size() != C_.size() ||
       K_.size() != m * m || pivots_.size() != m ||
-      std::any_of(pivots_.begin(), pivots_.end(), [&](std::size_t each) { return each >= m; }))
+      std::ranges::any_of(pivots_, [&](std::size_t each) { return each >= m; }))
     return false;
   if (problems_to_pass_ == 0) return true;
   --problems_to_pass_;

@@ -40,14 +40,12 @@ class SparseFactor {
     std::size_t contact = 0, disc = 0;
   };
 
-  void find_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts);
+  void compute_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts);
   void assemble(Problem& p, Workspace& w);
   void add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact);
   void list_columns(const Problem& p);
   void add_coupling(const Problem& p);
-  double& entry(int i, int j) {
-    return M_[start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j)];
-  }
+  double& entry(int i, int j) { return M_[start_[at(i)] + at(j)]; }
   Factor view() { return {{M_.data(), start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
   Coupling coupling() {
     return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <numeric>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 void Unknowns::reserve(std::size_t n) {

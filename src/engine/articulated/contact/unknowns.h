@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/articulated/kernels/row_kernel.h"
 
 namespace handsim::engine::articulated {
@@ -22,9 +23,7 @@ struct Unknowns {
   std::vector<int> tree_of;           ///< of each unknown
 
   int size() const { return static_cast<int>(first.size()); }
-  const Run& tree(int unknown) const {
-    return trees[static_cast<std::size_t>(tree_of[static_cast<std::size_t>(unknown)])];
-  }
+  const Run& tree(int unknown) const { return trees[at(tree_of[at(unknown)])]; }
   void reserve(std::size_t n);
   /// @param first_of for every unknown i the least j <= i with a matrix entry (i, j), whatever the state
   void assign(std::span<const int> first_of);

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/derivatives/contact_slopes.h"
 
 namespace handsim::engine::articulated {
@@ -24,7 +23,7 @@ Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
 }  // namespace
 
 /// Of all points of a touch.
-void ContactSlopes::find_responses(const Touch& touch, const model::State& start) {
+void ContactSlopes::compute_responses(const Touch& touch, const model::State& start) {
   const Contact& any = contact_.contacts()[touch.first];
   responses_.assign(at(touch.count), {});
   about_ = any.position;

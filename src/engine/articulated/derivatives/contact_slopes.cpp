@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
@@ -72,7 +71,7 @@ ContactSlopes::Law6 ContactSlopes::law_of(const ContactRows& rows) {
 void ContactSlopes::add_stiffness(Eigen::MatrixXd& K) {
   Workspace& w = ContactDynamics::workspace();
   Problem& p = w.problem;
-  p.find_jacobians(w.kernel);
+  p.compute_jacobians(w.kernel);
   for (const ContactRows& rows : p.contacts) {
     if (rows.open) continue;
     const auto size = static_cast<Eigen::Index>(rows.rows), width = static_cast<Eigen::Index>(rows.dof_count);
@@ -101,8 +100,8 @@ void ContactSlopes::factor(const Eigen::MatrixXd& inertia) {
   Eigen::MatrixXd K = K_(contact_.dof_of_, contact_.dof_of_);
   for (Eigen::Index k = 0; k < K.rows(); ++k) {
     const Servo& servo = p.servos[at(k)];
-    if (servo.limit > 0 && servo.saturated == Side::within) K(k, k) += servo.slope;
-    if (p.bounds[at(k)].side == Side::within) continue;
+    if (servo.limit > 0 && servo.saturated == LimitSide::within) K(k, k) += servo.slope;
+    if (p.bounds[at(k)].side == LimitSide::within) continue;
     K.row(k).setZero();
     K.col(k).setZero();
     K(k, k) = 1;
@@ -120,7 +119,8 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
   for (int i = 0; i < kRefinements && !done; ++i) {
     evaluate(p, w, Law::coulomb);
     // Near the solution one factor serves for all steps.
-    for (Eigen::Index k = 0; k < d.size(); ++k) d[k] = p.bounds[at(k)].side == Side::within ? -w.F[at(k)] : 0;
+    for (Eigen::Index k = 0; k < d.size(); ++k)
+      d[k] = p.bounds[at(k)].side == LimitSide::within ? -w.F[at(k)] : 0;
     if (i == 0 || last > kNear) factor(inertia);
     d = factor_.solve(d);
     const double change = d.lpNorm<Eigen::Infinity>();
@@ -135,7 +135,7 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
   return done;
 }
 
-void ContactSlopes::find_velocities() {
+void ContactSlopes::compute_velocities() {
   Workspace& w = ContactDynamics::workspace();
   end_.assign(mechanism_.views().size(), Spatial::Zero());
   std::vector<double> x(at(tree_.size()), 0.0);
@@ -270,7 +270,7 @@ Spatial ContactSlopes::wrench(const Point& point, const Change& change) const {
   return out;
 }
 
-void ContactSlopes::find_target(Point& point, const Touch& touch, double step) const {
+void ContactSlopes::compute_target(Point& point, const Touch& touch, double step) const {
   const model::Material& surface = touch.surface;
   const double depth = point.contact->depth, erp = contact_.erp_;
   const double inside = std::max(depth - kSurfaceLayer, 0.0);
@@ -331,25 +331,25 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
   Workspace& w = ContactDynamics::workspace();
   const Problem& p = w.problem;
   notes_.clear();
-  find_velocities();
+  compute_velocities();
   double largest = 0;
   for (const ContactRows& rows : p.contacts) largest = std::max(largest, rows.impulse[0]);
   std::size_t i = 0;
-  std::pair<int, int> bodies(-1, -1);
+  std::optional<std::pair<int, int>> bodies;
   for (const Touch& touch : contact_.collider_.touches()) {
     if (!contact_.matters(touch)) continue;
     const Contact& any = contact_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(contact_.body_of(any.shape_a), contact_.body_of(any.shape_b));
-    if (these != bodies) {
-      if (bodies.first >= 0) end_pair(by_q, by_u);
+    if (bodies != these) {
+      if (bodies) end_pair(by_q, by_u);
       begin_pair(any.shape_a, any.shape_b);
       bodies = these;
     }
     const auto closed = [&](std::size_t k) { return !p.contacts[k].open; };
     bool some = false;
     for (std::size_t k = 0; k < at(touch.count); ++k) some = some || closed(i + k);
-    if (some) find_responses(touch, start);
+    if (some) compute_responses(touch, start);
     for (std::size_t k = 0; k < at(touch.count); ++k, ++i) {
       Point point;
       point.contact = &contact_.contacts()[touch.first + k];
@@ -362,11 +362,11 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
       const Vec3& c = point.contact->position;
       point.end = at_point(a_.end, c - a_.origin) - at_point(b_.end, c - b_.origin);
       point.start = at_point(a_.start, c - a_.origin) - at_point(b_.start, c - b_.origin);
-      find_target(point, touch, step);
+      compute_target(point, touch, step);
       add_contact(point, responses_[k]);
     }
   }
-  if (bodies.first >= 0) end_pair(by_q, by_u);
+  if (bodies) end_pair(by_q, by_u);
 }
 
 }  // namespace handsim::engine::articulated

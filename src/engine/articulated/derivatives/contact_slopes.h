@@ -76,14 +76,14 @@ class ContactSlopes {
   };
   void factor(const Eigen::MatrixXd& inertia);
   static Law6 law_of(const ContactRows& rows);
-  void find_velocities();
+  void compute_velocities();
   Partner partner_of(int shape) const;
   void begin_pair(int shape_a, int shape_b);
   void end_pair(Eigen::MatrixXd& by_q, Eigen::MatrixXd& by_u);
-  void find_responses(const Touch& touch, const model::State& start);
+  void compute_responses(const Touch& touch, const model::State& start);
   void difference(const Touch& touch, const Pose& x_WA, const Pose& x_WB, int direction);
   void share_depths(const Touch& touch);
-  void find_target(Point& point, const Touch& touch, double step) const;
+  void compute_target(Point& point, const Touch& touch, double step) const;
   void add_contact(Point& point, const ContactResponse& response);
   Spatial twist(const Partner& side, int dof, const Vec3& place) const;
   Change moved(const Point& point, const Column& column, const ContactResponse& response) const;

@@ -1,7 +1,5 @@
 #include "handsim/engine/articulated/derivatives/dynamics_slopes.h"
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 Spatial DynamicsSlopes::Body::times(const Spatial& x) const {
@@ -82,11 +80,11 @@ void DynamicsSlopes::find(std::span<const double> du, bool moving, const Vec3& g
     to.B += from.B;
     to.force += from.force;
   }
-  for (int i = 0; i < static_cast<int>(views_.size()); ++i) find_node(i);
+  for (int i = 0; i < static_cast<int>(views_.size()); ++i) compute_node(i);
 }
 
 /// Rows and columns of a node with those that carry it.
-void DynamicsSlopes::find_node(int node) {
+void DynamicsSlopes::compute_node(int node) {
   const Body& body = bodies_[at(node)];
   const Spatial &v = v_[at(node)], &a = a_[at(node)];
   for (int j = first_dof(node); j <= last_dof(node); ++j) {

@@ -50,17 +50,17 @@ class DynamicsSlopes {
 
   /// How the weight of what a dof carries acts on it, by gravity: d(-tau)/dg [kg m or kg].
   Vec3 carried(int dof) const {
-    const Body& of = bodies_[static_cast<std::size_t>(node(dof))];
+    const Body& of = bodies_[at(node(dof))];
     return of.times(axis(dof)).tail<3>();
   }
 
-  int node(int dof) const { return node_[static_cast<std::size_t>(dof)]; }
-  int parent_dof(int dof) const { return parent_[static_cast<std::size_t>(dof)]; }
-  int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
-  int last_dof(int node) const { return last_[static_cast<std::size_t>(node)]; }
-  int parent_node(int node) const { return parent_node_[static_cast<std::size_t>(node)]; }
+  int node(int dof) const { return node_[at(dof)]; }
+  int parent_dof(int dof) const { return parent_[at(dof)]; }
+  int first_dof(int node) const { return first_[at(node)]; }
+  int last_dof(int node) const { return last_[at(node)]; }
+  int parent_node(int node) const { return parent_node_[at(node)]; }
   NodeKind kind(int node) const { return kind_[static_cast<std::size_t>(node)]; }
-  const Spatial& axis(int dof) const { return dofs_[static_cast<std::size_t>(dof)].S; }
+  const Spatial& axis(int dof) const { return dofs_[at(dof)].S; }
   /// Whether position j moves the axis of rate i, of two on one branch.
   bool moves_axis(int j, int i) const { return node(i) != node(j) ? j < i : is_shift(j) && !is_shift(i); }
   /// A free body's position, and not its turn.
@@ -85,7 +85,7 @@ class DynamicsSlopes {
     Spatial S, turned, turned_rate, driven;
   };
   void place(std::span<const double> du, bool moving, const Vec3& gravity);
-  void find_node(int node);
+  void compute_node(int node);
 
   std::span<const NodeView> views_;
   std::size_t stride_;

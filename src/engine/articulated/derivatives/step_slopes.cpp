@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
 #include "handsim/model/kinematics.h"
 
@@ -64,7 +63,7 @@ std::string StepSlopes::name_of(const Single& each) const {
 }
 
 /// K without servos and contacts.
-void StepSlopes::find_inertia() {
+void StepSlopes::compute_inertia() {
   const double h = settings_.step;
   for (std::size_t i = 0; i < du_.size(); ++i) du_[i] = mechanism_.du()[rate_[i]];
   tree_.find(du_);
@@ -78,7 +77,7 @@ void StepSlopes::find_inertia() {
 }
 
 bool StepSlopes::refine() {
-  find_inertia();
+  compute_inertia();
   return contacts_->refine(K_, settings_.step);
 }
 
@@ -93,7 +92,7 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
     tree_.find(du_, false, out.feedback.gravity);
     load = tree_.by_position();
   }
-  find_inertia();
+  compute_inertia();
   by_q_ = h * tree_.by_position();
   by_u_ = h * tree_.by_rate();
   for (int node = 0; node < static_cast<int>(mechanism_.topology().nodes.size()); ++node)
@@ -191,20 +190,21 @@ void StepSlopes::hold(const Single& each) {
   const double share = room < -kOnStop ? settings_.erp() : 1, target = share * room / h,
                speed = side * *each.u;
   // A rebound ends on the opposite stop at the latest.
-  const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.bounce * speed;
-  const bool bounces = speed > 0 && *a.bounce > 0 && rebound < target, free = bounces && rebound > across;
+  const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.restitution * speed;
+  const bool bounces = speed > 0 && *a.restitution > 0 && rebound < target,
+             free = bounces && rebound > across;
   const int i = each.dof;
   K_.row(i).setZero();
   by_q_.row(i).setZero();
   by_u_.row(i).setZero();
   K_(i, i) = 1;
   by_q_(i, i) = free ? 0 : (bounces ? 1 : share) / h;
-  by_u_(i, i) = free ? -*a.bounce : 0;
+  by_u_(i, i) = free ? -*a.restitution : 0;
   held_[each.coordinate] = 1;
 }
 
 /// How positions turn with the step: dq' = exp(h w') dq + h J(h w') du'.
-void StepSlopes::find_turns() {
+void StepSlopes::compute_turns() {
   turns_.clear();
   for (std::size_t c = 0; c < dof_of_.size(); ++c) {
     const int node = tree_.node(dof_of_[c]);
@@ -221,7 +221,7 @@ void StepSlopes::find_turns() {
 }
 
 /// Coordinates that K or dF/dq join: each group is a system of its own.
-void StepSlopes::find_groups() {
+void StepSlopes::collect_groups() {
   const std::size_t n = dof_of_.size();
   group_.resize(n);
   for (std::size_t i = 0; i < n; ++i) group_[i] = i;
@@ -240,7 +240,7 @@ void StepSlopes::find_groups() {
 }
 
 /// dF by gravity, and by forces and moments on bodies: a row of each coordinate.
-void StepSlopes::find_loads(StepDerivatives& out) {
+void StepSlopes::compute_loads(StepDerivatives& out) {
   const auto n = static_cast<Eigen::Index>(dof_of_.size());
   const double h = settings_.step;
   loads_.setZero(n, 3 + 6 * static_cast<Eigen::Index>(out.forced.size()));
@@ -312,9 +312,9 @@ void StepSlopes::solve(StepDerivatives& out) {
   held_.assign(dof_of_.size(), 0);
   for (const Single& each : singles_)
     if (each.held()) hold(each);
-  find_turns();
-  find_groups();
-  find_loads(out);
+  compute_turns();
+  collect_groups();
+  compute_loads(out);
   const Eigen::Index rows = 2 * static_cast<Eigen::Index>(dof_of_.size());
   out.by_state.setZero(rows, rows);
   out.by_torque.setZero(rows, rows / 2);

@@ -40,7 +40,7 @@ class StepSlopes {
     bool in_range() const { return *axis.servo_limit > 0 && *axis.saturated == 0; }
   };
   void order();
-  void find_inertia();
+  void compute_inertia();
   void add_singles(StepDerivatives& out);
   void add_lone(int node);
   void add_forces(const StepInput& input);
@@ -50,11 +50,11 @@ class StepSlopes {
   void hold(const Single& each);
   std::string name_of(const Single& each) const;
   void solve(StepDerivatives& out);
-  void find_groups();
-  void find_loads(StepDerivatives& out);
+  void collect_groups();
+  void compute_loads(StepDerivatives& out);
   void solve_group(const std::vector<int>& group, StepDerivatives& out);
   void move(Eigen::MatrixXd& of, bool of_state) const;
-  void find_turns();
+  void compute_turns();
 
   const model::Model& model_;
   Settings settings_;

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/derivatives/step_slopes.h"
 
 namespace handsim::engine::articulated {

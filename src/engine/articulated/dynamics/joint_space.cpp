@@ -2,8 +2,6 @@
 
 #include <cmath>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)
@@ -83,7 +81,7 @@ void JointSpace::start_composite(std::size_t node) {
 }
 
 /// What a node carries has been added to it.
-void JointSpace::find_node_inertia(std::size_t node) {
+void JointSpace::compute_node_inertia(std::size_t node) {
   const Composite& c = composites_[node];
   for (int dof = first_[node]; dof <= last_[node]; ++dof) {
     const Vec3 turn = S_[dof].head<3>(), shift = S_[dof].tail<3>();
@@ -99,7 +97,7 @@ void JointSpace::find_node_inertia(std::size_t node) {
 }
 
 /// By the world's axes through the centre of mass.
-void JointSpace::find_lone_inertia(std::size_t node) {
+void JointSpace::compute_lone_inertia(std::size_t node) {
   const Mat3 I = read_symmetric(views_[node].I, stride_);
   const int first = first_[node];
   for (int i = 0; i < 3; ++i)

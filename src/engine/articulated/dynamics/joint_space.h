@@ -37,7 +37,7 @@ class JointSpace {
   /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
   ///        and its bases' motion. Rates are in the order of the nodes; with one lane that of Mechanism::u().
   /// Whether H is asked for, too, and where it is: its own, or one of the thread that lasts until the next
-  /// `find_inertia` of any such space there.
+  /// `compute_inertia` of any such space there.
   enum class Inertia { none, own, of_thread };
   explicit JointSpace(Mechanism& mechanism, Inertia inertia = Inertia::own);
   JointSpace(const JointSpace&) = delete;  ///< H_ points into it
@@ -45,30 +45,30 @@ class JointSpace {
 
   int size() const { return n_; }
   /// Where Mechanism::u() and du() have a dof.
-  std::size_t rate_index(int dof) const { return rate_[static_cast<std::size_t>(dof)]; }
-  int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
-  int last_dof(int node) const { return last_[static_cast<std::size_t>(node)]; }
+  std::size_t rate_index(int dof) const { return rate_[at(dof)]; }
+  int first_dof(int node) const { return first_[at(node)]; }
+  int last_dof(int node) const { return last_[at(node)]; }
   /// The dof that carries another, or kNoDof.
-  int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
+  int parent_dof(int dof) const { return parent_dof_[at(dof)]; }
   /// S of a dof.
   Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
   /// The same where the mechanism has it: every stride'th number.
-  const double* axis_data(int dof) const { return axes_[static_cast<std::size_t>(dof)]; }
+  const double* axis_data(int dof) const { return axes_[at(dof)]; }
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
   void inverse_dynamics(std::span<const double> du, std::span<double> tau);
   /// H by the composite-rigid-body algorithm (Table 6.2, p. 107), into `inertia()`. @param of dofs, by trees
   template <class Of>
-  void find_inertia(const Of& of) {
+  void compute_inertia(const Of& of) {
     place_inertia();
     for (std::size_t i = 0; i < views_.size(); ++i)
       if (!lone_[i] && of(first_[i])) start_composite(i);
     for (std::size_t i = views_.size(); i-- > 0;)
-      if (of(first_[i])) lone_[i] ? find_lone_inertia(i) : find_node_inertia(i);
+      if (of(first_[i])) lone_[i] ? compute_lone_inertia(i) : compute_node_inertia(i);
   }
-  void find_inertia() {
-    find_inertia([](int) { return true; });
+  void compute_inertia() {
+    compute_inertia([](int) { return true; });
   }
   /// Entry (i, j), j <= i; zero where neither dof carries the other.
   double inertia(int i, int j) const { return H_[index(i, j)]; }
@@ -86,18 +86,16 @@ class JointSpace {
   /// What the square of that row, by the inverse inertia, could come to, over that of the wrench; after
   /// `factor`. A row far below it is zero but for rounding.
   double row_scale(int node) const;
-  Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
+  Spatial velocity(int node) const { return read6(views_[at(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
-  Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
+  Spatial acceleration(int node) const { return a_[at(node)]; }
 
  private:
   void place_inertia();
   void start_composite(std::size_t node);
-  void find_node_inertia(std::size_t node);
-  void find_lone_inertia(std::size_t node);
-  std::size_t index(int i, int j) const {
-    return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
-  }
+  void compute_node_inertia(std::size_t node);
+  void compute_lone_inertia(std::size_t node);
+  std::size_t index(int i, int j) const { return at(i) * at(n_) + at(j); }
 
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
@@ -112,14 +110,14 @@ class JointSpace {
   std::vector<double> own_H_;
   double* H_ = nullptr;
   std::vector<Spatial> a_;
-  Spatial* S_ = nullptr;  ///< of each dof; of the thread, within `inverse_dynamics` or `find_inertia`
+  Spatial* S_ = nullptr;  ///< of each dof; of the thread, within `inverse_dynamics` or `compute_inertia`
   /// Mass, its moment and rotational inertia about O of a node and all that it carries.
   struct Composite {
     double mass = 0;
     Vec3 h = Vec3::Zero();
     Mat3 I = Mat3::Zero();
   };
-  Composite* composites_ = nullptr;     ///< of the thread, within `find_inertia`
+  Composite* composites_ = nullptr;     ///< of the thread, within `compute_inertia`
   std::vector<Spatial>& node_forces();  ///< of the thread, within `inverse_dynamics`
   void place_axes();
 };

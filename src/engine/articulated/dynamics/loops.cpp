@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 namespace {
@@ -100,7 +98,7 @@ void Loops::add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec
   rows_.push_back(row);
 }
 
-void Loops::find_rows() {
+void Loops::compute_rows() {
   rows_.clear();
   for (const Cut& cut : mechanism_.topology().cuts) {
     const model::Joint& joint = model_.joints[at(cut.joint)];
@@ -127,7 +125,7 @@ void Loops::find_rows() {
 }
 
 std::span<const double> Loops::rates() {
-  find_rows();
+  compute_rows();
   row_rates_.clear();
   for (const Row& row : rows_) row_rates_.push_back(row.rate);
   return row_rates_;
@@ -152,7 +150,7 @@ void Loops::fill_jacobian() {
   }
 }
 
-void Loops::find_jacobian() {
+void Loops::compute_jacobian() {
   const std::size_t n = at(space_.size()), total = rows_.size() + locked_.size();
   fill_jacobian();
   std::size_t i = 0;
@@ -191,7 +189,7 @@ void Loops::factor_rows() {
   for (std::size_t step = 0; step < m; ++step) {
     std::size_t best = m;
     for (std::size_t i = 0; i < m; ++i) {
-      const bool taken = std::find(order_.begin(), order_.end(), static_cast<int>(i)) != order_.end();
+      const bool taken = std::ranges::find(order_, static_cast<int>(i)) != order_.end();
       if (taken || !(wanted_[i] > kDependent * scale_[i])) continue;
       if (best == m || wanted_[i] * scale_[best] > wanted_[best] * scale_[i]) best = i;
     }
@@ -227,7 +225,7 @@ void Loops::correct(std::span<double> wanted, std::span<double> out) {
       sum -= K_[at(order_[j]) * m + row] * multipliers_[at(order_[j])];
     multipliers_[row] = sum / K_[row * m + row];
   }
-  std::fill(x_.begin(), x_.end(), 0.0);
+  std::ranges::fill(x_, 0.0);
   for (const int row : order_)
     for (std::size_t d = 0; d < n; ++d) x_[d] += Y_[at(row) * n + d] * multipliers_[at(row)];
   space_.solve_factor(x_);
@@ -239,7 +237,7 @@ void Loops::solve(std::optional<double> step) {
   const std::size_t n = at(space_.size());
   const std::span<double> du = mechanism_.du();
   space_.inverse_dynamics(zero_, bias_);
-  space_.find_inertia();
+  space_.compute_inertia();
   locked_.clear();
   for (int i = 0; i < tree.batches; ++i) {
     const Batch<1>& b = batches(tree)[i];
@@ -254,8 +252,8 @@ void Loops::solve(std::optional<double> step) {
   space_.factor();
   space_.solve_transposed(du);
   space_.solve_factor(du);
-  find_rows();
-  find_jacobian();
+  compute_rows();
+  compute_jacobian();
   for (std::size_t i = 0; i < rows_.size() + locked_.size(); ++i) {
     double now = 0;
     for (std::size_t d = 0; d < n; ++d) now += J_[i * n + d] * du[d];
@@ -285,18 +283,18 @@ double Loops::close() {
       mechanism_.update_bases();
       kernel.kinematics(tree);
     }
-    find_rows();
+    compute_rows();
     error = 0;
     for (const Row& row : rows_) error = std::max(error, std::abs(row.value));
     // Rounding is reached where an iteration no longer helps.
     if (error < kClosed || (k > 1 && error > 0.1 * last && error < 1e-12)) break;
     last = error;
-    space_.find_inertia();
+    space_.compute_inertia();
     space_.factor();
-    find_jacobian();
+    compute_jacobian();
     for (std::size_t i = 0; i < rows_.size(); ++i) wanted_[i] = -rows_[i].value;
     // As a motion of one second at constant rates.
-    std::fill(delta_.begin(), delta_.end(), 0.0);
+    std::ranges::fill(delta_, 0.0);
     correct(wanted_, delta_);
     std::copy_n(tree.u, n, kept_.begin());
     std::copy_n(delta_.begin(), n, tree.u);
@@ -311,13 +309,13 @@ double Loops::close() {
 
 void Loops::close_rates() {
   locked_.clear();
-  find_rows();
+  compute_rows();
   double error = 0;
   for (const Row& row : rows_) error = std::max(error, std::abs(row.rate));
   if (error < kClosed) return;
-  space_.find_inertia();
+  space_.compute_inertia();
   space_.factor();
-  find_jacobian();
+  compute_jacobian();
   for (std::size_t i = 0; i < rows_.size(); ++i) wanted_[i] = -rows_[i].rate;
   correct(wanted_, mechanism_.u());
   mechanism_.kernel().velocities(mechanism_.tree());

@@ -44,11 +44,11 @@ class Loops {
     Vec3 dv = Vec3::Zero(), dw = Vec3::Zero();  ///< its acceleration at joint accelerations of 0
   };
   Side motion_of(const CutSide& side, int island) const;
-  void find_rows();
+  void compute_rows();
   void add_point_row(const Side& a, const Side& b, const Vec3& direction, bool turning);
   void add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec3& y);
   void fill_jacobian();
-  void find_jacobian();
+  void compute_jacobian();
   /// Multipliers for which the rows change by `wanted`; adds H^-1 J^T of them to `out`.
   void correct(std::span<double> wanted, std::span<double> out);
   void factor_rows();

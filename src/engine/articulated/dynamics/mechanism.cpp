@@ -72,8 +72,8 @@ AxisView Mechanism::axis_view(std::size_t node) const {
     auto& a = in.axis[in.batch[slot.batch].axis];
     const int i = slot.lane;
     return AxisView{
-        a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
-        a.servo_damping + i, a.servo_error + i, a.servo_feed + i, a.servo_limit + i, a.side + i,
+        a.low + i,           a.high + i,        a.restitution + i, a.weight + i,      a.servo_stiffness + i,
+        a.servo_damping + i, a.servo_error + i, a.servo_feed + i,  a.servo_limit + i, a.side + i,
         a.saturated + i,     a.force + i,       a.reaction + i};
   });
 }
@@ -176,8 +176,8 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
   const In<W> in(*this);
   const Node& first = topology_.nodes[at(nodes[0])];
   b.used = static_cast<int>(nodes.size());
-  b.massless = std::none_of(nodes.begin(), nodes.end(),
-                            [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+  b.massless =
+      std::ranges::none_of(nodes, [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
   b.axis = single(b.kind) ? axes_++ : joints3_++;
   if (single(b.kind)) {
     Axis<W>& a = in.axis[b.axis];

@@ -39,8 +39,8 @@ struct NodeView {
 
 /// The lane of a single coordinate's Axis, as batch.h has it.
 struct AxisView {
-  const double *low, *high, *bounce, *weight, *servo_stiffness, *servo_damping, *servo_error, *servo_feed,
-      *servo_limit;
+  const double *low, *high, *restitution, *weight, *servo_stiffness, *servo_damping, *servo_error,
+      *servo_feed, *servo_limit;
   double *side, *saturated;
   double *force, *reaction;
   ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }
@@ -63,15 +63,15 @@ class Mechanism {
   std::span<const NodeView> views() const { return views_; }
   /// Of a node of one rate.
   AxisView axis_view(std::size_t node) const;
-  std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
+  std::size_t stride() const { return at(kernel_->width); }
   /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].
   double spin() const { return *std::max_element(tree_.spin, tree_.spin + stride()); }
   /// Positions, rates and accelerations in the tree's order, empty lanes included.
-  std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
-  std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
-  std::span<double> du() { return {tree_.du, static_cast<std::size_t>(tree_.rates)}; }
+  std::span<double> q() { return {tree_.q, at(tree_.positions)}; }
+  std::span<double> u() { return {tree_.u, at(tree_.rates)}; }
+  std::span<double> du() { return {tree_.du, at(tree_.rates)}; }
   /// Torques of the last step, in the order of u(), then the servos' part of them.
-  std::span<double> torques() { return {tree_.tau, 2 * static_cast<std::size_t>(tree_.rates)}; }
+  std::span<double> torques() { return {tree_.tau, 2 * at(tree_.rates)}; }
 
   /// Takes positions, rates, torques, and places and velocities of the bases from a state.
   void take(const model::State& state);
@@ -82,8 +82,8 @@ class Mechanism {
   void give_coordinates(model::State& state) const;
 
   /// How a kinematic body moves; `update_bases` brings it to the tree.
-  BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
-  const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
+  BaseMotion& base(int body) { return bases_[at(body)]; }
+  const BaseMotion& base(int body) const { return bases_[at(body)]; }
   void update_bases();
   /// Gives free bodies without children the gyroscopic torque of an implicit step of this length (spin.h).
   void update_gyroscopic_torques(double step);
@@ -118,7 +118,7 @@ class Mechanism {
   void take_back(const LaneTree<N>& from, int lane);
   /// True for a node that `update_gyroscopic_torques` speaks of.
   bool is_lone(std::size_t node) const {
-    return std::find(lone_.begin(), lone_.end(), static_cast<int>(node)) != lone_.end();
+    return std::ranges::find(lone_, static_cast<int>(node)) != lone_.end();
   }
 
  private:

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <type_traits>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 
 namespace handsim::engine::articulated {
@@ -80,7 +79,7 @@ struct Mechanism::In {
     if (axis.stop && effects.has(model::Effect::joint_stops)) {
       a.low[lane] = axis.stop->low;
       a.high[lane] = axis.stop->high;
-      a.bounce[lane] = axis.stop->bounce;
+      a.restitution[lane] = axis.stop->restitution;
     }
     if (axis.tissue && effects.has(model::Effect::passive_tissue)) {
       a.stiffness[lane] = axis.tissue->stiffness;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/kernels/kernels.h"
 
 namespace handsim::engine::articulated {
@@ -67,9 +66,9 @@ MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settin
   q_.resize(space_dof_.size());
   u_.resize(space_dof_.size());
   given_.resize(space_dof_.size());
-  find_trees();
-  find_entries();
-  find_sources();
+  collect_trees();
+  collect_entries();
+  collect_sources();
 }
 
 /// True if one of two coordinates of the model carries the other.
@@ -88,7 +87,7 @@ bool MuscleCoupling::pulls(std::size_t dof) const {
 }
 
 /// The dofs of all trees with tendons: B changes the accelerations of the whole tree.
-void MuscleCoupling::find_trees() {
+void MuscleCoupling::collect_trees() {
   const auto root = [&](int dof) {
     while (space_.parent_dof(dof) != kNoDof) dof = space_.parent_dof(dof);
     return dof;
@@ -116,10 +115,8 @@ void MuscleCoupling::find_trees() {
     }
 }
 
-void MuscleCoupling::find_entries() {
-  const auto place = [&](int dof) {
-    return static_cast<int>(std::find(dofs_.begin(), dofs_.end(), dof) - dofs_.begin());
-  };
+void MuscleCoupling::collect_entries() {
+  const auto place = [&](int dof) { return static_cast<int>(std::ranges::find(dofs_, dof) - dofs_.begin()); };
   for (std::size_t k = 0; k < muscles_.slopes().size(); ++k) {
     const Muscles::Slope& slope = muscles_.slopes()[k];
     const int a = space_dof_[at(slope.row)], b = space_dof_[at(slope.column)];
@@ -132,7 +129,7 @@ void MuscleCoupling::find_entries() {
 }
 
 /// Where H comes from: the kernel, or JointSpace where a tree has a node of several rates.
-void MuscleCoupling::find_sources() {
+void MuscleCoupling::collect_sources() {
   const auto& nodes = mechanism_.topology().nodes;
   const std::size_t width = mechanism_.stride();
   // Where the kernel starts with each batch.
@@ -197,19 +194,19 @@ std::span<const double> MuscleCoupling::begin(std::span<const double> q, std::sp
   return given_;
 }
 
-void MuscleCoupling::find_inertia() {
+void MuscleCoupling::compute_inertia() {
   if (have_inertia_) return;
   have_inertia_ = true;
   const TendonRows& c = memory_.rows();
   if (single_) return mechanism_.kernel().inertia(mechanism_.tree(), c.inertia);
-  space_.find_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
+  space_.compute_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
   for (std::size_t i = 0; i < rows_.size(); ++i)
     for (int k = rows_[i].row; k <= rows_[i].row + rows_[i].depth; ++k)
       c.inertia[k] = space_.inertia(dofs_[i], dofs_[at(carrier_[at(k)])]);
 }
 
 void MuscleCoupling::correct(double step) {
-  find_inertia();
+  compute_inertia();
   scalar_.couple(memory_.rows(), step);
 }
 

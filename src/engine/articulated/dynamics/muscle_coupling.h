@@ -65,8 +65,8 @@ class MuscleCoupling {
   }
   /// Whether a tendon crosses a coordinate of the model.
   bool pulls(std::size_t dof) const;
-  /// Removes h B du from the torques that `find_torques` wrote.
-  void find_torques(double step) { scalar_.find_torques(memory_.rows(), step); }
+  /// Removes h B du from the torques that `compute_torques` wrote.
+  void compute_torques(double step) { scalar_.compute_torques(memory_.rows(), step); }
   /// Writes activations, fibre lengths and tensions.
   void give(model::State& state) const { muscles_.end(state.q, state.u, state); }
 
@@ -80,11 +80,11 @@ class MuscleCoupling {
   std::span<const double> slopes() const { return {memory_.rows().slope, entries_.size()}; }
 
  private:
-  void find_trees();
-  void find_entries();
-  void find_sources();
+  void collect_trees();
+  void collect_entries();
+  void collect_sources();
   bool on_one_branch(int a, int b) const;
-  void find_inertia();
+  void compute_inertia();
 
   Mechanism& mechanism_;
   const LaneKernel& scalar_;

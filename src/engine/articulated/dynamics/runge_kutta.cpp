@@ -88,7 +88,7 @@ double RungeKutta::try_step8(double t, double h, std::span<const double> y, doub
                              std::span<double> out) {
   for (std::size_t stage = 0; stage < kStages; ++stage) {
     if (stage == 0 && has_start_) continue;
-    std::copy(y.begin(), y.end(), y_.begin());
+    std::ranges::copy(y, y_.begin());
     for (std::size_t j = 0; j < stage; ++j) {
       const double weight = h * kA[stage][j];
       if (weight == 0) continue;

@@ -56,7 +56,7 @@ bool Smooth::slope(double t, std::span<const double> y, std::span<double> out) {
   if (!mechanism_.kernel().kinematics(mechanism_.tree())) return false;
   accelerate();
   mechanism_.kernel().position_rates(mechanism_.tree(), out.data());
-  std::copy(du.begin(), du.end(), out.begin() + static_cast<std::ptrdiff_t>(q.size()));
+  std::ranges::copy(du, out.begin() + static_cast<std::ptrdiff_t>(q.size()));
   return true;
 }
 
@@ -96,7 +96,7 @@ void Smooth::apply_velocity_jumps(double t) {
     mechanism_.update_bases();
     mechanism_.kernel().kinematics(mechanism_.tree());
     accelerate();
-    std::copy(du.begin(), du.end(), before_.begin());
+    std::ranges::copy(du, before_.begin());
     for (const model::Drive& drive : model_.drives)
       mechanism_.base(drive.body).dv = mechanism_.base(drive.body).dw = Vec3::Zero();
     mechanism_.update_bases();
@@ -120,7 +120,7 @@ bool Smooth::advance(double from, double to) {
     next_key_time_ = next_key(t);
     if (driven_) apply_velocity_jumps(t);
     const double end = std::min(to, next_key_time_);
-    std::copy(mechanism_.q().begin(), mechanism_.q().end(), y_.begin());
+    std::ranges::copy(mechanism_.q(), y_.begin());
     std::ranges::copy(mechanism_.u(), y_.begin() + static_cast<std::ptrdiff_t>(mechanism_.q().size()));
     if (!integrate(t, end)) return false;
     t = end;
@@ -151,8 +151,8 @@ bool Smooth::close_loops() {
   std::copy(y_.begin() + static_cast<std::ptrdiff_t>(q.size()), y_.end(), u.begin());
   if (!loops_) return true;
   if (!mechanism_.kernel().kinematics(mechanism_.tree()) || !(loops_->close() < kOpen)) return false;
-  std::copy(q.begin(), q.end(), y_.begin());
-  std::copy(u.begin(), u.end(), y_.begin() + static_cast<std::ptrdiff_t>(q.size()));
+  std::ranges::copy(q, y_.begin());
+  std::ranges::copy(u, y_.begin() + static_cast<std::ptrdiff_t>(q.size()));
   return true;
 }
 

@@ -5,8 +5,6 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "handsim/core/index.h"
-
 namespace handsim::engine::articulated {
 
 namespace {
@@ -77,7 +75,7 @@ class Builder {
   int merged(int body) const { return moves(body) ? body : model::kWorld; }
 
   static bool has_forces(const model::Joint& joint) {
-    return std::any_of(joint.axes.begin(), joint.axes.end(), [](const model::JointAxis& axis) {
+    return std::ranges::any_of(joint.axes, [](const model::JointAxis& axis) {
       return axis.stop || axis.tissue || axis.torque != 0;
     });
   }
@@ -86,7 +84,7 @@ class Builder {
   void choose_tree() {
     std::vector<int> order(model_.joints.size());
     std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    std::ranges::stable_sort(order, [&](int a, int b) {
       const auto rank = [&](int i) {
         const model::Joint& joint = model_.joints[at(i)];
         return model::dof_count(joint.kind) - (has_forces(joint) ? 10 : 0);
@@ -216,8 +214,8 @@ class Builder {
   void sort_by_depth() {
     std::vector<int> order(out_.nodes.size()), place(out_.nodes.size());
     std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](int a, int b) { return out_.nodes[at(a)].depth < out_.nodes[at(b)].depth; });
+    std::ranges::stable_sort(order,
+                             [&](int a, int b) { return out_.nodes[at(a)].depth < out_.nodes[at(b)].depth; });
     // Kind by kind, in the order of the parents, so that chains keep their lanes from level to level.
     std::vector<Node> sorted;
     for (std::size_t begin = 0; begin < order.size();) {

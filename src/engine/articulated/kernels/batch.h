@@ -44,7 +44,7 @@ template <int W>
 struct alignas(64) Axis {
   // Constant: passive tissue; a stop, infinite where there is none.
   Lane<W> stiffness, damping, rest;
-  Lane<W> low, high, bounce;
+  Lane<W> low, high, restitution;
   Lane<W> present;  ///< 1 where the lane has a node, else 0
   // Of the step.
   Lane<W> tau;  ///< plain torque [N m] or [N]
@@ -231,7 +231,7 @@ struct LaneKernel {
   /// Changes the accelerations that `solve` found, and the reactions of locks, to those with h B.
   void (*couple)(const TendonRows&, double step);
   /// Takes h B du from tau, and from the force whose work `Kernel::work` finds.
-  void (*find_torques)(const TendonRows&, double step);
+  void (*compute_torques)(const TendonRows&, double step);
 };
 
 /// The algorithms for one width and instruction set. Same bits from every one of them.
@@ -245,7 +245,7 @@ struct Kernel {
   /// Forces, weights and locks of a step [s] that evaluates springs and dampers at its end.
   void (*prepare)(const Tree&, double step);
   /// tau and tau_servo of a step [s] whose du is found.
-  void (*find_torques)(const Tree&, double step);
+  void (*compute_torques)(const Tree&, double step);
   /// Forces at the very state, without weights or stops, and tau and tau_servo.
   void (*prepare_smooth)(const Tree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
@@ -268,7 +268,7 @@ struct Kernel {
   void (*normalise)(const Tree&);
   /// prepare, solve and update_active_set of all axes, in two passes.
   bool (*accelerate)(const Tree&, double step);
-  /// find_torques, integrate and kinematics, in one pass. False as kinematics.
+  /// compute_torques, integrate and kinematics, in one pass. False as kinematics.
   bool (*advance)(const Tree&, double step);
   LaneKernel lanes;  ///< For trees whose lanes are environments (lane_group.h).
 };

@@ -20,7 +20,7 @@ constexpr Kernel make_kernel(const char* name) {
           .kinematics = M::kinematics,
           .velocities = M::velocities,
           .prepare = F::prepare,
-          .find_torques = F::find_torques,
+          .compute_torques = F::compute_torques,
           .prepare_smooth = F::prepare_smooth,
           .solve = S::solve,
           .inertia = S::inertia,
@@ -32,7 +32,7 @@ constexpr Kernel make_kernel(const char* name) {
           .normalise = M::normalise,
           .accelerate = S::accelerate,
           .advance = M::advance,
-          .lanes = {C::place_bodies, C::command, C::observe, T::accelerate, T::find_torques}};
+          .lanes = {C::place_bodies, C::command, C::observe, T::accelerate, T::compute_torques}};
 }
 
 }  // namespace handsim::engine::articulated

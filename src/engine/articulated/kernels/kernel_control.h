@@ -42,7 +42,7 @@ struct LaneControls : Lanes<V> {
     }
   }
 
-  static void find_loads(const LaneControl& control) {
+  static void compute_loads(const LaneControl& control) {
     auto* bodies = static_cast<LaneBody<W>*>(control.body);
     const auto* links = static_cast<const LaneWeight<W>*>(control.weight);
     const V3<V> g = {load(control.gravity), load(control.gravity + W), load(control.gravity + 2 * W)};
@@ -67,7 +67,7 @@ struct LaneControls : Lanes<V> {
   }
 
   static void command(const Tree& tree, const LaneControl& control, double step) {
-    if (control.weights > 0) find_loads(control);
+    if (control.weights > 0) compute_loads(control);
     const V h = step, zero = 0.0, one = 1.0;
     for (int i = 0; i < control.servos; ++i) {
       LaneServo<W>& servo = static_cast<LaneServo<W>*>(control.servo)[i];

@@ -103,7 +103,7 @@ struct TendonCoupling : Lanes<V> {
     }
   }
 
-  static void find_torques(const TendonRows& c, double step) {
+  static void compute_torques(const TendonRows& c, double step) {
     const auto take = [](const CoupledDof& from, const V& torque) {
       store(from.tau, load(from.tau) - torque);
       store(from.force, load(from.force) - torque);

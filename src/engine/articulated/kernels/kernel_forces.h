@@ -34,7 +34,7 @@ struct Forces : Lanes<V> {
       if (const Batches& b = batches(tree)[i]; single(b)) prepare_axis(tree, b, step);
   }
 
-  static void find_torque(const Tree& tree, const Batches& b, double step) {
+  static void compute_torque(const Tree& tree, const Batches& b, double step) {
     const V h = step;
     const V u = load(tree.u + b.u) + h * load(tree.du + b.u);
     store_torque(tree, b, load(tree.q + b.q) + h * u, u, h * u);
@@ -53,9 +53,9 @@ struct Forces : Lanes<V> {
     return tau;
   }
 
-  static void find_torques(const Tree& tree, double step) {
+  static void compute_torques(const Tree& tree, double step) {
     for (int i = 0; i < tree.batches; ++i)
-      if (const Batches& b = batches(tree)[i]; single(b)) find_torque(tree, b, step);
+      if (const Batches& b = batches(tree)[i]; single(b)) compute_torque(tree, b, step);
   }
 
   static void prepare_smooth(const Tree& tree) {
@@ -157,9 +157,10 @@ struct Forces : Lanes<V> {
     V target = articulated::select(room < zero, V(tree.erp * room / h), V(room / h));
     // A rebound ends on the opposite stop at the latest.
     const V across = (room - (load(a.high) - load(a.low))) / h;
-    V bounced = V(zero - load(a.bounce)) * speed;
+    V bounced = V(zero - load(a.restitution)) * speed;
     bounced = articulated::select(bounced < across, across, bounced);
-    target = articulated::select(speed > zero && bounced < target && load(a.bounce) > zero, bounced, target);
+    target =
+        articulated::select(speed > zero && bounced < target && load(a.restitution) > zero, bounced, target);
     store(a.locked, articulated::select(on, V(1.0), V(1.0 - load(a.present))));
     store(a.given, articulated::select(on, V((side * target - u) / h), zero));
   }

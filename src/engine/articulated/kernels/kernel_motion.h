@@ -197,7 +197,7 @@ struct Motion : Lanes<V> {
     store(tree.spin, V(0.0));
     for (int i = 0; i < tree.batches; ++i) {
       Batches& b = batches(tree)[i];
-      if (single(b)) Forces<V>::find_torque(tree, b, step);
+      if (single(b)) Forces<V>::compute_torque(tree, b, step);
       move(tree, b, step);
       turn(tree, b);
     }

@@ -77,7 +77,7 @@ struct RowKernel {
   /// to += A x, A symmetric; `last`: last column of each row.
   void (*add_product)(const Triangle& A, const int* last, int n, const double* x, double* to);
   /// V_i = V_parent + S_i x_i from the roots on: what the unknowns carry. V_n, the roots' parent, is zero.
-  void (*find_motions)(const double* S, const int* parent, int n, const double* x, double* V);
+  void (*compute_motions)(const double* S, const int* parent, int n, const double* x, double* V);
   /// to_i -= S_i . W_i and W_parent += W_i, from the tips on: what wrenches W do to the unknowns.
   void (*subtract_wrenches)(const double* S, const int* parent, int n, double* W, double* to);
   /// out = G V of `rows` wrenches G.

@@ -327,7 +327,7 @@ struct RowOperations {
     return all + kSpatial * static_cast<std::size_t>(i);
   }
 
-  static void find_motions(const double* S, const int* parent, int n, const double* x, double* motions) {
+  static void compute_motions(const double* S, const int* parent, int n, const double* x, double* motions) {
     each_of_spatial([&](auto kind, std::size_t k) { store(spatial(motions, n) + k, decltype(kind)(0)); });
     for (int i = n - 1; i >= 0; --i)
       each_of_spatial([&](auto kind, std::size_t k) {
@@ -356,9 +356,9 @@ struct RowOperations {
   }
 
   static constexpr RowKernel kernel() {
-    return {factor,         eliminate,         substitute_back, eliminate_coupling,  factor_coupling,
-            apply_coupling, add_stiffness,     multiply,        subtract_transposed, add_product,
-            find_motions,   subtract_wrenches, project,         add_wrenches};
+    return {factor,          eliminate,         substitute_back, eliminate_coupling,  factor_coupling,
+            apply_coupling,  add_stiffness,     multiply,        subtract_transposed, add_product,
+            compute_motions, subtract_wrenches, project,         add_wrenches};
   }
 };
 

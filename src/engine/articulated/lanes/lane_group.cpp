@@ -32,7 +32,7 @@ class GroupOf final : public LaneGroup {
       if (node.kind != NodeKind::free) continue;
       free_.push_back({i, at(node.island), like.mechanism().is_lone(i)});
     }
-    if (like.muscles()) find_coupling(*like.muscles(), topology);
+    if (like.muscles()) compute_coupling(*like.muscles(), topology);
   }
 
   int width() const override { return W; }
@@ -136,7 +136,7 @@ class GroupOf final : public LaneGroup {
           engine_[at(lane)]->muscles()->go_back();
       return restore();
     }
-    if (coupled_) kernel_.lanes.find_torques(memory_.rows(), step_);
+    if (coupled_) kernel_.lanes.compute_torques(memory_.rows(), step_);
     kernel_.lanes.observe(lanes_.tree, lanes_.control);
     place_bodies();
     if (leave != 0) keep_back(leave);
@@ -174,7 +174,7 @@ class GroupOf final : public LaneGroup {
 
   int first() const {
     return static_cast<int>(
-        std::find_if(engine_.begin(), engine_.end(), [](const auto* engine) { return engine != nullptr; }) -
+        std::ranges::find_if(engine_, [](const auto* engine) { return engine != nullptr; }) -
         engine_.begin());
   }
   /// Lanes without an engine do what another one does.
@@ -320,7 +320,7 @@ class GroupOf final : public LaneGroup {
     return false;
   }
 
-  void find_coupling(const MuscleCoupling& muscles, const Topology& topology) {
+  void compute_coupling(const MuscleCoupling& muscles, const Topology& topology) {
     coupled_ = true;
     std::vector<std::size_t> first;
     std::size_t inertia = 0;

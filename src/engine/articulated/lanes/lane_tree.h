@@ -4,7 +4,6 @@
 
 #include <vector>
 
-#include "handsim/core/index.h"
 #include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
 #include "handsim/engine/articulated/kernels/batch.h"
 
