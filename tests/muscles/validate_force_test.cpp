@@ -1,4 +1,7 @@
+#include <array>
+#include <cmath>
 #include <fstream>
+#include <map>
 
 #include <gtest/gtest.h>
 
@@ -43,6 +46,40 @@ std::string thumb(double ip) {
          "{thumb_mcp.flexion: 15 deg, "
          "thumb_ip.flexion: " +
          std::to_string(ip) + " deg}";
+}
+
+// Tendons lie in the tunnels of the wrist over its whole range. Oracle: published polynomials of arms, in a
+// hand of 178 mm, at 60 deg of flexion and extension; 3 mm are what sources part by. And no extensor turns
+// into a flexor.
+TEST(Validate, ArmsAtTheWristFollowPublishedOnesToTheEndsOfItsRange) {
+  const std::map<std::string, std::array<double, 6>> published = {
+      {"PL", {21.7, 9.1, -3.1, -2.6, 0.7, 0.4}},    {"FDS3", {14.8, 11.49, 3.1, -8.6, -1.5, 2.5}},
+      {"FDP3", {13.1, 9.7, 4.1, -7.2, -1.9, 2.3}},  {"FPL", {15.13, 9.71, 4.42, -5.23, -1.79, 1.64}},
+      {"ECRB", {-13.7, 1.8, 2.1, -1.1, -0.8, 0.4}}, {"FCR", {17.7, -0.81, -2.4, 0.5, 0.7, -0.2}},
+      {"ECRL", {-10.2, 3.1, 1.2, -1.2, -0.3, 0.3}}, {"ECU", {-5.7, 2.8, 0.4, -1.4, -0.2, 0.3}},
+      {"APL", {7, 3.9, 0.08, -1.4, -0.3, -0.4}}};
+  const auto row = [](const std::string& muscle, int angle) {
+    return "kind: moment_arms, muscle: " + muscle + ", axis: wrist.flexion, hand_length: 178 mm, angles: [" +
+           std::to_string(angle) + " deg], arms: [0]";
+  };
+  std::vector<std::string> rows;
+  std::vector<double> wanted;
+  for (const auto& [muscle, c] : published)
+    for (const int angle : {-60, 60}) {
+      rows.push_back(row(muscle, angle));
+      double arm = 0, power = 1;
+      for (const double each : c) {
+        arm += 1e-3 * each * power;
+        power *= angle * M_PI / 180;
+      }
+      wanted.push_back(arm);
+    }
+  for (const char* muscle : {"EDC2", "EDC3", "EDC4", "EDC5", "EIP", "EDM", "EPL", "ECRL", "ECRB", "ECU"})
+    rows.push_back(row(muscle, 75));
+  const test::TemporaryFolder folder;
+  const auto found = ours(load(folder, rows, "spread: 1, source: s"));
+  for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_NEAR(found[i], wanted[i], 3e-3) << rows[i];
+  for (std::size_t i = wanted.size(); i < rows.size(); ++i) EXPECT_LT(found[i], -1e-3) << rows[i];
 }
 
 // A force at the proximal phalanx has no moment about the IP, which the long extensor turns. Oracle: on its
