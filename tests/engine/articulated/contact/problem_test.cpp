@@ -107,5 +107,20 @@ TEST(ContactSolver, WrenchesAreAsGoodAsEntries) {
   }
 }
 
+// Oracle: a sound problem passes; with one rule broken a debug build ends at that rule.
+TEST(ContactProblem, WithABrokenRuleEndsADebugBuild) {
+  Solver solver;
+  PairProblem(1).solve(solver, true);
+  check(solver.problem);
+  const Problem sound = solver.problem;
+  Problem bounds = sound, rows = sound, pattern = sound;
+  bounds.bounds[3] = {1, 0, LimitSide::within};
+  EXPECT_DEBUG_DEATH(check(bounds), "low > ");
+  rows.contacts[0].discs[1].row = 2;
+  EXPECT_DEBUG_DEATH(check(rows), "row == row");
+  pattern.A.pop_back();
+  EXPECT_DEBUG_DEATH(check(pattern), "A.size");
+}
+
 }  // namespace
 }  // namespace handsim::engine::articulated
