@@ -295,8 +295,7 @@ TEST(Markers, SpanTheHand) {
     Vec3 end = Vec3::Zero();
     if (!segment.has_child) end = found.at(body + ".tip");
     for (const hand::SegmentSpec& next : scene.spec.hands[0].model->segments)
-      if (next.parent >= 0 &&
-          scene.spec.hands[0].model->segments[static_cast<std::size_t>(next.parent)].name == segment.name)
+      if (next.parent && scene.spec.hands[0].model->segments[*next.parent].name == segment.name)
         end = found.at("right." + next.joint.name);
     EXPECT_NEAR((end - found.at(joint)).norm(), segment.length.value(scene.hands[0].size), 1e-12) << body;
   }
