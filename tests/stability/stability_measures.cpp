@@ -48,13 +48,15 @@ class StopHit {
   double start_ = 0, impact_ = 0, beyond_ = 0, rebound_ = 0;
 };
 
-/// Angle beyond the stop from the tenth step after impact on; or rebound over impact rate less the restitution.
+/// Angle beyond the stop from the tenth step after impact on; or rebound over impact rate less the
+/// restitution.
 template <bool rebound>
 Sampler stop_error(const scene::Scene& scene, const MeasureSpec& spec) {
   return [stop = StopHit(scene, spec.joint)](const Simulation& now) mutable {
     stop.update(now);
     if (!stop.hit() || (!rebound && now.steps() - *stop.hit() < 10)) return Sample();
-    return Sample{{rebound ? std::abs(stop.rebound() - stop.stop().restitution) : stop.beyond(), stop.joint()}};
+    return Sample{
+        {rebound ? std::abs(stop.rebound() - stop.stop().restitution) : stop.beyond(), stop.joint()}};
   };
 }
 
