@@ -31,7 +31,8 @@ std::vector<RowsOfKind> groups_of(const ValidateResult& result) {
   std::vector<RowsOfKind> out;
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
-    auto found = std::ranges::find_if(out, [&](const RowsOfKind& group) { return group.kind == row.of->kind; });
+    auto found =
+        std::ranges::find_if(out, [&](const RowsOfKind& group) { return group.kind == row.of->kind; });
     if (found == out.end()) found = out.insert(out.end(), RowsOfKind{row.of->kind, {}, 0});
     found->rows.push_back(&row);
     found->within += row.within() ? 1 : 0;
