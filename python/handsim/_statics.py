@@ -14,6 +14,8 @@ FUSED = 2.1e-3
 """A joint of a smaller range is fused [rad]: bone holds its moment."""
 GIVES = np.radians(20)
 """A posture is one within this angle of each joint [rad]: passive tissue holds moments of up to this times its stiffness."""
+PINCH_FRICTION = 0.6
+"""Of skin on aluminium (Seo 2009), as in the rows of pinches of `handsim validate`."""
 
 
 def largest(gain: Array, equal: Array, to: Array, most: Array) -> tuple[float, Array]:
@@ -201,7 +203,8 @@ def grip(of: Statics, wrist: Optional[float] = None) -> tuple[float, dict[str, f
 def key_pinch(of: Statics) -> float:
     """Of the thumb's pad against what does not move [N]."""
     q = of.at(KEY)
-    thumb = np.array([torque for torque, _ in of.cone(q, "thumb_distal", -of.axes(q, "thumb_distal")[:, 2])]).T
+    normal = -of.axes(q, "thumb_distal")[:, 2]
+    thumb = np.array([torque for torque, _ in of.cone(q, "thumb_distal", normal, PINCH_FRICTION)]).T
     return of.press(q, ["thumb"], thumb, np.ones(thumb.shape[1]))[0]
 
 
@@ -211,7 +214,7 @@ def tip_pinch(of: Statics) -> float:
     ends = [_round_end(of, finger) for finger in ("thumb", "index")]
     normal = of.hand.position(q, ends[1]) - of.hand.position(q, ends[0])
     normal = normal / np.linalg.norm(normal)
-    thumb, index = (np.array([torque for torque, _ in of.cone(q, end, normal)]).T for end in ends)
+    thumb, index = (np.array([torque for torque, _ in of.cone(q, end, normal, PINCH_FRICTION)]).T for end in ends)
     # The index presses back with the same force.
     return of.press(q, ["thumb", "index"], thumb - index, np.ones(thumb.shape[1]))[0]
 
