@@ -226,15 +226,16 @@ def main(arguments: Sequence[str]) -> int:
         print(error, file=sys.stderr)
         return 2
     given = [given[0], " ".join([*given[1:], *changes])]
-    print(f"A  {given[0]}\nB  {given[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
-    for name, unit, a, b in table(given, both):
-        print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit}")
-    if out is not None:
+    if out is not None:  # before the table, whose reader may close the pipe
         out.mkdir(parents=True, exist_ok=True)
         files = {"compare.html": page(given, both), "compare.svg": sheet(given, both), "compare.json": json.dumps(dict(zip("AB", both)))}
         for name, text in files.items():
             part = out / f".{name}.part"
             part.write_text(text)
             os.replace(part, out / name)
+    print(f"A  {given[0]}\nB  {given[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
+    for name, unit, a, b in table(given, both):
+        print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit}")
+    if out is not None:
         print(f"\nwrote {', '.join(str(out / name) for name in files)}")
     return 0
