@@ -90,6 +90,10 @@ struct GuardLimits {
   double angular_speed = 1000;  ///< largest angular speed of any body [rad/s]
 };
 
+/// Of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg past its
+/// stop.
+inline constexpr int kMuscleIterations = 100;
+
 struct OdeSettings {
   OdeMethod method = OdeMethod::world_step;
   /// Error reduction parameter: share of a joint's position error that one step corrects, 0..1. Too low:

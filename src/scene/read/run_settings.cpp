@@ -171,6 +171,8 @@ void read_settings(MapReader& reader, engine::Settings& solver) {
       reader, [kind](const YamlEntry& entry) { return needed_for(kind, entry); },
       fmt::format("engine {} does not have them", engine::name(kind)));
   solver.use(kind);
+  if (kind == EngineKind::ode && solver.effects.has(model::Effect::muscles))
+    solver.ode().iterations = engine::kMuscleIterations;
   std::visit([&](auto& own) { read_own(reader, own); }, solver.own);
 }
 
