@@ -2,8 +2,8 @@
 # The assembler reads them, so that the compiler need not parse megabytes. NAME=PATH gives a file another name; an empty
 # PATH is an empty text.
 function(handsim_embed folder namespace)
-  string(REPLACE "/" "_" target handsim_${folder})
-  string(REPLACE "handsim_" "" name ${target})
+  string(REPLACE "/" "_" name ${folder})
+  set(target handsim_${name})
   get_property(unit GLOBAL PROPERTY HANDSIM_UNIT_OF_${name})
   set(declared)
   set(defined)
