@@ -30,8 +30,8 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
       muscles_(settings.effects.has(model::Effect::muscles) ? std::span(model.muscles)
                                                             : std::span<const model::Muscle>()),
       layout_(muscles_,
-              settings.effects.has(model::Effect::tendon_coupling) ? std::span(model.ligaments)
-                                                                   : std::span<const model::Ligament>(),
+              settings.effects.has(model::Effect::tendon_coupling) ? std::span(model.bands)
+                                                                   : std::span<const model::Band>(),
               solves),
       kernel_(kernel ? kernel : tendon_kernels().back()),
       torques_(at(model.dof_count())) {

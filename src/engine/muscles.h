@@ -1,4 +1,4 @@
-// Muscles and ligaments within the step of an engine. A tension at the step's end depends on the rates u+
+// Muscles and bands within the step of an engine. A tension at the step's end depends on the rates u+
 // that the step finds: F = F(l0 + h l', l'), linear about the start. The generalised torques are
 //   tau = start - B (u+ - u0),   B = sum over tendons of (h dF/dl + dF/dl') r r^T,
 // with the moment arms r at the start. An engine solves them together with its motion: with B itself, or with

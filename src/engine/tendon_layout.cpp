@@ -74,7 +74,7 @@ void set_muscle(TendonBlock& block, std::size_t lane, const model::Muscle& muscl
   block.excitable[lane] = muscle.excitable;
 }
 
-void set_band(TendonBlock& block, std::size_t lane, const model::Ligament& band) {
+void set_band(TendonBlock& block, std::size_t lane, const model::Band& band) {
   block.stiffness[lane] = band.stiffness;
   block.damping[lane] = band.damping;
   block.rest[lane] = band.rest;
@@ -83,7 +83,7 @@ void set_band(TendonBlock& block, std::size_t lane, const model::Ligament& band)
 
 }  // namespace
 
-TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<const model::Ligament> bands,
+TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<const model::Band> bands,
                            const Solves& solves)
     : muscles_(muscles.size()), bands_(bands.size()) {
   std::vector<Tendon> tendons;

@@ -15,7 +15,7 @@ class TendonLayout {
  public:
   /// Whether an engine solves an entry of B, of two coordinates, or has its bound on the diagonal.
   using Solves = std::function<bool(int, int)>;
-  TendonLayout(std::span<const model::Muscle> muscles, std::span<const model::Ligament> bands,
+  TendonLayout(std::span<const model::Muscle> muscles, std::span<const model::Band> bands,
                const Solves& solves);
   TendonLayout(const TendonLayout&) = delete;  ///< arrays() points into it
   TendonLayout& operator=(const TendonLayout&) = delete;
@@ -34,7 +34,7 @@ class TendonLayout {
   struct Tendon {
     const model::TendonPath* path = nullptr;
     const model::Muscle* muscle = nullptr;
-    const model::Ligament* band = nullptr;
+    const model::Band* band = nullptr;
     int index = 0;  ///< in the model
     int chain = 0;
   };

@@ -87,7 +87,7 @@ bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes);
 /// Muscles and bands of a person's hand; `dof` is the number of an axis.
 struct HandMuscles {
   std::vector<model::Muscle> muscles;
-  std::vector<model::Ligament> bands;
+  std::vector<model::Band> bands;
   double strength = 1;  ///< factor on the reference person's forces
 };
 

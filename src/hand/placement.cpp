@@ -209,11 +209,11 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
     index.muscles.push_back(static_cast<int>(model.muscles.size()));
     model.muscles.push_back(std::move(muscle));
   }
-  for (model::Ligament band : hand.muscles.bands) {
+  for (model::Band band : hand.muscles.bands) {
     band.name = index.name + "." + band.name;
     band.rest += place(band.path, hand.axes, dofs);
-    index.ligaments.push_back(static_cast<int>(model.ligaments.size()));
-    model.ligaments.push_back(std::move(band));
+    index.bands.push_back(static_cast<int>(model.bands.size()));
+    model.bands.push_back(std::move(band));
   }
 }
 

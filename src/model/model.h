@@ -167,10 +167,10 @@ struct HandIndex {
   std::optional<int> forearm;   ///< body; the palm hangs on it
   std::vector<int> palm_parts;  ///< bodies that are parts of the palm beside `palm`: metacarpals
   std::vector<Fingertip> fingertips;
-  std::vector<int> joints;     ///< finger joints, and those of wrist and forearm if it has them
-  std::optional<int> rail;     ///< slider joint of the palm, if it has one
-  std::vector<int> muscles;    ///< in Model::muscles
-  std::vector<int> ligaments;  ///< in Model::ligaments
+  std::vector<int> joints;   ///< finger joints, and those of wrist and forearm if it has them
+  std::optional<int> rail;   ///< slider joint of the palm, if it has one
+  std::vector<int> muscles;  ///< in Model::muscles
+  std::vector<int> bands;    ///< in Model::bands
 };
 
 /// Indices of an object's parts in the model.
@@ -192,8 +192,8 @@ struct Model {
   std::vector<Drive> drives;
   std::vector<HandIndex> hands;
   std::vector<ObjectIndex> objects;
-  std::vector<Muscle> muscles;      ///< those in effect
-  std::vector<Ligament> ligaments;  ///< those in effect
+  std::vector<Muscle> muscles;  ///< those in effect
+  std::vector<Band> bands;      ///< those in effect
 
   int dof_count() const;
   /// Of each shape the object that it is of, in `objects`, if it is of one.

@@ -1,4 +1,4 @@
-// Muscles and ligaments of a model: tendons with a moment arm about each joint coordinate that they cross.
+// Muscles and bands of a model: tendons with a moment arm about each joint coordinate that they cross.
 // Length and arms agree: one polynomial, the excursion e(q), gives length = length at zero - e(q) and moment
 // arm = de/dq = -dlength/dq. No time, no activation: see muscle_curves.h and engine/muscles.h.
 #pragma once
@@ -76,7 +76,7 @@ struct Muscle {
 bool any_elastic(std::span<const Muscle> muscles);
 
 /// A band across joints: tension = stiffness (x - rest) + damping dx/dt, x = -e(q); slack ones pull only.
-struct Ligament {
+struct Band {
   std::string name;  ///< unique, e.g. `right.index_dip_pip`
   TendonPath path;
   double stiffness = 0;  ///< [N/m]

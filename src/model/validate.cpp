@@ -43,7 +43,7 @@ class Checker {
     each(model_.shapes, origins_.shapes, [&](const Shape& shape) { check_shape(shape); });
     each(model_.materials, origins_.materials, [&](const Material& material) { check_material(material); });
     for (const Muscle& muscle : model_.muscles) check_muscle(muscle);
-    for (const Ligament& band : model_.ligaments) check_ligament(band);
+    for (const Band& band : model_.bands) check_band(band);
     for (const ContactRule& rule : model_.contact_rules)
       if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
         add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
@@ -277,7 +277,7 @@ class Checker {
     }
   }
 
-  void check_ligament(const Ligament& band) {
+  void check_band(const Band& band) {
     check_path(band.name, band.path);
     check_range({band.name, ".stiffness"}, band.stiffness, 0, kStiffnessMax, "N/m");
     check_range({band.name, ".damping"}, band.damping, 0, kStiffnessMax, "N s/m");

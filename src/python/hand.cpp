@@ -153,7 +153,7 @@ py::tuple muscle_forces(const SceneHandle& of, const py::object& q) {
     active.push_back(model::isometric_force(muscle, excursion));
     passive.push_back(model::passive_force(muscle, excursion));
   }
-  for (const model::Ligament& band : model.ligaments) {
+  for (const model::Band& band : model.bands) {
     const model::PathState path = model::path_state(band.path, posture.state.q);
     const double pull = -band.stiffness * (path.excursion + band.rest);
     for (std::size_t i = 0; i < band.path.arms.size(); ++i)

@@ -138,7 +138,7 @@ Start law(const model::Model& model, double h, const TendonLayout::Solves& solve
       return std::pair(std::max(0.0, found.force + h * found.stiffness * rate),
                        h * std::max(0.0, found.stiffness) + found.damping);
     });
-  for (const model::Ligament& band : model.ligaments)
+  for (const model::Band& band : model.bands)
     add(band.path, [&](double excursion, double rate) {
       const double then = -excursion - band.rest + h * rate;
       const bool slack = !band.both_ways && then <= 0;

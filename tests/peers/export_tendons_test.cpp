@@ -89,7 +89,7 @@ TEST(MusclesInMujoco, HaveTheSameBands) {
   ASSERT_TRUE(in.model);
   const model::Model& model = in.scene.model;
   const model::State state = model::initial_state(model);
-  for (const model::Ligament& band : model.ligaments) {
+  for (const model::Band& band : model.bands) {
     const int id = mj_name2id(in.model.get(), mjOBJ_TENDON, band.name.c_str());
     ASSERT_GE(id, 0) << band.name;
     const model::PathState path = model::path_state(band.path, state.q);

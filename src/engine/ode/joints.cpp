@@ -34,7 +34,7 @@ std::vector<bool> crossed_by_tendons(const model::Model& model, const model::Eff
   if (effects.has(model::Effect::muscles))
     for (const model::Muscle& muscle : model.muscles) add(muscle.path);
   if (effects.has(model::Effect::tendon_coupling))
-    for (const model::Ligament& ligament : model.ligaments) add(ligament.path);
+    for (const model::Band& band : model.bands) add(band.path);
   return out;
 }
 

@@ -47,7 +47,7 @@ void add_muscle(const model::Muscle& muscle, const model::State& state,
       -model::isometric_force(muscle, path.excursion), -model::passive_force(muscle, path.excursion));
 }
 
-void add_band(const model::Ligament& band, const model::State& state, const std::vector<std::string>& labels,
+void add_band(const model::Band& band, const model::State& state, const std::vector<std::string>& labels,
               MjcfTendons& out) {
   if (band.path.arms.empty()) return;
   const model::PathState path = model::path_state(band.path, state.q);
@@ -114,7 +114,7 @@ MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& sett
   if (settings.effects.has(model::Effect::muscles))
     for (const model::Muscle& muscle : model.muscles) add_muscle(muscle, state, labels, out);
   if (settings.effects.has(model::Effect::tendon_coupling))
-    for (const model::Ligament& band : model.ligaments) add_band(band, state, labels, out);
+    for (const model::Band& band : model.bands) add_band(band, state, labels, out);
   return out;
 }
 

@@ -122,7 +122,7 @@ std::string muscle_element(const model::Muscle& muscle, const std::string& path)
 }
 
 /// A slack band's stretch is clamped at zero, where it has no force even while it gets longer.
-std::string band_element(const model::Ligament& band, const std::string& path) {
+std::string band_element(const model::Band& band, const std::string& path) {
   const std::string pull = fmt::format("{:.17g}*s+{:.17g}*ldot", band.stiffness, band.damping);
   return fmt::format("<ExpressionBasedPathForce name=\"{}\">", attribute(band.name)) + path +
          element("resting_length", band.rest) +
@@ -147,7 +147,7 @@ std::string osim_muscles(const model::Model& model, const engine::Settings& sett
       if (const Polynomial length = length_of(muscle.path, muscle.length, moves, start); !length.dofs.empty())
         out += muscle_element(muscle, path_element(length, places));
   if (settings.effects.has(model::Effect::tendon_coupling))
-    for (const model::Ligament& band : model.ligaments)
+    for (const model::Band& band : model.bands)
       if (const Polynomial length = length_of(band.path, 0, moves, start); !length.dofs.empty())
         out += band_element(band, path_element(length, places));
   return out;

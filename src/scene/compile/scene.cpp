@@ -150,8 +150,8 @@ class Builder {
       for (model::HandIndex& hand : model_.hands) hand.muscles.clear();
     }
     if (effects_.has(model::Effect::tendon_coupling)) return;
-    model_.ligaments.clear();
-    for (model::HandIndex& hand : model_.hands) hand.ligaments.clear();
+    model_.bands.clear();
+    for (model::HandIndex& hand : model_.hands) hand.bands.clear();
   }
 
   void add_objects() {

@@ -195,7 +195,7 @@ std::vector<double> Subject::passive(std::span<const double> q) const {
 
 std::vector<double> Subject::bands(std::span<const double> q) const {
   std::vector<double> out(q.size());
-  for (const model::Ligament& band : model_.ligaments) {
+  for (const model::Band& band : model_.bands) {
     const auto force = [&](double excursion) {
       const double pulls = band.stiffness * (-excursion - band.rest);
       return band.both_ways ? pulls : std::max(0.0, pulls);

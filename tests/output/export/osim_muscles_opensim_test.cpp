@@ -124,7 +124,7 @@ MuscleAgreement agreement(const model::Model& model, const std::vector<Sample>& 
 /// Torques of bands at a pose and rates.
 std::vector<double> band_torques(const model::Model& model, const Sample& sample, int& taut) {
   std::vector<double> out(sample.q.size());
-  for (const model::Ligament& band : model.ligaments) {
+  for (const model::Band& band : model.bands) {
     const model::PathState path = model::path_state(band.path, sample.q);
     const double x = -path.excursion - band.rest;
     double force = band.stiffness * x + band.damping * rate_of(band.path, path, sample.u);

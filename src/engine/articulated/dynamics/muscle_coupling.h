@@ -1,4 +1,4 @@
-// Muscles and ligaments in the step of a mechanism. Their torques at the step's end couple the coordinates
+// Muscles and bands in the step of a mechanism. Their torques at the step's end couple the coordinates
 // that a tendon crosses (engine/muscles.h): H becomes H + h B. All coordinates of a tendon lie on one branch,
 // so that the factor of H + h B has the same zeros as that of H. The kernels' own solution knows of no B: it
 // is corrected by one factorisation of the trees that have tendons (kernels/kernel_coupling.h).
