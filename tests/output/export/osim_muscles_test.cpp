@@ -8,6 +8,7 @@
 #include <pugixml.hpp>
 #include <random>
 #include <sstream>
+#include <utility>
 
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export.h"
@@ -47,9 +48,11 @@ std::vector<T> split(const std::string& text) {
 }
 
 /// All powers of `count` variables with a sum of at most `order`: OpenSim's order is the one of a map's keys,
-/// the last variable's fastest.
+/// the last variable's fastest. Made once for each pair: many paths have the same.
 std::map<Powers, double> all_powers(std::size_t count, int order) {
-  std::map<Powers, double> out;
+  static std::map<std::pair<std::size_t, int>, std::map<Powers, double>> known;
+  std::map<Powers, double>& out = known[{count, order}];
+  if (!out.empty()) return out;
   Powers each(count, 0);
   for (;;) {
     int sum = 0;
@@ -139,7 +142,7 @@ TEST(OsimMuscles, PolynomialsAreThePathsOfTheModel) {
   const pugi::xml_document file = exported(scene);
   const auto muscles = forces(file, "RigidTendonMuscle"), bands = forces(file, "ExpressionBasedPathForce");
   EXPECT_EQ(muscles.size(), model.muscles.size());
-  EXPECT_EQ(bands.size(), model.ligaments.size());
+  EXPECT_EQ(bands.size(), model.bands.size());
   std::mt19937 random(3);
   int seen = 0;
   for (int pose = 0; pose < 10; ++pose) {
@@ -147,7 +150,7 @@ TEST(OsimMuscles, PolynomialsAreThePathsOfTheModel) {
     for (const model::Muscle& each : model.muscles)
       seen +=
           expect_path(read(muscles.at(each.name)), each.path, each.length, places(model), q, 0, each.name);
-    for (const model::Ligament& each : model.ligaments)
+    for (const model::Band& each : model.bands)
       seen += expect_path(read(bands.at(each.name)), each.path, 0, places(model), q, 0, each.name);
   }
   EXPECT_GT(seen, 10 * 180);
@@ -165,7 +168,7 @@ TEST(OsimMuscles, HaveTheModelsNumbers) {
     EXPECT_EQ(found.child("pennation_angle_at_optimal").text().as_double(), each.pennation);
     EXPECT_EQ(found.child("max_contraction_velocity").text().as_double(), each.max_speed);
   }
-  for (const model::Ligament& each : scene.model.ligaments) {
+  for (const model::Band& each : scene.model.bands) {
     EXPECT_EQ(bands.at(each.name).child("resting_length").text().as_double(), each.rest);
     EXPECT_EQ(bands.at(each.name).child("clamp_stretch").text().as_bool(), !each.both_ways);
   }
