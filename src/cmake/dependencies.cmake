@@ -27,16 +27,20 @@ foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev"
 endforeach()
 
 find_package(SUNDIALS 6 QUIET COMPONENTS ida cvode nvecserial sunmatrixdense sunlinsoldense)
-handsim_need(SUNDIALS_FOUND "SUNDIALS 6 (IDA, and CVODE for tests)" libsundials-dev)
-include(CheckCXXSourceCompiles)
-set(CMAKE_REQUIRED_LIBRARIES SUNDIALS::ida)
-check_cxx_source_compiles("
-  #include <ida/ida.h>
-  static_assert(sizeof(realtype) == sizeof(double), \"not double precision\");
-  int main() { return IDAGetReturnFlagName(0) == nullptr; }" HANDSIM_SUNDIALS_IS_DOUBLE)
-unset(CMAKE_REQUIRED_LIBRARIES)
-handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another precision or does not link)"
-             libsundials-dev)
+if(HANDSIM_NEED_SUNDIALS OR HANDSIM_TESTS)
+  handsim_need(SUNDIALS_FOUND "SUNDIALS 6 (IDA, and CVODE for tests)" libsundials-dev)
+endif()
+if(SUNDIALS_FOUND)
+  include(CheckCXXSourceCompiles)
+  set(CMAKE_REQUIRED_LIBRARIES SUNDIALS::ida)
+  check_cxx_source_compiles("
+    #include <ida/ida.h>
+    static_assert(sizeof(realtype) == sizeof(double), \"not double precision\");
+    int main() { return IDAGetReturnFlagName(0) == nullptr; }" HANDSIM_SUNDIALS_IS_DOUBLE)
+  unset(CMAKE_REQUIRED_LIBRARIES)
+  handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another precision or does not link)"
+               libsundials-dev)
+endif()
 
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)

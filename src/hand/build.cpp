@@ -7,6 +7,7 @@
 
 #include "handsim/hand/cut_capsule.h"
 #include "handsim/hand/deviations.h"
+#include "handsim/hand/pieces.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/model/shape_union.h"
@@ -76,20 +77,6 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
   return out;
 }
 
-/// What one row, or the palm, brings to a body.
-struct Piece {
-  std::string name;
-  int body = 0;
-  Pose frame;                              ///< X_H of the frame in which the poses of its shapes are
-  std::vector<Shape> shapes;               ///< [0] a segment's own capsule; none: a carrier
-  double mass = 0;                         ///< [kg]
-  double round = 0;                        ///< radius of a carrier's ball [m]
-  std::vector<std::string> of_palm;        ///< shapes that split_palm brings it
-  std::optional<Cut> cut;                  ///< of its capsule; absent: the whole capsule is its matter
-  std::optional<MassProperties> together;  ///< of several shapes at unit density, in the part's frame
-  std::optional<MassProperties> taken;     ///< that its parent lacks for it, in the parent's frame
-};
-
 /// A box has its frame at its centre: that of its body.
 Piece palm_part(const PalmSpec& spec, const HandSize& size) {
   Piece out;
@@ -135,141 +122,6 @@ Piece segment_part(const SegmentSpec& row, const BuiltSegment& built, const Hand
   }
   for (Shape& shape : out.shapes) shape.part = row.part;
   return out;
-}
-
-/// Distance along a segment's axis at which it leaves the shapes of its parent, to a 64th of the segment.
-double exit_from(const Piece& parent, const Piece& piece) {
-  constexpr int kSteps = 64;
-  const double step = piece.shapes[0].length / kSteps;
-  for (int i = 0; i < kSteps; ++i) {
-    const Vec3 at = parent.frame.inverse() * (piece.frame * Vec3(0, (i + 0.5) * step, 0));
-    const bool inside = std::ranges::any_of(parent.shapes, [&](const Shape& shape) {
-      Vec3 local = shape.pose.inverse() * at;
-      if (shape.kind == ShapeKind::box) return (local.cwiseAbs() - 0.5 * shape.edges).maxCoeff() < 0;
-      local.z() -= std::clamp(local.z(), -0.5 * shape.length, 0.5 * shape.length);
-      return local.norm() < shape.radius;
-    });
-    if (!inside) return i * step;
-  }
-  return piece.shapes[0].length;
-}
-
-/// The first part of a segment's cylinder, in its parent's frame, to be taken from the parent.
-MassProperties taken_from(const Piece& parent, const Piece& piece, double length) {
-  const double r = piece.shapes[0].radius, volume = M_PI * r * r * length;
-  const double across = length * length / 12 + r * r / 4;
-  const Pose frame = parent.frame.inverse() * piece.frame;
-  const Mat3 axes = frame.q.toRotationMatrix();
-  return {-volume, frame * Vec3(0, 0.5 * length, 0),
-          -volume * axes * Vec3(across, r * r / 2, across).asDiagonal() * axes.transpose()};
-}
-
-/// Space that two rows share at zero angles counts once: a plane through the joint divides them. Of a parent
-/// that is one box, or goes on beyond the joint, the segment begins where it leaves it.
-void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
-  for (std::size_t i = 1; i < parts.size(); ++i) {
-    // A carrier has no shape: its segment starts where it does, in its parent. The palm's are in the palm.
-    std::optional<std::size_t> row = spec.segments[i - 1].parent;
-    while (row && (spec.segments[*row].carrier || !spec.segments[*row].of_palm.empty()))
-      row = spec.segments[*row].parent;
-    Piece& own = parts[i];
-    if (own.shapes.size() != 1) continue;
-    const Shape& capsule = own.shapes[0];
-    Piece& parent = parts[row ? *row + 1 : 0];
-    const Vec3 at = parent.frame.inverse() * own.frame.p;
-    if (parent.cut && (at - Vec3(0, parent.shapes[0].length, 0)).norm() < 1e-9) {
-      parent.cut->flat_end = true;
-      own.cut = Cut{-bulge(parent.shapes[0].radius, capsule.radius), false};
-      continue;
-    }
-    const double shared = std::min(covered(exit_from(parent, own), capsule.radius), 0.95 * capsule.length);
-    own.cut = Cut{parent.together ? 0 : shared, false};
-    if (!parent.together) continue;
-    const MassProperties taken = taken_from(parent, own, shared);
-    parent.together = model::joined({*parent.together, taken});
-    own.taken = taken;
-  }
-}
-
-/// Of its matter; a carrier takes its share of the segment after it.
-double volume_of(const std::vector<Piece>& parts, std::size_t i) {
-  const Piece& part = parts[i];
-  if (!part.of_palm.empty()) return 0;
-  if (part.shapes.empty()) return kCarrierShare / (1 - kCarrierShare) * volume_of(parts, i + 1);
-  const bool carried = i > 0 && parts[i - 1].shapes.empty() && parts[i - 1].of_palm.empty();
-  const double own = part.cut                  ? matter(part.shapes[0], *part.cut).volume
-                     : part.shapes.size() == 1 ? model::volume(part.shapes[0])
-                                               : part.together->mass;
-  return carried ? (1 - kCarrierShare) * own : own;
-}
-
-/// Masses by share of the hand. Without a share the palm gets the remainder, so that all sum to the hand.
-void set_masses_by_share(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
-                         const Person& person) {
-  double sum = spec.palm.mass_share.value_or(0);
-  for (const SegmentSpec& row : spec.segments) sum += row.mass_share;
-  double whole = share_of(spec.mass, person.sex) * person.mass;
-  if (person.hand_mass) whole = spec.palm.mass_share ? *person.hand_mass / sum : *person.hand_mass;
-  double rest = whole;
-  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
-    parts[i + 1].mass = spec.segments[i].mass_share * whole;
-    rest -= parts[i + 1].mass;
-  }
-  parts[0].mass = spec.palm.mass_share ? *spec.palm.mass_share * whole : rest;
-  hand.mass = person.hand_mass.value_or(spec.palm.mass_share ? sum * whole : whole);
-}
-
-/// Masses by volume; a measured hand mass scales them.
-void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
-                          const Person& person) {
-  std::vector<double> volumes;
-  double total = 0;
-  for (std::size_t i = 0; i < parts.size(); ++i) {
-    volumes.push_back(volume_of(parts, i));
-    total += volumes.back();
-  }
-  hand.mass = person.hand_mass.value_or(spec.mass.density * total);
-  for (std::size_t i = 0; i < parts.size(); ++i) parts[i].mass = hand.mass * volumes[i] / total;
-}
-
-/// Gives the parts of the palm their shapes, and of its mass what it would lack without them: what their
-/// shapes share with the rest of it stays there. The sum of both is the palm, to rounding.
-void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
-  Piece& palm = parts[0];
-  for (std::size_t i = 1; i < parts.size(); ++i) {
-    Piece& own = parts[i];
-    if (own.of_palm.empty()) continue;
-    const auto stays = [&](const Shape& shape) {
-      return std::ranges::find(own.of_palm, shape.name) == own.of_palm.end();
-    };
-    const MassProperties before = model::union_properties(palm.shapes);
-    const auto moved = std::stable_partition(palm.shapes.begin(), palm.shapes.end(), stays);
-    own.shapes.assign(moved, palm.shapes.end());
-    palm.shapes.erase(moved, palm.shapes.end());
-    MassProperties rest = model::union_properties(palm.shapes);
-    rest.mass = -rest.mass;
-    rest.inertia = -rest.inertia;
-    std::vector<MassProperties> volumes = {before, rest};
-    for (std::size_t k = i + 1; k < parts.size(); ++k)
-      if (spec.segments[k - 1].parent == i - 1 && parts[k].taken) volumes.push_back(*parts[k].taken);
-    MassProperties volume = model::joined(volumes);
-    own.mass = palm.mass * volume.mass / palm.together->mass;
-    palm.mass -= own.mass;
-    MassProperties less = volume;
-    less.mass = -less.mass;
-    less.inertia = -less.inertia;
-    palm.together = model::joined({*palm.together, less});
-    // From the palm's frame, which is the hand's, to its own.
-    const Pose frame = own.frame.inverse();
-    const Mat3 axes = frame.q.toRotationMatrix();
-    own.together =
-        MassProperties{volume.mass, frame * volume.centre, axes * volume.inertia * axes.transpose()};
-    for (Shape& shape : own.shapes) {
-      shape.name = own.name + shape.name.substr(std::string("palm").size());
-      shape.part = spec.segments[i - 1].part;
-      shape.pose = frame * shape.pose;
-    }
-  }
 }
 
 /// A body of one shape has its frame at the shape's centre, with the axes of its segment.

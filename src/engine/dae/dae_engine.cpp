@@ -5,7 +5,6 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <sundials/sundials_version.h>
 
 #include "handsim/engine/checks.h"
 #include "handsim/engine/dae/integrator.h"
@@ -135,9 +134,7 @@ class DaeEngine final : public Engine {
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return false; }
   std::string version() const override {
-    char text[32] = {};
-    SUNDIALSGetVersion(text, sizeof text);
-    return fmt::format("dae (SUNDIALS {}, Eigen {}.{}.{})", text, EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION,
+    return fmt::format("dae ({}, Eigen {}.{}.{})", gear_library(), EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION,
                        EIGEN_MINOR_VERSION);
   }
   std::vector<std::string> notes() const override { return notes_; }

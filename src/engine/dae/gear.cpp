@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 #include <ida/ida.h>
 #include <nvector/nvector_serial.h>
+#include <sundials/sundials_version.h>
 #include <sunlinsol/sunlinsol_dense.h>
 #include <sunmatrix/sunmatrix_dense.h>
 
@@ -318,6 +319,12 @@ class Gear final : public Integrator {
 
 std::unique_ptr<Integrator> make_gear(System system, const Settings& settings) {
   return std::make_unique<Gear>(std::move(system), settings);
+}
+
+std::string gear_library() {
+  char text[32] = {};
+  SUNDIALSGetVersion(text, sizeof text);
+  return fmt::format("SUNDIALS {}", text);
 }
 
 }  // namespace handsim::engine::dae

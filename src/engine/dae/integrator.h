@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <span>
+#include <string>
 
 #include "handsim/engine/multibody/system.h"
 
@@ -22,7 +23,10 @@ class Integrator {
   virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
 
+/// @throws Error (input) in a build without SUNDIALS
 std::unique_ptr<Integrator> make_gear(System system, const Settings& settings);
+/// The library that integrates stabilised_gear, with its version.
+std::string gear_library();
 std::unique_ptr<Integrator> make_penalty(System system);
 std::unique_ptr<Integrator> make_euler(System system, const Settings& settings);
 
