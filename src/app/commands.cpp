@@ -8,6 +8,7 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/console.h"
+#include "handsim/app/program.h"
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
 #include "handsim/core/version.h"
@@ -124,6 +125,11 @@ int parse_and_call(int argc, const char* const* argv, MoreCommands more) {
 
 int run_command_line(int argc, const char* const* argv, MoreCommands more) {
   return guarded([&] { return parse_and_call(argc, argv, more); });
+}
+
+int run_program(int argc, const char* const* argv) {
+  prepare_streams();
+  return finish_output(run_command_line(argc, argv));
 }
 
 }  // namespace handsim::app

@@ -1,7 +1,3 @@
-#include "handsim/app/commands.h"
-#include "handsim/app/console.h"
+#include "handsim/app/program.h"
 
-int main(int argc, char** argv) {
-  handsim::app::prepare_streams();
-  return handsim::app::finish_output(handsim::app::run_command_line(argc, argv));
-}
+int main(int argc, char** argv) { return handsim::app::run_program(argc, argv); }
