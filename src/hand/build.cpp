@@ -274,15 +274,7 @@ BuiltHand build_hand(const HandSpec& given, const Person& stated) {
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;
   std::vector<Piece> parts = parts_of(hand, spec, person);
-  if (spec.mass.kind == MassRule::Kind::tissue_density) share_space(parts, spec);
-  hand.palm_volume = volume_of(parts, 0);
-  if (spec.mass.kind == MassRule::Kind::body_mass_share)
-    set_masses_by_share(parts, hand, spec, person);
-  else
-    set_masses_by_volume(parts, hand, spec, person);
-  split_palm(parts, spec);
-  for (std::size_t i = 1; i < parts.size(); ++i)
-    if (!parts[i].of_palm.empty()) hand.palm_parts.push_back(parts[i].body);
+  set_masses(parts, hand, spec, person);
   place_bodies(hand, parts);
   add_shapes_of(hand, parts);
   add_joints_of(hand, spec);

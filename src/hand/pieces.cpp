@@ -40,8 +40,8 @@ MassProperties taken_from(const Piece& parent, const Piece& piece, double length
           -volume * axes * Vec3(across, r * r / 2, across).asDiagonal() * axes.transpose()};
 }
 
-}  // namespace
-
+/// Space that two rows share at zero angles counts once: a plane through the joint divides them. Of a parent
+/// that is one box, or goes on beyond the joint, the segment begins where it leaves it.
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
     // A carrier has no shape: its segment starts where it does, in its parent. The palm's are in the palm.
@@ -67,6 +67,7 @@ void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   }
 }
 
+/// Volume of a part's matter [m^3]; a carrier takes its share of the segment after it.
 double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   const Piece& part = parts[i];
   if (!part.of_palm.empty()) return 0;
@@ -78,6 +79,7 @@ double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   return carried ? (1 - kCarrierShare) * own : own;
 }
 
+/// Masses by share of the hand. Without a share the palm gets the remainder, so that all sum to the hand.
 void set_masses_by_share(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
                          const Person& person) {
   double sum = spec.palm.mass_share.value_or(0);
@@ -93,6 +95,7 @@ void set_masses_by_share(std::vector<Piece>& parts, BuiltHand& hand, const HandS
   hand.mass = person.hand_mass.value_or(spec.palm.mass_share ? sum * whole : whole);
 }
 
+/// Masses by volume; a measured hand mass scales them.
 void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
                           const Person& person) {
   std::vector<double> volumes;
@@ -105,6 +108,8 @@ void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const Hand
   for (std::size_t i = 0; i < parts.size(); ++i) parts[i].mass = hand.mass * volumes[i] / total;
 }
 
+/// Gives the parts of the palm their shapes, and of its mass what it would lack without them: what their
+/// shapes share with the rest of it stays there. The sum of both is the palm, to rounding.
 void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
   Piece& palm = parts[0];
   for (std::size_t i = 1; i < parts.size(); ++i) {
@@ -141,6 +146,20 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
       shape.pose = frame * shape.pose;
     }
   }
+}
+
+}  // namespace
+
+void set_masses(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec, const Person& person) {
+  if (spec.mass.kind == MassRule::Kind::tissue_density) share_space(parts, spec);
+  hand.palm_volume = volume_of(parts, 0);
+  if (spec.mass.kind == MassRule::Kind::body_mass_share)
+    set_masses_by_share(parts, hand, spec, person);
+  else
+    set_masses_by_volume(parts, hand, spec, person);
+  split_palm(parts, spec);
+  for (std::size_t i = 1; i < parts.size(); ++i)
+    if (!parts[i].of_palm.empty()) hand.palm_parts.push_back(parts[i].body);
 }
 
 }  // namespace handsim::hand

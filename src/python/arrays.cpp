@@ -1,7 +1,6 @@
 #include "handsim/python/arrays.h"
 
 #include <algorithm>
-#include <concepts>
 
 #include <fmt/format.h>
 

@@ -1,7 +1,6 @@
 // A rollout study as its file says it.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>

@@ -1,7 +1,6 @@
 // Points and directions on the segments of a hand, with their derivatives, as functions of the joint angles.
 #pragma once
 
-#include <algorithm>
 #include <optional>
 #include <span>
 #include <string>

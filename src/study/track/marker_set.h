@@ -1,7 +1,6 @@
 // Where markers and sensors sit on a hand: the content of a marker set file.
 #pragma once
 
-#include <map>
 #include <string>
 #include <vector>
 
