@@ -12,7 +12,6 @@
 // whose work is not known, is left alone, and so are all trees in a step with forces from outside.
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "handsim/engine/articulated/momentum.h"

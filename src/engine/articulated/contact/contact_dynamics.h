@@ -74,7 +74,8 @@ class ContactDynamics {
     LimitSide side = LimitSide::within;  ///< stop that was in force
     bool bounced = false;
   };
-  /// One body of a contact: its velocity at an origin, that of its island where it is a node.
+  /// One body of a contact: its velocity at an origin, of the mechanism's island (Topology) where it is a
+  /// node.
   struct Motion {
     Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
     Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
@@ -135,7 +136,7 @@ class ContactDynamics {
   bool friction_, with_forces_;
   double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;
-  std::vector<int> order_, chosen_;  ///< of all dofs; places there of those that are involved
+  std::vector<int> order_, chosen_;  ///< dof of each place in the full order; places of the involved ones
   std::vector<int> place_, dof_of_;  ///< in the solver, of each dof that is involved, and back
   std::vector<int> root_of_;         ///< of each dof
   /// By roots: whether contacts, stops or torque limits change the free step of the tree.

@@ -76,7 +76,7 @@ double ContactDynamics::compute_target(ContactRows& rows, const Contact& contact
 /// A contact's rows by its materials; the same laws as the ODE engine's.
 void ContactDynamics::add_contact(Problem& p, const Contact& contact, const model::Material& surface,
                                   double share, double step) {
-  // Normals on both sides of a finger would jam it with the friction of a circular cone.
+  // No friction between crossed bodies: normals on both sides of a finger would jam it.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;

@@ -1,5 +1,5 @@
-// The contact law at given rates, and the residual F = A x - g - J^T p - servos. Wrenches on one of two
-// bodies give velocities and impulses by one recursion along branches; a factor needs entries by unknowns.
+// The contact law at given rates, and the residual F = A x - g - J^T p - servos. A pair's rows are kept
+// as wrenches: J x and J^T p are one recursion along the trees; only factors and rounding need J's entries.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ struct Workspace {
   Problem problem, island;  ///< the engine's, and an island of it
 
   // The residual.
-  Law law = Law::coulomb;        ///< of the last evaluation
+  Law law = Law::coulomb;        ///< of the last evaluation: says what a step and a factor are
   std::vector<double> F, r;      ///< residual; row velocities, kMostRows a contact
   std::vector<double> rounding;  ///< sums of the magnitudes of F's terms but A x
   bool rounding_known = false;   ///< these are of the last evaluation
@@ -62,7 +62,7 @@ inline std::array<double, 3> stiffness(const Disc& disc) {
           -0.5 * disc.tangent_stiffness * (disc.force_x * disc.slip_y + disc.force_y * disc.slip_x),
           disc.tangent_stiffness * (1 - disc.force_y * disc.slip_y)};
 }
-/// Impulses at row velocities r, and the active set.
+/// Impulses at row velocities r. The active set is found, but with Law::active_set kept.
 void apply_law(ContactRows& contact, const double* r, Law law);
 /// Compliance of a stop as a penalty.
 double stop_compliance(const Problem& p, int i);

@@ -65,7 +65,8 @@ Slope energy_slope(const Problem& p, const Workspace& w, double share) {
   return out;
 }
 
-/// Step length along d that minimises the energy: Newton's method with bisection as safeguard.
+/// Step length along d, at most 1, that nearly minimises the energy: Newton's method with bisection as
+/// safeguard.
 double line_search(const Problem& p, Workspace& w) {
   for (int i = 0; i < p.size(); ++i) {
     w.Ad[at(i)] = 0;
@@ -98,7 +99,7 @@ double line_search(const Problem& p, Workspace& w) {
   return share;
 }
 
-/// Minimises the energy with fixed limits, from x, as far as rounding allows.
+/// Minimises the energy with fixed limits, from x, to the tolerance or for `fixed_steps`.
 void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
   evaluate(p, w, Law::fixed_limits);
   for (int i = 0; i < kTuning.fixed_steps && !(residual(p, w, tolerance) <= tolerance); ++i) {

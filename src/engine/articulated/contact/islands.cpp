@@ -40,7 +40,7 @@ int find_islands(const Problem& p, Workspace& w) {
     }
   }
   int count = 0;
-  // A root has a lower number than all others, and so its island's number already.
+  // A tree points to a lower one, which has its island's number already.
   for (int tree = 0; tree < static_cast<int>(island.size()); ++tree)
     island[at(tree)] = island[at(tree)] == tree ? count++ : island[at(island[at(tree)])];
   return count;

@@ -174,8 +174,8 @@ void newton_steps(Problem& p, SparseFactor& factor, Workspace& w, int most, doub
 
 void solve_newton(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
   if (starts_solved(p, w, tolerance, report)) return;
-  if (factor.fits(p, w)) {
-    factor.tried(reuse_factor(p, factor, w, tolerance, report));
+  if (factor.begin_trial(p, w)) {
+    factor.end_trial(reuse_factor(p, factor, w, tolerance, report));
     if (report.solved) return;
   }
   newton_steps(p, factor, w, kTuning.newton_steps, tolerance, report);

@@ -115,8 +115,8 @@ struct Problem : Iterate {
   std::vector<Pair> pairs;
   /// How an unknown moves what it carries, at its tree's origin; wrenches on a at a's origin. kSpatial each.
   std::vector<double> motions, wrenches;
-  std::vector<double> J;  ///< rows by unknowns; of pairs only where `with_jacobians`
-  std::size_t entries = 0;
+  std::vector<double> J;    ///< rows by unknowns; of pairs only where `with_jacobians`
+  std::size_t entries = 0;  ///< of J
   bool with_jacobians = false;
 
   /// Starts a new problem: A and g zero, no contacts, bounds or servos.

@@ -5,8 +5,8 @@
 // method), as they do in a hold. Where the last solution solves the next problem, as it often does in a hold,
 // no step is taken.
 // Coulomb's law is not the gradient of an energy, so these steps need not converge. Then friction's limits
-// are held fixed, which makes the problem convex: Newton's method with an exact line search solves it, and
-// the limits are iterated (fixed_limits.cpp). Heaps are solved by block Gauss-Seidel (gauss_seidel.cpp).
+// are held fixed, which makes the problem convex: Newton's method with a line search solves it, and the
+// limits are iterated (fixed_limits.cpp). Heaps are solved by block Gauss-Seidel (gauss_seidel.cpp).
 // Trees that contacts and loops couple are islands, each a problem of its own.
 #pragma once
 
@@ -16,11 +16,11 @@ namespace handsim::engine::articulated {
 
 /// What a solution took and how exact it is.
 struct NewtonReport {
-  int iterations = 0;      ///< linear systems solved
+  int iterations = 0;      ///< linear systems solved; relaxed: and sweeps
   int limit_updates = 0;   ///< of friction's limits, where Newton's method alone did not converge
   double residual = 0;     ///< largest |F_i| / A_ii; relaxed: change in the last sweep [rad/s, m/s]
   bool solved = false;     ///< the residual is within the tolerance; if `iterative`, is a number
-  bool iterative = false;  ///< by block Gauss-Seidel: too large for Newton's method
+  bool iterative = false;  ///< relaxed by block Gauss-Seidel: too large for Newton's method
 };
 
 /// What an engine keeps from problem to problem.
@@ -40,12 +40,12 @@ struct ContactSystem {
 
 /// Solves w.problem, with the chosen unknowns, from `start` and the active set in `open`, `slides` and the
 /// sides of bounds and servos. Where Coulomb's law is not met to the tolerance [rad/s or m/s], gives the
-/// nearest solution with fixed friction limits; `residual` says how near.
+/// solution with fixed friction limits whose residual is the least of those tried.
 NewtonReport solve(ContactSystem& system, Workspace& w, double tolerance);
 
-/// The three solvers, for one island whose pattern the factor has. x starts from Problem::x.
+/// The three solvers, for one island whose pattern the factor has. This one goes on from Problem::x.
 void solve_newton(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report);
-/// Goes on from where Newton's method failed.
+/// Starts anew, from x = 0 without friction, and adds to the report.
 void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
                         NewtonReport& report);
 /// From the contacts' impulses.

@@ -117,7 +117,7 @@ double SparseFactor::work() const {
   return work;
 }
 
-/// Adds a contact's -J^T (dp/dr) J, where it is symmetric.
+/// Adds the symmetric part of a contact's -J^T (dp/dr) J.
 void SparseFactor::add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact) {
   const Triangle M = view().M;
   const double normal = contact.open ? 0 : 1 / contact.regularization;
@@ -229,6 +229,7 @@ void SparseFactor::factor_inertia(const Problem& p, Workspace& w) {
   compute_pattern(p, w, {});
   known_ = false;
   active_.clear();
+  columns_.clear();
   M_ = p.A;
   w.kernel.factor(view());
 }
@@ -245,7 +246,7 @@ void SparseFactor::solve_tree(const Workspace& w, double* x, const Unknowns& unk
   w.kernel.substitute_back(view(), x, first, end);
 }
 
-bool SparseFactor::fits(const Problem& p, Workspace& w) {
+bool SparseFactor::begin_trial(const Problem& p, Workspace& w) {
   if (active_.empty()) return false;
   list_active_set(p, w.active);
   if (w.active != active_) return false;
@@ -261,7 +262,7 @@ bool SparseFactor::fits(const Problem& p, Workspace& w) {
   return false;
 }
 
-void SparseFactor::tried(bool solved) {
+void SparseFactor::end_trial(bool solved) {
   if (!solved) problems_to_pass_ = (1 << failures_) - 1;
   failures_ = solved ? 0 : std::min(failures_ + 1, kTuning.most_failures);
 }

@@ -19,6 +19,7 @@ class SparseFactor {
   double work() const;
   /// Factors the derivative of the residual that the workspace has.
   void factor(Problem& p, Workspace& w);
+  /// Factors A alone: the contacts' factor is lost.
   void factor_inertia(const Problem& p, Workspace& w);
   /// x becomes the solution for the right side x. @param w for its kernel
   void solve(const Workspace& w, double* x);
@@ -27,9 +28,9 @@ class SparseFactor {
 
   /// Whether the factor is of the same unknowns, contacts and active set, and may be tried: where it fails
   /// again and again, as in fast motion, ever more problems pass before that.
-  bool fits(const Problem& p, Workspace& w);
-  /// How a problem went that it was tried in.
-  void tried(bool solved);
+  bool begin_trial(const Problem& p, Workspace& w);
+  /// Whether the trial solved the problem.
+  void end_trial(bool solved);
   void forget();
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);

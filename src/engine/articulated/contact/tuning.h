@@ -35,8 +35,9 @@ struct Tuning {
   double at_rest = 0.1;
   /// Newton steps from the last active set. Fewer: "steps_by_fixed_friction_limits"; more: slow failures.
   int newton_steps = 15;
-  /// Steps with the factor of an earlier problem, and how often in a row it fails before 2^failures problems
-  /// pass without a trial. Fewer: holds factor in every step; more: fast motion wastes steps.
+  /// Steps with the factor of an earlier problem. After its k-th failure in a row 2^(k-1) - 1 problems pass
+  /// without a trial; k - 1 counts up to `most_failures`. Fewer: holds factor in every step; more: wasted
+  /// steps.
   int reused_steps = 3, most_failures = 5;
   /// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
   /// It gets `heap_steps` Newton steps (none above `most_work` multiplications) and falls back to
@@ -47,9 +48,9 @@ struct Tuning {
   // Fixed limits of friction (fixed_limits.cpp).
   /// Newton steps at fixed limits: at most 45 in 10,000 random drops. And trials of a line search.
   int fixed_steps = 100, searches = 30;
-  /// A line search ends where the energy's slope is this share of that at its start (strong Wolfe condition).
+  /// A line search ends where the energy's slope is this share of that at its start, or with a whole step.
   double flat = 0.1;
-  /// Compliance of stops as penalties, by the inverse inertia. Larger: stops give; smaller: rounding.
+  /// Compliance of stops as penalties, times the inverse inertia. Larger: stops give; smaller: rounding.
   double stop_compliance = 1e-7;
   /// Updates of the limits, Newton steps with Coulomb's law from the solution of each, and multiplications in
   /// factorisations after which the iteration ends: 0.05 s or less. Fewer: "lcp_failures".

@@ -27,7 +27,7 @@ struct Unknowns {
   void reserve(std::size_t n);
   /// @param first_of for every unknown i the least j <= i with a matrix entry (i, j), whatever the state
   void assign(std::span<const int> first_of);
-  /// Takes unknowns of whole trees, ascending. @returns false where they are those that are here
+  /// Takes unknowns of whole trees, ascending. @returns false where nothing changes
   bool choose(const Unknowns& from, std::span<const int> chosen);
   /// Most unknowns that can move two bodies against each other.
   std::size_t widest() const;
