@@ -45,6 +45,7 @@ std::vector<Problem> defects(const Settings& settings) {
                "1e-11 to 1e-2");
       },
       settings.own);
+  if (auto problem = missing_library(settings)) problems.push_back(std::move(*problem));
   return problems;
 }
 

@@ -189,7 +189,10 @@ void each_setting(const ArticulatedSettings& of, Visit visit) {
 /// `speculative` of the selected engine; null if the engine has none.
 bool* speculative(Settings& settings);
 
-/// Settings out of range.
+/// The problem of a method whose library is not in this program: stabilised_gear is engine/dae's by SUNDIALS.
+std::optional<Problem> missing_library(const Settings& settings);
+
+/// Settings out of range, or a missing library.
 std::vector<Problem> defects(const Settings& settings);
 
 /// Effects that the engine or its method does not have, under the key `effects`.

@@ -24,7 +24,8 @@
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
+namespace dae {
 
 namespace {
 
@@ -327,4 +328,8 @@ std::string gear_library() {
   return fmt::format("SUNDIALS {}", text);
 }
 
-}  // namespace handsim::engine::dae
+}  // namespace dae
+
+std::optional<Problem> missing_library(const Settings&) { return std::nullopt; }
+
+}  // namespace handsim::engine

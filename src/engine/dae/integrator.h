@@ -23,7 +23,7 @@ class Integrator {
   virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
 
-/// @throws Error (input) in a build without SUNDIALS
+/// Null in a build without SUNDIALS.
 std::unique_ptr<Integrator> make_gear(System system, const Settings& settings);
 /// The library that integrates stabilised_gear, with its version.
 std::string gear_library();

@@ -2,16 +2,23 @@
 #include <memory>
 #include <string>
 
-#include "handsim/core/error.h"
 #include "handsim/engine/dae/integrator.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
-std::unique_ptr<Integrator> make_gear(System, const Settings&) {
-  throw input_error("solver.method", "stabilised_gear in a program that was built without SUNDIALS",
-                    "./dev build, which installs it (libsundials-dev), or another method of dae");
+std::optional<Problem> missing_library(const Settings& settings) {
+  if (settings.method() != Method(DaeMethod::stabilised_gear)) return std::nullopt;
+  return Problem{std::nullopt, "solver.method",
+                 "stabilised_gear in a program that was built without SUNDIALS",
+                 "./dev build, which installs it (libsundials-dev), or another method"};
 }
+
+namespace dae {
+
+// Settings are checked before.
+std::unique_ptr<Integrator> make_gear(System, const Settings&) { return nullptr; }
 
 std::string gear_library() { return "no SUNDIALS"; }
 
-}  // namespace handsim::engine::dae
+}  // namespace dae
+}  // namespace handsim::engine

@@ -56,7 +56,7 @@ std::string_view described(SceneKind kind) {
 
 bool unsuitable(const CostRow& row, const SceneSpec& scene, bool guarded) {
   const EngineKind engine = row.solver.engine();
-  if (engine != EngineKind::ode && guarded) return true;
+  if ((engine != EngineKind::ode && guarded) || engine::missing_library(row.solver)) return true;
   return engine == EngineKind::dae && scene.control.has_value();
 }
 

@@ -181,6 +181,8 @@ void read_solver(MapReader& reader, SceneSpec& scene) {
   const YamlNode* engine = solver.node().find("engine");
   if (engine && engine->text == "auto") return choose_engine(reader, scene);
   read_settings(solver, scene.solver);
+  if (const auto problem = engine::missing_library(scene.solver))
+    solver.problem("method", problem->got, problem->need);
   solver.finish();
 }
 

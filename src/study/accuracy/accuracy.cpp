@@ -303,7 +303,6 @@ std::string unit_of(const AccuracySpec& spec) {
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress) {
   AccuracyResult result;
   result.unit = unit_of(spec);
-  result.reference = make_reference(spec);
   std::vector<Job> jobs;
   double total = 0, done = 0;
   for (const AccuracyMethod& method : spec.methods)
@@ -311,6 +310,8 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
       jobs.push_back(make_job(spec, method, step));
       total += work(jobs.back(), true) + spec.repeats * work(jobs.back(), false);
     }
+  // After the jobs, whose scenes may be refused.
+  result.reference = make_reference(spec);
   const auto report = [&](const Job& job, bool motion) {
     done += work(job, motion);
     if (progress) progress(done / total);

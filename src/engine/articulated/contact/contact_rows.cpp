@@ -89,7 +89,7 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const mode
   frame.col(2) = contact.normal.cross(frame.col(1));
   const Vec3 v =
       frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
-  rows.start[0] = v.x() - compute_target(rows, contact, surface, share, crossed, -v.x(), step);
+  rows.r0[0] = v.x() - compute_target(rows, contact, surface, share, crossed, -v.x(), step);
 
   double* G = p.wrenches_of(rows);
   const auto set_wrench = [](double* to, const Vec3& moment, const Vec3& force) {
@@ -111,7 +111,7 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const mode
     disc.regularization = kTuning.friction_regularization * regularization;
   };
   const auto add_turning = [&](int axis) {
-    rows.start[row] = frame.col(axis).dot(pair_.a.w - pair_.b.w);
+    rows.r0[row] = frame.col(axis).dot(pair_.a.w - pair_.b.w);
     set_wrench(G + kSpatial * row++, frame.col(axis), Vec3::Zero());
   };
   if (friction > 0) {
@@ -119,8 +119,8 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const mode
     const double firm = kTuning.firm_below * mobility;
     add(Disc::Kind::sliding, friction,
         std::clamp(mobility_across(p, contact, firm) / firm, kTuning.least_share, 1.0) * mobility);
-    rows.start[row++] = v.y();
-    rows.start[row++] = v.z();
+    rows.r0[row++] = v.y();
+    rows.r0[row++] = v.z();
   }
   if (spinning > 0) {
     add(Disc::Kind::spinning, spinning, pair_.mobility.angular);
@@ -177,7 +177,7 @@ void ContactDynamics::add_loop_rows(Problem& p) {
     ContactRows& row = p.add(loop_dofs_, 1);
     row.bilateral = true;
     row.open = false;
-    row.start[0] = rates[i];
+    row.r0[0] = rates[i];
     std::ranges::copy(entries, p.jacobian(row).begin());
     row.regularization = kTuning.loop_regularization * mobility;
   }

@@ -42,7 +42,7 @@ void add_pair_wrench(const Problem& p, Workspace& w, const Pair& pair, const dou
   }
 }
 
-/// r = start + J x.
+/// r = r0 + J x.
 void compute_row_velocities(Problem& p, Workspace& w, bool still, bool whole_step) {
   w.r.resize(kMostRows * p.contacts.size());
   if (!still && !whole_step) multiply_rows(p, w, p.x.data(), w.r.data());
@@ -50,7 +50,7 @@ void compute_row_velocities(Problem& p, Workspace& w, bool still, bool whole_ste
     const ContactRows& contact = p.contacts[c];
     double* r = w.r.data() + kMostRows * c;
     for (std::size_t k = 0; k < contact.rows; ++k)
-      r[k] = whole_step ? r[k] + w.s[kMostRows * c + k] : contact.start[k] + (still ? 0 : r[k]);
+      r[k] = whole_step ? r[k] + w.s[kMostRows * c + k] : contact.r0[k] + (still ? 0 : r[k]);
   }
 }
 
@@ -91,8 +91,8 @@ void Workspace::reserve(const Unknowns& most) {
                first_touching, next);
   reserve_each(kUsualContacts * kMostRows, r, s, touching);
   carried.reserve(kSpatial * (n + 1));
-  start_contacts.reserve(kUsualContacts);
-  for (Iterate* each : {&start, &latest, &best}) each->reserve(n);
+  contacts_before.reserve(kUsualContacts);
+  for (Iterate* each : {&before, &latest, &best}) each->reserve(n);
   reserve_each(n + kUsualContacts * (3 + most.widest()), layout, active);
   links.reserve(n * (n / 64 + 1));
 }
@@ -211,7 +211,7 @@ void compute_rounding(Problem& p, Workspace& w) {
     const std::span<const int> dofs = p.dofs_of(contact);
     const double* J = p.entries_of(contact);
     for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
-      double size = std::abs(contact.start[k]), regularization = contact.regularization;
+      double size = std::abs(contact.r0[k]), regularization = contact.regularization;
       for (std::size_t j = 0; j < dofs.size(); ++j) size += std::abs(J[j] * p.x[at(dofs[j])]);
       for (std::size_t i = 0; i < contact.disc_count; ++i)
         if (k >= contact.discs[i].row) regularization = contact.discs[i].regularization;

@@ -43,8 +43,8 @@ struct Workspace {
     std::array<Sliding, 3> discs;
     bool open = false;
   };
-  Iterate start;  ///< before steps that may fail; all but its contacts
-  std::vector<Outcome> start_contacts;
+  Iterate before;  ///< steps that may fail; all but its contacts
+  std::vector<Outcome> contacts_before;
   Iterate latest, best;  ///< with fixed limits
 
   std::vector<int> layout, active;   // What the factor is compared with.

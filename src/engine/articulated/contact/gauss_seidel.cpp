@@ -106,7 +106,7 @@ class Sweeps {
   /// Velocity of a contact's row, without R times its impulse.
   double velocity(const ContactRows& contact, std::size_t row) const {
     const double* J = p_.entries_of(contact) + row * contact.dof_count;
-    double out = contact.start[row];
+    double out = contact.r0[row];
     for (const int dof : p_.dofs_of(contact)) out += *J++ * p_.x[at(dof)];
     return out;
   }

@@ -47,13 +47,13 @@ bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
 }
 
 void keep_start(const Problem& p, Workspace& w) {
-  w.start.x = p.x;
-  w.start.bounds = p.bounds;
-  w.start.servos = p.servos;
-  w.start_contacts.resize(p.contacts.size());
+  w.before.x = p.x;
+  w.before.bounds = p.bounds;
+  w.before.servos = p.servos;
+  w.contacts_before.resize(p.contacts.size());
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
-    Workspace::Outcome& to = w.start_contacts[c];
+    Workspace::Outcome& to = w.contacts_before[c];
     to.open = contact.open;
     to.impulse = contact.impulse;
     for (std::size_t k = 0; k < contact.disc_count; ++k) to.discs[k] = contact.discs[k];
@@ -62,12 +62,12 @@ void keep_start(const Problem& p, Workspace& w) {
 
 /// Back to the start, evaluated with its active set.
 void restart(Problem& p, Workspace& w) {
-  p.x = w.start.x;
-  p.bounds = w.start.bounds;
-  p.servos = w.start.servos;
+  p.x = w.before.x;
+  p.bounds = w.before.bounds;
+  p.servos = w.before.servos;
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     ContactRows& contact = p.contacts[c];
-    const Workspace::Outcome& from = w.start_contacts[c];
+    const Workspace::Outcome& from = w.contacts_before[c];
     contact.open = from.open;
     contact.impulse = from.impulse;
     for (std::size_t k = 0; k < contact.disc_count; ++k)
@@ -79,12 +79,12 @@ void restart(Problem& p, Workspace& w) {
 bool keeps_active_set(const Problem& p, const Workspace& w) {
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
-    const Workspace::Outcome& start = w.start_contacts[c];
-    if (contact.open != start.open) return false;
+    const Workspace::Outcome& before = w.contacts_before[c];
+    if (contact.open != before.open) return false;
     for (std::size_t k = 0; k < contact.disc_count; ++k)
-      if (contact.discs[k].slides != start.discs[k].slides) return false;
+      if (contact.discs[k].slides != before.discs[k].slides) return false;
   }
-  return std::equal(p.servos.begin(), p.servos.end(), w.start.servos.begin(),
+  return std::equal(p.servos.begin(), p.servos.end(), w.before.servos.begin(),
                     [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
 }
 

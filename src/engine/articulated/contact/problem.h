@@ -59,7 +59,7 @@ struct Dofs {
 
 /// A contact: normal row and rows of its discs. Or a bilateral constraint: a row whose velocity is to vanish.
 struct ContactRows : Dofs {
-  std::array<double, kMostRows> start{};    ///< r0 [m/s, rad/s]; of the normal row less its target velocity
+  std::array<double, kMostRows> r0{};  ///< velocities at x = 0 [m/s, rad/s]; the normal one less its target
   std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
   double regularization = 0;                ///< R of the normal row
   std::array<Disc, 3> discs;

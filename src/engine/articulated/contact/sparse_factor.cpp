@@ -31,7 +31,7 @@ void SparseFactor::reserve(const Unknowns& most) {
   const std::size_t n = at(most.size()), chains = most.chains.size();
   const std::size_t rows = std::min(n, at(kTuning.heap));
   M_.reserve(rows * (rows + 1) / 2);
-  reserve_each(n, chains_, last_, start_, column_range_);
+  reserve_each(n, chains_, last_, row_start_, column_range_);
   runs_.reserve(std::min(chains * chains, at(kTuning.heap * kTuning.heap)));
   reserve_each(kUsualSliding * n, C_, G_);
   K_.reserve(kUsualSliding * kUsualSliding);
@@ -104,7 +104,7 @@ void SparseFactor::compute_pattern(const Problem& p, Workspace& w, std::span<con
     const int last = (chain.run_count > 0 ? runs_.back().end : chain.own.end) - 1;
     for (int i = chain.own.first; i < chain.own.end; ++i) last_[at(i)] = last;
   }
-  entries_ = place_rows(last_, start_);
+  entries_ = place_rows(last_, row_start_);
 }
 
 double SparseFactor::work() const {

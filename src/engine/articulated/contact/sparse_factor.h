@@ -46,8 +46,8 @@ class SparseFactor {
   void add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact);
   void list_columns(const Problem& p);
   void add_coupling(const Problem& p);
-  double& entry(int i, int j) { return M_[start_[at(i)] + at(j)]; }
-  Factor view() { return {{M_.data(), start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
+  double& entry(int i, int j) { return M_[row_start_[at(i)] + at(j)]; }
+  Factor view() { return {{M_.data(), row_start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
   Coupling coupling() {
     return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),
             pivots_.data()};
@@ -56,7 +56,7 @@ class SparseFactor {
   std::vector<Chain> chains_;
   std::vector<Run> runs_;
   std::vector<int> last_;  ///< last column of each row
-  std::vector<std::size_t> start_;
+  std::vector<std::size_t> row_start_;
   std::size_t entries_ = 0;
   /// What it depends on: unknowns and contacts of the last problem; and whether it is that pattern.
   std::vector<int> layout_;

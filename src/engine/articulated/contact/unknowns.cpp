@@ -40,11 +40,11 @@ std::size_t Unknowns::widest() const {
   return std::min(first.size(), 2 * deepest);
 }
 
-std::size_t place_rows(std::span<const int> last, std::vector<std::size_t>& start) {
-  start.resize(last.size());
+std::size_t place_rows(std::span<const int> last, std::vector<std::size_t>& row_start) {
+  row_start.resize(last.size());
   std::size_t count = 0;
   for (std::size_t i = 0; i < last.size(); ++i) {
-    start[i] = count - i;  // entry (i, j) is at start + j
+    row_start[i] = count - i;  // entry (i, j) is at row_start + j
     count += at(last[i]) - i + 1;
   }
   return count;

@@ -37,7 +37,7 @@ struct Unknowns {
 };
 
 /// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
-std::size_t place_rows(std::span<const int> last, std::vector<std::size_t>& start);
+std::size_t place_rows(std::span<const int> last, std::vector<std::size_t>& row_start);
 
 /// Makes room in vectors.
 template <class... Vectors>

@@ -74,7 +74,7 @@ struct PairProblem {
       rows.discs[1].size = 1;
       rows.discs[0].regularization = rows.discs[1].regularization = 1e-3;
       for (int k = 0; k < kRows; ++k) {
-        rows.start[static_cast<std::size_t>(k)] = b[kRows * c + k];
+        rows.r0[static_cast<std::size_t>(k)] = b[kRows * c + k];
         for (int j = 0; j < 6 && by_wrenches; ++j)
           solver.problem.wrenches_of(
               rows)[kSpatial * static_cast<std::size_t>(k) + static_cast<std::size_t>(j < 3 ? j : j + 1)] =

@@ -42,7 +42,7 @@ TEST(ContactSolver, MeetsCoulombsLawOnRandomProblems) {
       rows.discs[0].coefficient = 0.4;
       rows.discs[0].regularization = kSoftness;
       for (int k = 0; k < 3; ++k) {
-        rows.start[static_cast<std::size_t>(k)] = b[3 * i + k];
+        rows.r0[static_cast<std::size_t>(k)] = b[3 * i + k];
         for (int j = 0; j < kDofs; ++j)
           solver.problem.jacobian(rows)[static_cast<std::size_t>(k * kDofs + j)] = J(3 * i + k, j);
       }
@@ -137,7 +137,7 @@ struct RandomProblem {
       rows.disc_count = 1;
       rows.discs[0].coefficient = friction;
       for (Eigen::Index k = 0; k < 3; ++k) {
-        rows.start[static_cast<std::size_t>(k)] = b[row + k];
+        rows.r0[static_cast<std::size_t>(k)] = b[row + k];
         for (std::size_t j = 0; j < places.size(); ++j)
           solver.problem.jacobian(rows)[static_cast<std::size_t>(k) * places.size() + j] =
               J(row + k, places[j]);
@@ -166,7 +166,7 @@ TEST(ContactSolver, KeepsItsUnknownsWhereNothingIsANumber) {
   rows.disc_count = 1;
   rows.discs[0].coefficient = 0.4;
   rows.discs[0].regularization = 1e-5;
-  rows.start[0] = -std::numeric_limits<double>::infinity();
+  rows.r0[0] = -std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < 3; ++k) solver.problem.jacobian(rows)[k * 3 + k] = 1;
   EXPECT_FALSE(solver.solve(1e-9).solved);
   EXPECT_EQ(solver.problem.x.size(), 3U);
@@ -316,12 +316,12 @@ TEST(ContactSolver, SparseSolutionIsTheDenseOne) {
       ContactRows& rows = solver.problem.add(dofs, 1);
       rows.bilateral = true;
       rows.regularization = 0.1;
-      rows.start[0] = normal(random);
+      rows.r0[0] = normal(random);
       Eigen::VectorXd J = Eigen::VectorXd::Zero(n);
       for (std::size_t k = 0; k < dofs.size(); ++k)
         solver.problem.jacobian(rows)[k] = J[dofs[k]] = normal(random);
       A += J * J.transpose() / rows.regularization;
-      g -= J * rows.start[0] / rows.regularization;
+      g -= J * rows.r0[0] / rows.regularization;
     }
     const NewtonReport report = solver.solve(1e-12);
     ASSERT_TRUE(report.solved) << trial;
