@@ -99,7 +99,7 @@ control::MotionNames load_names(const std::filesystem::path& path) {
   return out;
 }
 
-/// Of the scene; --muscles puts them in effect.
+/// The scene's overrides; --muscles adds one that puts the muscles in effect.
 std::vector<std::string> with_muscles(const InverseArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   using model::Effect;

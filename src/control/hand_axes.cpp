@@ -27,7 +27,7 @@ bool is_misspelt(std::string_view name, const std::vector<std::string>& known,
   if (nearest_word(name, open)) return true;
   for (const std::string& each : known) add_words(each, words);
   add_words(name, own);
-  // Of short words only the order of letters: dip and pip are two joints.
+  // A word below 4 letters is misspelt only if its letters are in another order: dip and pip are two joints.
   return std::ranges::any_of(own, [&](const std::string& word) {
     if (std::ranges::find(words, word) != words.end()) return false;
     return (word.size() >= 4 && nearest_word(word, words)) ||

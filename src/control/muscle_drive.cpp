@@ -13,7 +13,7 @@ namespace {
 
 /// Weight of missing torque [1/(N m)^2]: a thousandth of a coordinate's largest counts as activation 1.
 constexpr double kMissing = 1e6;
-/// Of a muscle's isometric force, the least that it is counted with [1]: chosen.
+/// A muscle counts with at least this share of its isometric force, however fast it shortens [1]: chosen.
 constexpr double kLeastShare = 0.2;
 constexpr int kBlockPivots = 20;
 /// Solutions with what muscles give at the last one's activations, which are counted as at least so much.

@@ -16,7 +16,7 @@ std::filesystem::path own_folder() {
   static const int kHere = 0;
   Dl_info info{};
   std::error_code none;
-  // Of a program, dladdr gives the word by which it was called.
+  // For a program, dladdr gives only the word by which it was called.
   const bool module = dladdr(&kHere, &info) != 0 && info.dli_fname != nullptr &&
                       std::filesystem::path(info.dli_fname).extension() == ".so";
   return std::filesystem::canonical(module ? info.dli_fname : "/proc/self/exe", none).parent_path();

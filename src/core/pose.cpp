@@ -19,7 +19,7 @@ Quat rotation_between(const Vec3& from, const Vec3& to) {
 }
 
 Vec3 rotation_vector(const Quat& q) {
-  // Of q and -q, the one with w >= 0 gives the angle up to pi.
+  // q and -q are one rotation: the one with w >= 0 gives the angle up to pi.
   const double sign = q.w() < 0 ? -1.0 : 1.0;
   const Vec3 v = sign * q.vec();
   const double s = v.norm();

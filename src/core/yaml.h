@@ -32,7 +32,7 @@ struct YamlNode {
   Place place() const { return {file ? *file : std::string(), line, column}; }
   YamlNode* find(std::string_view key);
   const YamlNode* find(std::string_view key) const;
-  /// The same values at the same places. At once where both are copies of one tree.
+  /// True if both have equal values at equal places. Fast for copies of one tree.
   bool same_as(const YamlNode& other) const;
   /// For messages: `0.5`, `"x"`, `a list`, `a mapping`, `nothing`.
   std::string described() const;

@@ -43,7 +43,7 @@ enum class DaeMethod {
   lagrange_penalty,
   /// Linearised implicit Euler at velocity level; `erp` corrects joint gaps. A method of Chrono.
   euler_linearised,
-  /// The same, with positions projected onto the joints after every step. A method of Chrono.
+  /// As euler_linearised, but projects positions onto the joints after every step. A method of Chrono.
   euler_projected,
 };
 
@@ -90,8 +90,8 @@ struct GuardLimits {
   double angular_speed = 1000;  ///< largest angular speed of any body [rad/s]
 };
 
-/// Of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg past its
-/// stop.
+/// Iterations of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg
+/// past its stop.
 inline constexpr int kMuscleIterations = 100;
 
 struct OdeSettings {

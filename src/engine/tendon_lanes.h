@@ -45,7 +45,7 @@ struct alignas(32) ElasticRow {
   TendonLane per_stretch;
   // From step to step.
   TendonLane fibre;  ///< length of the fibres at the start [m]
-  // Of the step: reach of the fibres at the end at the rate of the start [m], and by this rate [s].
+  // Set in each step: the fibres' reach at its end at the rate of the start [m]; derivative by the rate [s].
   TendonLane reach, share;
 };
 
@@ -58,13 +58,13 @@ struct alignas(32) TendonBlock {
   TendonLane one_way;                   ///< 1: pulls only
   // From step to step.
   TendonLane activation;
-  TendonLane force, slope, rate, excursion;  // Of the step.
+  TendonLane force, slope, rate, excursion;  // Set in each step.
   int tendon[kTendonLanes];                  ///< of the model: muscle or band; kNoTendon
   bool muscles;
   int elastic;  ///< in TendonArrays::elastic, or kRigid
   int arms, first_arm;
   int products, first_product;
-  /// Of the sums of pairs of arms (1, 0), (2, 0), (2, 1), ...: those of an entry that is solved, or kBounded.
+  /// First of its pairs of arms (1, 0), (2, 0), (2, 1), ... in TendonArrays::pair: a PairRow, or kBounded.
   int first_pair;
 };
 inline constexpr int kNoTendon = -1, kBounded = -1, kRigid = -1;

@@ -125,7 +125,7 @@ struct TendonOperations {
             model::select(slack, zero, V(step * k + d))};
   }
 
-  /// Of the length of muscle and tendon, by the arms as they stand.
+  /// Rate of the length of muscle and tendon [m/s], with the arms last stored.
   [[gnu::always_inline]] static inline V rate_of(const TendonArrays& all, const TendonBlock& b, int l) {
     const ArmRow* arms = all.arm + b.first_arm;
     V rate = 0.0;

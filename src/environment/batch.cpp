@@ -163,7 +163,7 @@ class Lanes {
     }
   }
 
-  /// Of the step to come. All environments have the same trajectories, and mostly the same time.
+  /// Sets the targets of the next step. Environments share their trajectories and, mostly, the time.
   void set_targets(std::span<const Member> members, unsigned active) {
     const auto each = [&](const auto& f) {
       for (std::size_t lane = 0; lane < members.size(); ++lane)
@@ -231,7 +231,7 @@ struct Batch::Impl {
     for (const std::optional<Error>& error : errors)
       if (error) throw Error(*error);
   }
-  /// The same one by one; an error does not keep the others of its group from theirs.
+  /// As each_group(), but calls f(i) for each environment, also for those after one that throws.
   template <class F>
   void each(const F& f) {
     each_group([&](std::size_t first, std::size_t last) {
@@ -265,7 +265,6 @@ struct Batch::Impl {
   std::vector<Environment> environments;
   std::vector<double> observations;
   std::vector<unsigned char> done, failed;
-  /// Of each thread.
   tbb::enumerable_thread_specific<std::optional<Lanes>> lanes;
 };
 

@@ -42,11 +42,11 @@ class Batch {
   std::size_t size() const;
   /// All environments, or those whose mask is not 0, to the start. @param mask of size(), or empty: all
   void reset(std::span<const unsigned char> mask = {}) { reset(nullptr, {}, mask); }
-  /// The same with numbers drawn: environment i by `seeds[i]`.
+  /// As reset(mask), but first draws the numbers of environment i by `seeds[i]`.
   void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {}) {
     reset(nullptr, seeds, mask);
   }
-  /// The same to a motion instead of the start (Environment::reset); numbers are drawn where there are seeds.
+  /// As above, but to a motion, as Environment::reset(moment). @param seeds empty: no numbers are drawn
   void reset(const simulation::MotionSnapshot& moment, std::span<const std::uint64_t> seeds,
              std::span<const unsigned char> mask) {
     reset(&moment, seeds, mask);

@@ -31,7 +31,7 @@ struct Action {
   std::span<const Pose> wrists = {};
   /// Velocity of each driven wrist, in place of `wrists`.
   std::span<const model::PoseRate> wrist_rates = {};
-  /// Of the muscles, 0 to 1 as Model::muscles, in place of those of the scene.
+  /// Excitation of each muscle, 0 to 1, as Model::muscles; replaces the scene's.
   std::span<const double> excitations = {};
   std::span<const engine::BodyForce> forces = {};  ///< Forces on bodies; engines ode and articulated.
 };
@@ -48,12 +48,12 @@ class Environment {
  public:
   /// @throws Error (input) where the scene does not run, or the setup names what there is not.
   Environment(const scene::Scene& scene, Setup setup = {});
-  /// The same with a scene of the environment's own from here on: its snapshots are those of runs.
+  /// As above, but takes the scene itself, which nobody else may use then. Its snapshots fit runs, too.
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup);
 
   /// To the start of the scene, with the numbers that were set last.
   void reset();
-  /// The same with the numbers of Setup::randomise drawn: a function of the seed alone.
+  /// As reset(), but first draws the numbers of Setup::randomise, a function of the seed alone.
   void reset(std::uint64_t seed);
   /// To a motion, to the bit; numbers that were set stay. @throws Error (input) for one of another scene.
   void reset(const simulation::MotionSnapshot& moment);

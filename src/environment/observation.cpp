@@ -36,7 +36,7 @@ double* put(double* out, const Pose& pose) {
 using Columns = std::vector<std::string>;
 using Simulation = simulation::Simulation;
 
-/// The same columns of each of some things.
+/// Columns of a list of things: a thing's name with each of the endings in `parts`, thing by thing.
 template <class Things, class Name>
 Columns columns_of(const Things& things, Name name,
                    std::initializer_list<std::span<const char* const>> parts) {

@@ -37,7 +37,7 @@ Variation::Variation(scene::Scene& scene) : scene_(&scene) {
   q_.resize(at(scene.model.dof_count()));
 }
 
-/// Of `objects.I.KEY`. @param key set to what follows the index
+/// The index I in a name `objects.I.KEY`. @param key set to KEY
 std::size_t Variation::object_index(std::string_view name, std::string_view& key) const {
   constexpr std::string_view kFirst = "objects.";
   std::size_t index = 0;

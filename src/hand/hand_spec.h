@@ -50,7 +50,7 @@ struct SegmentSpec {
   Place place;  ///< of the row, for messages
 };
 
-/// Of a segment's mass, in the carrier of its joint of three axes.
+/// Share of a segment's mass that is in the carrier, where its joint has three axes.
 inline constexpr double kCarrierShare = 0.05;
 
 /// How the mass of a hand is computed.
@@ -114,7 +114,7 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec);
 
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
-/// The same, read once for equal trees, by any thread. Defaults of the first one are in the tree.
+/// As read_hand_spec(), but equal trees share what any thread has read. Puts defaults into the tree, too.
 std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::string& path,
                                                  Diagnostics& diagnostics);
 

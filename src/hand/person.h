@@ -36,9 +36,9 @@ struct Person {
   double deviation(std::string_view of) const;  ///< 0 where none is given
 };
 
-/// Of what a person's hand is uncertain: the survey's dimensions, each given those before it and the measured
-/// ones, then what has a `spread` in the hand model and its muscles, and the grip strength at the norm's
-/// deviation.
+/// What is uncertain about a person's hand: the survey's dimensions, each given those before it and the
+/// measured ones; what has a `spread` in the hand model and its muscles; grip strength, with the deviation of
+/// the norm.
 inline constexpr std::array<std::string_view, 13> kDeviations = {
     "hand_length",    "hand_breadth",     "palm_length",     "hand_circumference", "segments",
     "hand_mass",      "ranges",           "passive_tissue",  "grip_strength",      "extrinsic_arms",

@@ -75,7 +75,7 @@ class Muscles {
     });
   }
 
-  /// Of all fingers (`A2`) or of one (`middle_A2`).
+  /// Reads the torn pulleys: of all fingers (`A2`) or of one (`middle_A2`).
   void read_pulleys(MapReader& reader) {
     MapReader map = reader.map("pulleys");
     Names names;

@@ -61,7 +61,7 @@ template <class V>
   const HillCurve<V> passive = hill_passive(l), active = hill_active(l);
   const V top = (0.25 + 0.75 * of.activation) * m.max_speed;
   const HillCurve<V> speed = hill_speed(x, top);
-  // Of both hyperbolas: the square of the chord to rest over the slope at rest.
+  // On both hyperbolas the tangent is the square of the chord to rest over the slope at rest.
   const V flat =
       select(x < zero, V(1 / (1 + 1 / hill::kSpeedShape)), V(1 / (hill::kSteep * (hill::kLengthening - 1))));
   const V tangent = select(x + top <= zero, zero, V(speed.slope * speed.slope * top * flat));
@@ -122,7 +122,7 @@ template <class V>
 [[gnu::always_inline]] inline ElasticPull<V> elastic_pull(const HillConstants<V>& m,
                                                           const ElasticStep<V>& of) {
   constexpr int kNewton = 20, kMost = 60;
-  // Of Newton's last step: the error that it leaves goes with its square.
+  // Newton's method ends with a step below `near`: the error left is of the order of its square.
   const V zero = 0.0, near = 1e-8 * m.length;
   V low = m.least, high = greater(of.taut, m.least);
   const auto slack = !fibres_pull(m, of, high) || of.taut <= m.least;

@@ -14,7 +14,7 @@ double kinetic_energy(const Model& model, const State& state);
 /// Potential energy of the effects that are on: gravity (0 at the origin) and stretched tissue [J].
 double potential_energy(const Model& model, const State& state, const Effects& effects);
 
-/// Of some bodies together, in world axes.
+/// Mass and momentum of some bodies together, in world axes.
 struct Momentum {
   double mass = 0;              ///< [kg]
   Vec3 centre = Vec3::Zero();   ///< of mass [m]

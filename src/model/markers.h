@@ -15,8 +15,8 @@ struct Marker {
   Vec3 point = Vec3::Zero();  ///< in the body frame [m]
 };
 
-/// Of every hand the wrist joint centre (`right.wrist`), the centres of its finger joints under the joints'
-/// names, and the fingertips under the names of their bodies (`right.index_distal.tip`).
+/// Markers of all hands: the wrist joint's centre (`right.wrist`), the finger joints' centres under the names
+/// of the joints, and the fingertips under the names of their bodies (`right.index_distal.tip`).
 std::vector<Marker> hand_markers(const Model& model);
 
 }  // namespace handsim::model

@@ -196,7 +196,7 @@ struct Model {
   std::vector<Band> bands;      ///< those in effect
 
   int dof_count() const;
-  /// Of each shape the object that it is of, in `objects`, if it is of one.
+  /// For each shape: the index in `objects` of the object that it belongs to, if any.
   std::vector<std::optional<std::size_t>> objects_of_shapes() const;
   /// Index of a new group.
   int add_group(std::string name);

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kPassiveDamping = 0.1;  ///< of the passive part's force and speed: chosen
 
-/// Of angles up to 1.4 rad, to 1e-11: a call of std::sin takes longer than the rest of a fibre.
+/// Sine of an angle up to 1.4 rad, to 1.2e-10: a call of std::sin takes longer than the rest of a fibre.
 double sine(double x) {
   const double s = x * x;
   return x *

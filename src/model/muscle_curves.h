@@ -29,7 +29,7 @@ struct HillConstants;
 /// The muscle as the curves of hill_lanes.h take it.
 HillConstants<double> hill_constants(const Muscle& muscle);
 
-/// Of an elastic tendon: 1 / its stretch at the largest isometric force [1/m].
+/// 1 / stretch of an elastic tendon at the largest isometric force [1/m].
 double per_stretch(const Muscle& muscle);
 
 /// Fibres at a length of muscle and tendon.

@@ -36,7 +36,7 @@ class NewtonEuler {
   /// Torques along all coordinates for the motion of place() [N m] or [N], size model.dof_count(): what acts
   /// beside gravity and loads. @param loads on bodies from outside, as Model::bodies, or empty
   std::span<const double> torques(std::span<const Wrench> loads = {});
-  /// Of the last torques(): what the parent exerts on the child in each joint, at the index of Model::joints.
+  /// What the parent exerts on the child in each joint, as Model::joints, found by the last torques().
   std::span<const Wrench> reactions() const { return reactions_; }
   std::span<const BodyMotion> bodies() const { return bodies_; }
 

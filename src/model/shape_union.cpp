@@ -36,7 +36,7 @@ struct Arc {
   std::vector<Point> points;
 };
 
-/// Of 1 to kPanels panels: columns by the thousand have the same few.
+/// The arc of 1 to kPanels panels, computed once: thousands of columns use the same few arcs.
 const Arc& arc(int panels) {
   static const std::vector<Arc> arcs = [] {
     std::vector<Arc> out;

@@ -21,7 +21,7 @@ class Numbers {
 
   std::span<const double> span() const { return span_; }
   bool empty() const { return span_.empty(); }
-  /// The same; None: no numbers.
+  /// As the constructor, but None gives no numbers.
   static Numbers optional(const py::object& array, const std::vector<py::ssize_t>& shape,
                           const std::string& name) {
     return array.is_none() ? Numbers() : Numbers(array, shape, name);

@@ -54,7 +54,6 @@ py::list draw_all(const scene::Scene& scene, std::vector<simulation::PictureStat
 /// A tuple of each, as handsim.Verdict.
 py::list verdict_list(const std::vector<simulation::Verdict>& verdicts);
 
-/// Of things that have a name.
 template <class List>
 std::vector<std::string> names(const List& list) {
   std::vector<std::string> out;

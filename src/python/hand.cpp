@@ -142,8 +142,8 @@ py::array_t<double> moment_arms(const SceneHandle& of, const py::object& q) {
   return matrix(out);
 }
 
-/// Of muscles: what full activation adds, and what they pull at rest [N]. Of coordinates: the torque of
-/// tissue and bands [N m].
+/// By muscle: the force that full activation adds, and the force at rest [N]. By coordinate: the torque of
+/// bands [N m].
 py::tuple muscle_forces(const SceneHandle& of, const py::object& q) {
   const Posture posture(of, q);
   const model::Model& model = posture.model;

@@ -139,7 +139,7 @@ void bind_pictures(py::module_& module) {
   module.def("video", [](const std::filesystem::path& file, int width, int height, double fps) {
     return std::make_unique<output::VideoWriter>(output::VideoFormat{file, width, height, fps});
   });
-  // Of arrays of pixels, one size for all.
+  // A video of arrays of pixels, which all have one size.
   bind_class<output::VideoWriter>(module, "Video")
       .def("add",
            [](output::VideoWriter& self, const VideoPixels& pixels) {

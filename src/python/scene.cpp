@@ -63,7 +63,7 @@ std::map<std::string, std::map<std::string, std::vector<double>>> named_poses(co
   return out;
 }
 
-/// Of objects that move.
+/// Names of the objects that can move.
 std::vector<std::string> objects(const SceneHandle& of) {
   std::vector<std::string> out;
   for (const scene::ObjectSpec& object : of.scene->plans.objects)

@@ -79,7 +79,7 @@ class SimulationHandle {
     });
   }
 
-  /// The same step by step: targets and wrists go evenly from their first to their second rows within so many
+  /// As step(), one step at a time: targets and wrists go evenly from their first to second rows in so many
   /// steps each (`length`), of which `done` are done; springs pull; each step waits for its time, unless
   /// `wake` ends the call.
   /// @param springs body, its point [m], its goal in the world [m], stiffness, damping, largest force
@@ -187,7 +187,7 @@ class SimulationHandle {
     return calls_.one([&] { return find(simulation()); });
   }
 
-  /// Of kMuscleParts [6, muscles].
+  /// Values of kMuscleParts, shape [6, muscles].
   py::array_t<double> muscles() {
     const std::span<const double> all = calls_.one([&] { return environment_.observe(); });
     return array_of(all, environment_.scene().model.muscles.size());

@@ -93,7 +93,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
   });
 }
 
-/// Of the shards in the folders.
+/// Merges the shards in the folders into one study in `out`. @return its text
 std::string merge(const std::vector<path>& folders, const path& out) {
   return without_gil([&] { return study::merge_rollouts(folders, {out, false}).text; });
 }

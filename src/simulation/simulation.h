@@ -32,7 +32,7 @@ class Simulation {
   /// engine), `only<Monitor, RunHash>` or a function of the caller. @throws Error (input) if the engine
   /// refuses the model, or for an object over 1 mm inside a hand it can touch without `overlap: allowed`
   explicit Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers watchers = standard_watchers);
-  /// The same, with a scene that the simulation owns.
+  /// As above, but the simulation owns the scene.
   explicit Simulation(scene::Scene scene, MakeWatchers watchers = standard_watchers)
       : Simulation(std::make_shared<const scene::Scene>(std::move(scene)), std::move(watchers)) {}
 
@@ -67,7 +67,7 @@ class Simulation {
   const model::Model& model() const { return scene_->model; }
   const model::State& state() const { return engine_->state(); }
   const engine::Engine& engine() const { return *engine_; }
-  /// Of the last step; empty before the first one.
+  /// Report of the last step; empty before the first one.
   const engine::StepReport& last_report() const { return report_; }
   /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }

@@ -16,7 +16,7 @@ namespace handsim::study {
 
 namespace {
 
-/// Of a text that variance is split by.
+/// A text with more terms, one less than its values, is left out where variance is split.
 constexpr std::size_t kMostCategories = 50;
 constexpr double kNormal95 = 1.959963984540054;  ///< quantile 0.975 of the standard normal distribution
 

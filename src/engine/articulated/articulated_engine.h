@@ -2,7 +2,7 @@
 // only the degrees of freedom there are get stepped. Branches of one shape (fingers) share the lanes of the
 // vector unit.
 //
-// The same bits from every instruction set. State() is made from the joint coordinates when it is asked for.
+// Every instruction set gives equal bits. State() is made from the joint coordinates when it is asked for.
 // Going on from a state handed to set_state agrees within rounding, not to the bit: poses have to become
 // coordinates again (see restore for that).
 // Method semi_implicit_euler has all effects; rk4 and dormand_prince are for motion without stops and

@@ -18,7 +18,7 @@ void TreeBodies::refresh() {
   for (const NodeView* view : views_) mass_ += *view->mass;
 }
 
-/// Of N numbers of each body.
+/// Sum over all bodies of N numbers that each of them has.
 template <std::size_t N>
 std::array<double, N> TreeBodies::sum(const double* NodeView::*of) const {
   std::array<double, N> out{};

@@ -134,8 +134,8 @@ bool Clearance::move(const model::State& state) {
   for (std::size_t i = 0; i < movers_.size(); ++i) {
     Mover& each = movers_[i];
     const model::BodyState& now = state.bodies[each.body];
-    // Of a turn by an angle t: |q - q'| = 2 sin(t / 4), while a point moves by 2 sin(t / 2) times its
-    // distance. Of -q for q: a turn that is too large.
+    // A turn by an angle t: |q - q'| = 2 sin(t / 4), and a point moves by 2 sin(t / 2) times its distance.
+    // A quaternion that changes its sign only makes the turn too large.
     const double turn2 = (now.q.coeffs() - each.last.q.coeffs()).squaredNorm();
     const double way2 = (now.p - each.last.p).squaredNorm();
     if (way2 == 0 && turn2 == 0) continue;

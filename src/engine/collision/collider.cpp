@@ -189,7 +189,7 @@ Pose Collider::pose(std::size_t shape, const model::State& state) {
   return state.bodies[at(of.body)].pose() * of.pose;
 }
 
-/// The same of a capsule and a sphere; nothing for other pairs.
+/// Appends the contact point of a capsule and a sphere. @return how many; nothing for other pairs
 std::optional<int> Collider::capsule_and_sphere(std::size_t a, const Pose& x_WA, std::size_t b,
                                                 const Pose& x_WB, std::vector<Contact>& out) const {
   using model::ShapeKind;

@@ -19,7 +19,7 @@ constexpr double kGolden = 0.6180339887498949;
 /// Squares of distances that differ by this factor do so by more than rounding.
 constexpr double kSurelyApart = 1 + 1e-9;
 
-/// Of a point from a solid's surface, negative inside; with the way out.
+/// Distance of a point from a solid's surface [m], negative inside, and the direction out of the solid.
 struct Distance {
   double value = 0;
   Vec3 normal = Vec3::UnitZ();
@@ -146,7 +146,7 @@ struct Cylinder {
   double radius;
   double half;
 
-  /// The same, by its distance from the axis and its height.
+  /// True if distances from the axis and along it show that a segment is further off than `within`.
   bool apart(const Vec3& a, const Vec3& along, double within) const {
     const double square = along.x() * along.x() + along.y() * along.y();
     const double mixed = a.x() * along.x() + a.y() * along.y();

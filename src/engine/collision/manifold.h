@@ -40,7 +40,7 @@ Manifold capsule_on_box(const CapsuleAt& capsule, const Pose& pose, const Vec3& 
 /// @param pose X_WS of the mesh
 Manifold capsule_on_mesh(const CapsuleAt& capsule, const Pose& pose, const model::ConvexMesh& mesh);
 
-/// The same point as ODE has, to the bit, without its geometries. @param centre of a sphere [m]
+/// Equal to ODE's contact point, to the bit, but without ODE geometries. @param centre of a sphere [m]
 std::optional<ManifoldPoint> capsule_on_sphere(const CapsuleAt& capsule, const Vec3& centre, double radius);
 
 /// @param radius, length (full height, along z) of the cylinder [m]; @param pose X_WS of the cylinder

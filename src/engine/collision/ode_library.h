@@ -43,7 +43,7 @@ void fix_geom(dGeomID geom, const model::Shape& shape, dBodyID body);
 
 /// Puts a geom that is fixed to nothing where its shape is at a pose of its body.
 void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
-/// The same at a pose of the shape itself.
+/// As place_geom(), but at a pose of the shape itself.
 void place_shape(dGeomID geom, const model::Shape& shape, const Pose& x_WS);
 
 inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }

@@ -26,11 +26,11 @@ class CrossedBodies {
   /// Finds the crossed bodies among the collider's contacts.
   void find(const Collider& collider);
 
-  /// Of bodies that start through each other some contacts push against others or against joints: none may be
-  /// rigid. A contact that gives way by kCrossedSoftness (1/m_a + 1/m_b) does so as a body of so small a
-  /// share of their masses would, and pushes by (speed asked for + speed of approach) x reduced mass /
-  /// kCrossedSoftness a step at most.
-  /// @returns that inverse mass for a rigid contact [1/kg]; 0 for one of bodies that are not crossed
+  /// Where bodies start through each other, contacts push against other contacts or joints: none may be
+  /// rigid. Such a contact yields by kCrossedSoftness (1/m_a + 1/m_b) of speed per impulse, like an inverse
+  /// mass in series. Its impulse in a step is at most (wanted speed + speed of approach) x reduced mass /
+  /// kCrossedSoftness.
+  /// @returns this inverse mass for a rigid contact [1/kg]; 0 where neither body is crossed
   double inverse_mass(const Contact& contact) const;
 
  private:

@@ -131,8 +131,8 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
   surface.soft_cfm = row.cfm;
 }
 
-/// Of a contact about to happen: the surfaces come nearer by the gap between them and no more, a pad as its
-/// spring and damper at the step's end let it. What is to bounce turns back at once.
+/// For a contact about to happen: rigid surfaces approach by the gap between them at most, pads as far as
+/// their spring and damper allow at the step's end. A contact that is to bounce does so in this step.
 void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact,
                            const model::Material& between, double share, const model::State& state) const {
   const Vec3 v = velocity(state.bodies[body_index(contact.shape_a)], contact.position) -
@@ -176,7 +176,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
       surface.soft_cfm = inverse_mass * step_;
     }
   }
-  // Of a pad that only spins, the moment is a motor's, whose row can be told a speed or a limit.
+  // A pad with spinning but no rolling friction gets a motor: its row takes a speed or a limit.
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
                      between.rolling_friction == 0 && between.spinning_friction > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);

@@ -30,8 +30,8 @@ class Contacts {
   void join(const model::State& state, bool iterative, bool rigid_limits);
   /// Reads the forces of the step just made.
   void read_forces();
-  /// Of a step by the direct solver, its forces read. @return true where friction is off: joined again, the
-  /// contacts have the limits of these forces
+  /// After a step by the direct solver: takes new friction limits from its forces. @return true if friction
+  /// was not exact; the contacts, joined again, have these limits
   bool revise_limits() { return friction_ && limits_.take_in(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();

@@ -37,8 +37,8 @@ constexpr double kAtLimit = 1 - 1e-6;  ///< Friction of this share of its limit 
 constexpr double kSamePoint = 5e-3;    ///< A point moves by less in a step, or is another one [m]. Chosen.
 /// A solution whose error is not below this share of that of the one before does not come nearer.
 constexpr double kContraction = 0.5;
-/// Of the change of normal forces of rigid contacts that the limits take over at least; how fast the share
-/// grows back to 1, a step without error. Chosen.
+/// Least share of the change of rigid contacts' normal forces that the limits take over; factor by which the
+/// share grows back to 1 in a step without error. Chosen.
 constexpr double kLeastShare = 0.1, kRecovery = 1.02;
 constexpr double kMostForce = 1e12;  ///< No contact of a saved state has more [N].
 

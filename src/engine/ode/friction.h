@@ -25,7 +25,7 @@ inline constexpr double kPullBack = 0.5;
 struct Presliding {
   int shape_a = 0;
   int shape_b = 0;
-  /// Of a's surface against b's at the middle of the contact, in b's body frame [m].
+  /// Displacement of a's surface against b's at the middle of the contact, in b's body frame [m].
   Vec3 shift = Vec3::Zero();
   double turn = 0;  ///< of a against b about the contact's normal [rad]
 };

@@ -16,7 +16,7 @@ namespace {
 constexpr double kCatchSteps = 2;
 /// Nearer to its stop than this a coordinate counts as on it, whatever its rate [rad] or [m].
 constexpr double kOnStop = 1e-6;
-/// Of a row of tissue or tendons [N m s/rad]: far below any that is felt.
+/// Least damping of a row of tissue or tendons [N m s/rad]: too small to change the motion.
 constexpr double kLeastDamping = 1e-15;
 
 std::unique_ptr<dJointFeedback> with_feedback(dJointID motor) {

@@ -209,7 +209,7 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
   report.collide_ns += first.collide_ns;
   report.tissue_ns += first.tissue_ns;
   report.servo_ns += first.servo_ns;
-  // Of the whole step: the mean of its halves.
+  // Torques of the whole step: the mean of its halves.
   for (std::size_t i = 0; i < tau_.size(); ++i) {
     tau_[i] = 0.5 * (state_.tau[i] + tau_[i]);
     tau_servo_[i] = 0.5 * (state_.tau_servo[i] + tau_servo_[i]);

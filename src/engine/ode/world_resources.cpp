@@ -16,7 +16,7 @@ thread_local RefusedMemory refused;
 /// Smaller blocks are taken without asking what is free [bytes].
 constexpr std::size_t kSmallBlock = std::size_t{16} << 20;
 
-/// Of a step. Linux grants memory that it does not have and ends the process that uses it: hence the test.
+/// Memory for a step. Linux grants memory that it lacks and ends the process that uses it: hence the test.
 extern "C" void* handsim_ode_step_block(dsizeint size) {
   if (size > kSmallBlock)
     if (const auto free = free_memory(); free && *free < size) {

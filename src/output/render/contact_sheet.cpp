@@ -36,7 +36,7 @@ struct Layout {
 constexpr int kWidestRow = 5;
 constexpr int kNarrowestRow = 3;
 
-/// Of 4, 3 and 5 columns the number that leaves the fewest empty cells; the earlier one wins a tie.
+/// Number of columns, 4, 3 or 5, with the fewest empty cells; in a tie the first of these.
 int columns_for(int cells) {
   if (cells <= kWidestRow) return cells;
   int best = 4;

@@ -100,7 +100,7 @@ DrawArrow axis_arrow(const model::Model& model, const model::State& state, const
 /// A nail is the part of a capsule that stands out of the fingertip's capsule; its sizes over the
 /// fingertip's radius: it is 1.1 radii wide, and stands out by 0.1.
 constexpr double kNailRadius = 0.72, kNailOffset = 0.38, kNailFrom = -0.5, kNailTo = 0.15;
-/// Of a stump over the palm's width or thickness.
+/// Width and length of a stump over the palm's width; its thickness over the palm's thickness.
 constexpr double kStumpWidth = 0.64, kStumpLength = 0.2, kStumpThickness = 0.86;
 
 bool is_last(const model::Model& model, int body) {
@@ -161,7 +161,7 @@ std::optional<HandMark> stump(const model::Model& model, const model::HandIndex&
   return mark;
 }
 
-/// Of a resting and of a fully active muscle.
+/// Colours of a resting and of a fully active muscle.
 constexpr Colour kAtRest = {0.82F, 0.77F, 0.62F}, kActive = {0.85F, 0.02F, 0.02F};
 constexpr double kThin = 0.0006, kThick = 0.0013;  // radius at rest and fully active [m]
 /// The last segment that a path crosses a joint to is followed to this share of its length.

@@ -33,7 +33,7 @@ struct Solid {
 
 /// The exact solid of a shape at pose x_WS.
 Solid solid(const model::Shape& shape, const Pose& x_WS);
-/// The same with edges rounded by 12% of the smallest half extent, to be visible. Inside the exact one.
+/// A solid with its edges rounded by 12% of its smallest half extent, to be visible; inside `exact`.
 Solid bevelled(Solid exact);
 
 /// True if the core is a line or a point (a capsule or a sphere).
@@ -157,7 +157,7 @@ struct HandMark {
   bool nail = false;  ///< else a stump
 };
 
-/// Of all hands. Only fingertips that are capsules have nails, only palms with shapes a stump.
+/// Marks of all hands. Only fingertips that are capsules have nails, only palms with shapes a stump.
 std::vector<HandMark> hand_marks(const model::Model& model);
 
 }  // namespace handsim::output

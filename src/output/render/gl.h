@@ -22,7 +22,7 @@ class Program {
   /// Sets a uniform of the program in use.
   void set(const char* name, int value) const;
   void set(const char* name, float value) const;
-  /// Of a vector, or of a square matrix.
+  /// @param value a vector or a square matrix
   void set(const char* name, const Eigen::Ref<const Eigen::MatrixXf>& value) const;
   void set(const char* name, const std::vector<Eigen::Vector4f>& values) const;
 

@@ -19,7 +19,7 @@ constexpr double kLowestKey = 0.62;
 /// Skin is shaded by its hand's shapes at this share of their radius: it lies outside, and its own shape, or
 /// the next one at a joint, does not darken it.
 constexpr double kUnderSkin = 0.8;
-/// Of a box, whose skin is as round as it can be: the share of its half thickness by which it is smaller.
+/// A box under skin is made smaller by this share of its half thickness: its skin is as round as possible.
 constexpr double kUnderRoundSkin = 0.45;
 
 /// The box about a mesh in the world, with the axes of a pose.

@@ -87,7 +87,7 @@ void Grid::sample(const Corner& first, int size) {
   }
 }
 
-/// Of a square along two axes with only opposite corners inside, fills one: four faces would meet there.
+/// Fills a corner of a square along two axes with only opposite corners inside: four faces would meet.
 bool Grid::fill(const Corner& c, int a, int b) {
   const Corner p = c + Corner::Unit(a), q = c + Corner::Unit(b), r = p + Corner::Unit(b);
   if (inside(c) != inside(r) || inside(p) != inside(q) || inside(c) == inside(p)) return false;
@@ -95,7 +95,7 @@ bool Grid::fill(const Corner& c, int a, int b) {
   return true;
 }
 
-/// Of a cube with only opposite corners inside, or outside, fills one: at its centre two sheets would meet.
+/// Fills a corner of a cube with only opposite corners inside, or outside: two sheets would meet in it.
 bool Grid::fill(const Corner& c) {
   const int bits = corners_inside(c);
   for (int i = 0; i < 4; ++i) {
@@ -217,7 +217,7 @@ void set_weights(Skin& skin, const SkinField& field) {
   skin.weights = weights;
 }
 
-/// Of a nail: from the skin's colour to white.
+/// A nail's colour is this share of the way from the skin's colour to white.
 constexpr float kNailShare = 0.2F;
 constexpr std::size_t kKept = 16;
 

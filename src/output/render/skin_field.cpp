@@ -17,22 +17,22 @@ constexpr double kSpread = 11 * M_PI / 180;
 /// palm, the thumb on the palm, neighbouring fingers at their roots, the thumb's web.
 constexpr double kPalmBlend = 0.35, kWristBlend = 0.8, kRootBlend = 0.6, kThumbBlend = 0.5,
                  kFingerBlend = 0.4, kWebBlend = 0.3;
-/// Of segments, over the radius.
+/// Radius of blending between segments of a finger, over its radius.
 constexpr double kJointBlend = 0.15;
-/// Of the palm into its shapes, over half its thickness: takes away what blending adds to the volume.
+/// The palm's skin is moved inwards by this share of half its thickness: blending adds as much volume.
 constexpr double kInset = 0.04;
-/// Of the thumb's web at its ends, over thumb and palm; of a fingertip over its segment; what a palm that is
-/// a box lacks of its breadth at the wrist.
+/// Radii of the thumb's web at its ends over those of thumb and palm; radius of a fingertip over that of its
+/// segment; share of its breadth that a palm that is a box lacks at the wrist.
 constexpr double kWebThickness = 0.5, kTip = 0.9, kPalmTaper = 0.3;
-/// Of the wrist over the palm's breadth; of its end over the hand's length.
+/// Width and thickness of the wrist over the palm's breadth; its length over the hand's length.
 constexpr double kWristWidth = 0.7, kWristThickness = 0.41, kWristEnd = 0.13;
 /// Half width of a hinge over the skin's depth. A finger that bends by theta turns about the joint's centre,
 /// and its inner skin turns over where theta times depth exceeds 2 width / 1.25, see ramp().
 constexpr double kHingeWidth = 1.25, kRootWidth = 1.4;
 /// Half of the gap over which skin between two fingers passes from one to the other, over the radius.
 constexpr double kShare = 0.7;
-/// Of the distance to the palm less that to the finger, over its radius: where the finger begins to move the
-/// skin; and where it alone moves that of the thumb, whose muscles are in the palm.
+/// Distance to the palm less distance to the finger, over the finger's radius: where a finger begins to move
+/// the skin; and where the thumb, whose muscles are in the palm, moves it alone.
 constexpr double kFree = -1.2, kThumbFree = 1.2;
 
 /// Rises from 0 at `from` to 1 at `to`, with a slope of at most 1.25 / (to - from).

@@ -11,7 +11,7 @@ namespace handsim::output {
 
 /// Base64 (RFC 4648) of the numbers as little-endian float32.
 std::string base64(std::span<const float> values);
-/// The same of little-endian uint16.
+/// Base64 (RFC 4648) of the numbers as little-endian uint16.
 std::string base64(std::span<const std::uint16_t> values);
 
 /// Rows of a table over time such that straight lines between kept rows pass every other row within the

@@ -45,7 +45,7 @@ class VideoWriter {
 
 using MakeImage = std::function<Image(std::size_t)>;  ///< Makes picture i of a sequence.
 
-/// Of so many threads, number k makes pictures k, k + threads, ..., passed on in order.
+/// Makes pictures in threads and passes them on in order: thread k makes pictures k, k + threads, ...
 /// @param maker called once in each thread, for what its pictures share, such as a Renderer.
 /// @param take called in this thread.
 /// @throws what a thread or `take` throws.

@@ -135,7 +135,7 @@ class Judge {
     if (!surfaces_) surfaces_.emplace(scene_);
     return *surfaces_;
   }
-  /// Of an object, or the ground.
+  /// Judges a key of an object's surface or, without an object, of the ground's.
   std::optional<Reason> surface(const Path& path, std::optional<std::size_t> object) {
     const bool friction = among(path.back(), kFrictionKeys);
     if (!friction && !among(path.back(), kSurfaceKeys)) return std::nullopt;

@@ -22,7 +22,7 @@ struct Scene {
   YamlNode resolved;                           ///< the scene with defaults filled in and references inlined
   std::vector<ReferencedFile> inputs;          ///< meshes and motion files that `resolved` names
   std::vector<std::string> warnings;           ///< e.g. a person outside the survey
-  /// The same in all copies of one compilation: their motions can be exchanged.
+  /// One address for all copies of a compiled scene: these can exchange their motions.
   std::shared_ptr<const char> lineage = std::make_shared<const char>();
 };
 

@@ -89,7 +89,7 @@ std::vector<ReferencedFile> collect_inputs(YamlNode& resolved) {
     const auto taken = [&](const ReferencedFile& file) { return file.copy == copy; };
     for (int number = 2; std::ranges::any_of(out, taken); ++number)
       copy = fmt::format("{}/{}", kFolder, numbered(name, number));
-    // Of all input files, motion files have the largest size limit.
+    // No input file has a larger size limit than motion files.
     out.push_back({path, copy,
                    std::make_shared<const std::string>(
                        read_input_file(path, "a file that the scene reads", control::kMotionMaxBytes))});

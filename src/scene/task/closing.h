@@ -43,7 +43,7 @@ class HandOnObject {
   std::size_t watch(std::span<const int> bodies);
   /// Deepest of the points of each watched body, by body of the model [m]; 0: it does not touch.
   const std::vector<double>& depths(std::span<const double> q, std::size_t watched);
-  /// Of a point of a body at q, by each coordinate.
+  /// Jacobian of a point that moves with a body, at q. @param point in the hand frame [m]
   model::Jacobian jacobian(std::span<const double> q, int body, const Vec3& point);
 
  private:
@@ -106,7 +106,7 @@ class Closing {
   void press(const FingerChain& chain, const std::vector<TouchPoint>& contacts,
              const std::vector<double>& deeper, const Vec3& moved, const std::vector<double>& from,
              std::vector<double>& q);
-  /// Of its fastest joint, from open to closed [rad].
+  /// Angle of the chain's fastest axis from open to closed [rad].
   double way(const FingerChain& chain) const;
   double angle(std::size_t axis, double share) const;
   bool touches(const FingerChain& chain, const std::vector<double>& q);

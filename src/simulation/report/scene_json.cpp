@@ -285,7 +285,7 @@ Json poses_json(const RunFiles& run) {
         return static_cast<float>(run.trajectory.at(row, column + i));
       };
       float pose[] = {value(0), value(1), value(2), value(4), value(5), value(6), value(3)};
-      // The same rotation has two quaternions: the one near the row before.
+      // A rotation has two quaternions: takes the one near the row before.
       if (row > 0) {
         const std::span<const float> before = std::span<const float>(values).last(7 * moving.size());
         float dot = 0;

@@ -20,7 +20,7 @@ namespace {
 constexpr double kNumberBytes = 19;  ///< With its separator. Shipped scenes: 17.7 to 20.6.
 /// A row of contacts.csv, and contacts that a hand or an object has. Shipped grasps: 230 bytes, 12 of a hand.
 constexpr double kContactBytes = 230, kHandContacts = 12, kObjectContacts = 4;
-/// Of a PNG. Shipped scenes: 0.12 to 0.41.
+/// Bytes of a PNG per pixel. Shipped scenes: 0.12 to 0.41.
 constexpr double kPixelBytes = 0.4;
 constexpr double kMuch = 1e9;
 constexpr double kMostMoments = 1e9;

@@ -192,7 +192,7 @@ output::DrawList followed(const Pictured& of, const PictureState& moment, const 
     if (is_hand(shapes[a].part) == is_hand(shapes[b].part)) continue;
     const std::size_t other = is_hand(shapes[a].part) ? b : a;
     in[other] = true;
-    // Of what does not move, as a wall, the touched shape alone.
+    // All shapes of the touched body; of the world, such as a wall, only the touched one.
     for (std::size_t i = 0; i < shapes.size() && shapes[other].body != model::kWorld; ++i)
       if (shapes[i].body == shapes[other].body) in[i] = true;
   }

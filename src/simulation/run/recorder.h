@@ -45,7 +45,7 @@ class Recorder {
   RunTables tables_;
   std::vector<Planned> planned_;
   std::size_t taken_ = 0;
-  /// Of a climb: moments under load; after its failure, some of them are chosen for pictures.
+  /// Null without a climb. Its moments under load are kept; finish() shows some of them in pictures.
   const ClimbWatch* climb_ = nullptr;
   std::vector<std::pair<double, PictureState>> loaded_;  ///< by load [N]
   std::vector<PictureState> moments_;

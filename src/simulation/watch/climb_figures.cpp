@@ -156,7 +156,7 @@ void ClimbWatch::update(const engine::Engine& engine) {
     figures_.complete = true;
     return;
   }
-  // Of no effect on the rest of the run, and no part of its snapshots.
+  // `complete` does not change the rest of the run, and is not in its snapshots.
   figures_.complete = state.time >= plan_.loading().end - half_step_;
   if (std::abs(rate) > kHeldSpeed) return;
   figures_.carried = load_at(plan_, state.time);

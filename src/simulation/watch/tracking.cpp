@@ -75,7 +75,7 @@ Tracking::Tracking(const Watched& watched)
     }
     hand.last = at;
     hand.trajectory = &plan.hands[h].trajectory;
-    // Of movements that are under way at the start nothing is known.
+    // Skips movements that began before: where these started is not known.
     const std::vector<control::Phase>& phases = hand.trajectory->phases();
     while (hand.phase < phases.size() && phases[hand.phase].start < engine_.state().time - 0.5 * step_)
       ++hand.phase;

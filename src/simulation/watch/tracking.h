@@ -57,7 +57,7 @@ class Tracking final : public Watcher {
   struct Axis {
     double square_sum = 0, largest = 0, largest_time = 0, torque = 0;
     long at_limit = 0;
-    // Of the present movement.
+    // The present movement.
     double from = 0, to = 0;
     double last_outside = 0;  ///< last time outside the settled band [s]
     double beyond = 0;        ///< largest angle beyond the target [rad]

@@ -145,7 +145,7 @@ simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
   return options;
 }
 
-/// The same in the scene's tree, where every surface has its keys by now: the run can be repeated from it.
+/// Writes a friction into the scene's tree, which has the keys of all surfaces, to repeat the run from it.
 void write_friction(YamlNode& node, double friction) {
   YamlNode* own = node.find("friction");
   YamlNode* spinning = node.find("spinning_friction");

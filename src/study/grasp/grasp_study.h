@@ -27,7 +27,7 @@ struct GraspStudy {
   bool margin = false;    ///< each grasp again with 5 % more and less friction and mass
   bool confirm = false;   ///< each grasp again at half the step
   bool pictures = false;  ///< at every phase
-  /// Of each run; the file's name without a folder, because it is written into the run's.
+  /// Video of each run; its file is a name without a folder, because it is written into the run's folder.
   std::optional<simulation::VideoSpec> video;
   std::optional<output::Gl> gl;  ///< as RunOptions
   bool draw_apart = false;       ///< as RunOptions

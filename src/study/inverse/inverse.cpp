@@ -143,7 +143,7 @@ class Recursion {
     }
     model::place_joints(scene_.model, motion_.angles[n], rates(n), state);
   }
-  /// The same with the muscles as the step before left them.
+  /// The state of place(), but with the muscles as the step before left them.
   model::State state(std::size_t n) const {
     model::State out = start_;
     if (n == 0) return out;
@@ -220,7 +220,7 @@ std::size_t window(const SampledMotion& motion) {
   return std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(kCheckWindow / motion.step)));
 }
 
-/// Of an activation from step to step: the law of activation, solved for the excitation.
+/// Excitation, within 0 and 1, that takes a muscle from one activation to the next in a step.
 double excitation_for(const model::Muscle& muscle, double activation, double next, double step) {
   const double slowed = 0.5 + 1.5 * activation;
   const double times =

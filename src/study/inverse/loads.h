@@ -24,7 +24,7 @@ class Loads {
   void at(double time, std::span<const model::BodyMotion> bodies, std::vector<model::Wrench>& out) const;
 
  private:
-  /// Of one body, about the world's origin.
+  /// Force and moment on one body by time [s], about the world's origin.
   using Course = std::map<double, model::Wrench>;
   void end_contacts();
 

@@ -44,7 +44,7 @@ struct OutcomeEffects {
   bool varies() const { return all && (verdict || all->low < all->high); }
 };
 
-/// Of the outcome in a column.
+/// Effects on the outcome in a column of the table.
 OutcomeEffects effects_on(const Table& table, std::size_t outcome);
 
 /// `held` first, then the outcomes that the study names.

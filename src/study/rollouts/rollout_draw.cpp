@@ -203,7 +203,7 @@ std::vector<std::string> probes(const BoundKey& bound) {
       return {draw(bound, 0, 0, 0).yaml};
     case From::choice:
     case From::levels:
-      // Of numbers in order, the ends.
+      // Many numbers: the first and the last.
       if (bound.numbers && key.levels.size() > kProbedLevels)
         return {key.levels.front().yaml, key.levels.back().yaml};
       for (const Level& level : key.levels) out.push_back(level.yaml);

@@ -37,7 +37,7 @@ void add_verdicts(const Simulation& simulation, NamedCells& out) {
   }
 }
 
-/// Of a part of the hand on the object [N].
+/// Normal force of a part of the hand on the object [N].
 double force_of(const simulation::Grip& grip, std::string_view part) {
   const auto found = std::ranges::find(grip.parts, part, &simulation::PartForce::part);
   return found == grip.parts.end() ? 0 : found->normal;

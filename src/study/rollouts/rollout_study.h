@@ -27,7 +27,7 @@ class RolloutStudy {
   long size() const { return head_.size; }
   /// The scene with the first of each key's values that it takes: about as large as the others.
   const scene::Scene& sample() const { return *sample_; }
-  /// Of keys that act on less than they say.
+  /// Warnings of keys that act on less than they say.
   const std::vector<std::string>& warnings() const { return warnings_; }
   /// Files that it reads.
   const std::vector<std::filesystem::path>& files() const { return files_; }

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 /// Bytes of a number and of a text in the journal, in CSV and in HDF5 together.
 constexpr double kNumberBytes = 16 + 20 + 8, kTextBytes = 32 + 18 + 56;
-/// The same of a number in a trajectory, which is not in CSV, and of the name of one of its columns.
+/// Bytes of a number in a trajectory, in the journal and in HDF5, and of the name of one of its columns.
 constexpr double kStateBytes = 8 + 8, kNameBytes = 40 + 64;
 /// Heads of a column, and what plot and summary say of one that is varied.
 constexpr double kColumnBytes = 1000, kPanelBytes = 50e3;
@@ -67,7 +67,7 @@ class WorkQueue {
   long size() const { return size_; }
   long done() const { return count_; }
   long computed() const { return count_ - before_; }
-  /// Of the rollouts of this run, in any order.
+  /// Curves of the rollouts that this run has computed, in any order.
   const std::vector<TimeSeries>& curves() const { return curves_; }
 
  private:

@@ -71,7 +71,7 @@ std::string held_text(const Table& table);
 /// share's 95 % interval, owners of the variance.
 std::string figure_rows(const std::string& head, const Table& table);
 
-/// The same of `handsim run SCENE --uncertain count`.
+/// The commands that repeat `handsim run SCENE --uncertain count` and its rows.
 StudyCommands uncertain_commands(const std::filesystem::path& scene,
                                  const std::vector<std::string>& overrides, int count);
 
@@ -82,7 +82,7 @@ bool write_rollouts(const Table& table, const std::filesystem::path& out);
 /// Text of summary.json: the share held, and what each varied key does to it.
 std::string rollouts_summary(const Table& table);
 
-/// The same for the screen.
+/// Text for the screen: how the rollouts ended, and each outcome with what the varied keys do to it.
 std::string rollouts_screen(const Table& table);
 
 }  // namespace handsim::study

@@ -19,9 +19,9 @@ namespace handsim::study {
 
 namespace {
 
-/// Of more outcomes than this each is told in one line, and the first are drawn.
+/// If there are more outcomes, the screen shows one line for each, and only the first ones are plotted.
 constexpr std::size_t kTold = 6;
-/// The same of more outcomes and keys together.
+/// If outcomes times keys exceed this number, the screen shows one line for each outcome.
 constexpr std::size_t kMostLines = 30;
 
 /// How many rows ended in each way.

@@ -8,7 +8,7 @@
 
 namespace handsim::study {
 
-/// The same table gives the same bytes. A missing number is NaN, a missing text is empty; units
+/// Equal tables give equal bytes. A missing number is NaN, a missing text is empty; units
 /// are written `[m per s]`, since a slash parts groups.
 /// @throws Error (output) where the file cannot be written; nothing has its name then.
 void write_hdf5(const Table& table, const std::filesystem::path& path);

@@ -52,7 +52,7 @@ class HandTree {
   Vec3 point(const Feature& feature) const { return pose(feature).p; }
   /// Orientation of a feature's sensor in the hand frame.
   Quat orientation(const Feature& feature) const { return pose(feature).q; }
-  /// Of the feature's point, by the angles, in the hand frame.
+  /// Jacobian of a feature's point by the angles, in the hand frame.
   model::Jacobian jacobian(const Feature& feature) const;
 
  private:

@@ -83,7 +83,7 @@ struct TrackResult {
 
 /// @throws Error (input) for a recording that cannot be read or has no hand of the marker set.
 TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress = {});
-/// The same with a recording in memory.
+/// As above, but with a recording in memory.
 TrackResult run_track(const TrackInput& input, const Recording& recording,
                       const std::function<void(double)>& progress = {});
 

@@ -248,7 +248,7 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
       x = std::clamp(x + std::clamp(step * now[static_cast<Eigen::Index>(i)], -0.05, 0.05), low, high);
     }
     const Eigen::VectorXd then = moments(next);
-    // Of components that count: one that is nearly balanced turns with every step of the others.
+    // Small components do not count: a nearly balanced one changes its sign with every step of the others.
     const bool turned =
         (then.array() * now.array() < -0.25 * now.array().square() && then.array().abs() > 0.1 * left(now))
             .any();

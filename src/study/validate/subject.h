@@ -42,7 +42,7 @@ class Subject {
   /// finger's joints' rates, in the segment's frame: x ulnar, y distal, z dorsal (right hand).
   /// @param along the segment: the point's y [m]
   Eigen::MatrixXd point_jacobian(const std::string& segment, double along, std::span<const double> q) const;
-  /// The same of the fingertip.
+  /// As point_jacobian(), for the fingertip.
   Eigen::MatrixXd tip_jacobian(const std::string& finger, std::span<const double> q) const;
   /// Pose of a finger's segment in the world.
   Pose segment_pose(const std::string& segment, std::span<const double> q) const;

@@ -21,7 +21,7 @@ struct ContactMemory {
     int shape_a = 0, shape_b = 0, index = 0;
     Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world [N s], [N m s]
     bool open = false;                                   ///< no impulse
-    /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
+    /// Sliding, spinning and rolling friction: limit of the impulse over speed where it slides, else 0.
     std::array<double, 3> tangent_stiffness{};
   };
   std::vector<Point> points;   ///< by shapes, then index

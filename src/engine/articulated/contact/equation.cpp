@@ -18,7 +18,7 @@ double* motion_of(const Problem& p, Workspace& w, int body) {
   return w.carried.data() + kSpatial * at(body == kNone ? p.size() : body);
 }
 
-/// Of body a against b at a's origin.
+/// Motion of body a relative to b at a's origin: angular velocity, 0, velocity, 0.
 void compute_relative_motion(const Problem& p, Workspace& w, const Pair& pair, double* out) {
   const double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
   const Vec3 turn(b[0], b[1], b[2]), v = Vec3(b[4], b[5], b[6]) + turn.cross(pair.apart);

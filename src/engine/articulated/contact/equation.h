@@ -74,7 +74,7 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step = false);
 void compute_rounding(Problem& p, Workspace& w);
 /// Largest entry of F as a rate, without rounding where that is known.
 double largest_residual(const Problem& p, const Workspace& w);
-/// The same; where it is beyond the tolerance, without rounding.
+/// largest_residual(); where it exceeds the tolerance, the rounding is computed and subtracted.
 double residual(Problem& p, Workspace& w, double tolerance);
 /// Takes bounds whose multiplier has the wrong sign out of the active set. @returns whether there are any
 bool release_bounds(Problem& p, Workspace& w);

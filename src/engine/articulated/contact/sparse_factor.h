@@ -23,7 +23,7 @@ class SparseFactor {
   void factor_inertia(const Problem& p, Workspace& w);
   /// x becomes the solution for the right side x. @param w for its kernel
   void solve(const Workspace& w, double* x);
-  /// The same for a tree that no entry joins to others.
+  /// As solve(), but for the unknowns of one tree that no entry couples to other trees.
   void solve_tree(const Workspace& w, double* x, const Unknowns& unknowns, const Run& tree);
 
   /// Whether the factor is of the same unknowns, contacts and active set, and may be tried: where it fails

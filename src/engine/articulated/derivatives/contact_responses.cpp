@@ -22,7 +22,7 @@ Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
 
 }  // namespace
 
-/// Of all points of a touch.
+/// Finds the responses of all points of a touch.
 void ContactSlopes::compute_responses(const Touch& touch, const model::State& start) {
   const Contact& any = contact_.contacts()[touch.first];
   responses_.assign(at(touch.count), {});
@@ -56,7 +56,7 @@ void ContactSlopes::difference(const Touch& touch, const Pose& x_WA, const Pose&
         at(any.shape_a), twisted(x_WA, about_, direction, by * size), at(any.shape_b), x_WB);
     for (std::size_t k = 0; k < at(touch.count); ++k) {
       const Contact& here = contact_.contacts()[touch.first + k];
-      // The same point: lists of points change their order.
+      // The nearest point found is this one: lists of points change their order.
       const auto apart = [&](const Contact& point) { return (point.position - here.position).squaredNorm(); };
       const auto there = std::ranges::min_element(found, {}, apart);
       if (there == found.end() || apart(*there) > kFarthest * kFarthest) return false;

@@ -69,8 +69,8 @@ class DynamicsSlopes {
   }
 
  private:
-  /// Of a node, later of it and all that it carries: mass, its moment, inertia, momentum, force, and the part
-  /// of B that turns, with B x = v x* I x - I (v x x) + x x* I v.
+  /// Sums over a node, and later over all that it carries: mass, its moment h, inertia, momentum, force, and
+  /// the rotational block of B, where B x = v x* I x - I (v x x) + x x* I v.
   struct Body {
     double mass = 0;
     Vec3 h = Vec3::Zero(), momentum = Vec3::Zero();

@@ -28,11 +28,11 @@ struct StepDerivatives {
 
   int coordinates = 0;
   std::vector<int> free_bodies;  ///< of Model
-  /// Of (q', u'), 2 n rows. By (q, u); by generalised forces on coordinates [N m] or [N]; by force, then
-  /// moment, on each forced body at its mass centre, world axes; by gravity [m/s^2]; by excitations, and by
-  /// activations at the start.
+  /// Derivatives of (q', u') at the step's end, 2 n rows: by (q, u); by generalised forces [N m] or [N]; by
+  /// force, then moment, on each forced body at its mass centre, world axes; by gravity [m/s^2]; by
+  /// excitations; by activations at the start.
   Eigen::MatrixXd by_state, by_torque, by_force, by_gravity, by_excitation, by_activation;
-  /// Of activations at the end, by excitations and by activations at the start: each by its own.
+  /// Derivatives of each muscle's activation at the end by its own excitation and activation at the start.
   Eigen::VectorXd activation_by_excitation, activation_by_activation;
   std::vector<char> driven;        ///< of each coordinate: no servo of its is at its limit
   std::vector<std::string> notes;  ///< derivatives that hold to one side, or without a part

@@ -30,7 +30,7 @@ inline Mat3 read_symmetric(const double* x, std::size_t s) {
   return out;
 }
 
-inline constexpr int kNoDof = -1;  ///< Of a dof that nothing carries.
+inline constexpr int kNoDof = -1;  ///< The parent of a dof that no other one carries.
 
 class JointSpace {
  public:
@@ -52,7 +52,7 @@ class JointSpace {
   int parent_dof(int dof) const { return parent_dof_[at(dof)]; }
   /// S of a dof.
   Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
-  /// The same where the mechanism has it: every stride'th number.
+  /// S of a dof in the mechanism's memory: every Mechanism::stride()'th number.
   const double* axis_data(int dof) const { return axes_[at(dof)]; }
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).

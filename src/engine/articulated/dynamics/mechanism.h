@@ -61,7 +61,7 @@ class Mechanism {
   const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
   const NodeView& view(std::size_t node) const { return views_[node]; }
   std::span<const NodeView> views() const { return views_; }
-  /// Of a node of one rate.
+  /// @param node one with a single rate
   AxisView axis_view(std::size_t node) const;
   std::size_t stride() const { return at(kernel_->width); }
   /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].

@@ -41,7 +41,7 @@ class MuscleCoupling {
   /// Tensions of the step from where `kinematics` last found the mechanism.
   /// @return the step's plain torques and those of the tendons at its start, by Model::dof_count()
   std::span<const double> begin(const StepInput& input);
-  /// The same from coordinates and rates by Model::dof_count().
+  /// As above, but from coordinates and rates, each of size Model::dof_count().
   std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
   std::span<const double> given() const { return given_; }  ///< what `begin` returned
   /// Before a `begin` that `go_back` may undo, where the step is not made.
@@ -72,7 +72,7 @@ class MuscleCoupling {
 
   /// True where trees with tendons have nodes of one rate only.
   bool single() const { return single_; }
-  /// The same coupling in lanes. @param inertia numbers of Kernel::inertia. @param first of them, by node
+  /// Makes `memory` for lanes. @param inertia count of Kernel::inertia's numbers. @param first index by node
   void make(TendonMemory& memory, std::size_t inertia, const std::vector<std::size_t>& first,
             std::size_t width) const;
   int node(std::size_t dof) const { return nodes_[dof]; }

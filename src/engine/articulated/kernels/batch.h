@@ -46,7 +46,7 @@ struct alignas(64) Axis {
   Lane<W> stiffness, damping, rest;
   Lane<W> low, high, restitution;
   Lane<W> present;  ///< 1 where the lane has a node, else 0
-  // Of the step.
+  // Set for each step.
   Lane<W> tau;  ///< plain torque [N m] or [N]
   Lane<W> servo_stiffness, servo_damping, servo_error, servo_feed, servo_limit;
   // Kept from step to step: what the solution found in force.
@@ -68,7 +68,7 @@ struct ServoLaw {
 
   /// Torque [N m] or [N] at a rate, after a motion since the error was found; without its limit.
   V pull(const V& moved, const V& rate) const { return stiffness * (error - moved) - damping * rate + feed; }
-  /// The same at the end of a step h, as a function of the rate u' there: start(h, u) - slope(h) (u' - u).
+  /// Torque at the end of a step h, without its limit, at a rate u' there: start(h, u) - slope(h) (u' - u).
   V start(const V& h, const V& u) const { return stiffness * error + feed - slope(h) * u; }
   V slope(const V& h) const { return h * stiffness + damping; }
 };
@@ -84,12 +84,12 @@ template <int W>
 struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding): the lanes have to come first
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
-  // Of the position.
+  // Functions of the position.
   Lane<W> sine, cosine;  ///< of half the angle; revolute nodes
   Lane<W> S[6];          ///< the joint's motion axis; nodes of one rate
   Lane<W> h[3];          ///< mass times p
   Lane<W> I[6];          ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
-  // Of the velocity.
+  // Functions of the velocity.
   Lane<W> c[6];                 ///< velocity-product acceleration
   Lane<W> pv[6];                ///< velocity-product force v x* I v
   Lane<W> spin;                 ///< square of the angular velocity

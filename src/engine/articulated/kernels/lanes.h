@@ -106,7 +106,7 @@ struct Lanes {
     }
   }
 
-  /// The same as by the 6 x 6 blocks, to the bit, without their zeros.
+  /// Spatial inertia times S: equal to the bit to the product of 6 x 6 blocks, without their zeros.
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S) {
     const V3<V> h = load3(b.h);
     return {I * S.n + cross(h, S.f), cross(S.n, h) + load(b.mass) * S.f};

@@ -55,7 +55,7 @@ class LaneGroup {
   /// Sets the constants of a lane: those of the engine's model, and of its control. @param plan null: no
   ///        control; all lanes have control, or none. @param key of these numbers, from there on
   virtual void set_constants(int lane, Engine& engine, const LaneControlPlan* plan, std::uint64_t key) = 0;
-  /// Of the constants that the lane has.
+  /// Key of the lane's constants; nothing before these are set.
   virtual std::optional<std::uint64_t> key(int lane) const = 0;
   /// @param engine that fits, with the lane's constants. @param torques size dof_count() or empty, and
   ///        @param excitations are in force until the lane is stored, and must last as long
