@@ -376,7 +376,7 @@ const Scene = (() => {
         partColours[shape.part] = colourOf(shape.colour);
         if (shape.part !== 'palm') fingerColours[shape.body] = partColours[shape.part];
       }
-    // Of two runs of one person the skin is in the page once.
+    // Two runs of one person share a skin in the page.
     const skins = runs.map((run, r) => (run.scene.skins || main.scene.skins).map((data, _, all) => Skin.create(data, all, solids[r], fingerColours, r > 0, plain)));
     for (const skin of skins.flat()) world.add(...skin.meshes);
     const paths = trails(main, motions[0], partColours);

@@ -20,7 +20,7 @@ const Skin = (() => {
     return {count, points, bodies, shares, faces: words(data.faces)};
   }
 
-  /** Of the other hand: the mirror image in the y-z plane. */
+  /** The other hand has the mirror image in the y-z plane. */
   function mirrored(rest) {
     const points = rest.points.map((x, i) => i % 3 ? x : -x), faces = rest.faces.map((_, i) => rest.faces[i % 3 ? i + 3 - 2 * (i % 3) : i]);
     return {...rest, points, faces};
@@ -70,7 +70,7 @@ const Skin = (() => {
     const normals = normal.array.slice();
     const look = {vertexColors: THREE.VertexColors};
     const material = plain ? new THREE.MeshLambertMaterial(look) : new THREE.MeshPhongMaterial({...look, specular: 0x1c1614, shininess: 22});
-    // Of a transparent skin only what is in front: its depth first.
+    // A transparent skin shows only what is in front: its depth is drawn first.
     const meshes = [new THREE.MeshBasicMaterial({colorWrite: false, transparent: true}), material].map(of => new THREE.Mesh(geometry, of)), [front, mesh] = meshes;
     for (const each of meshes) each.frustumCulled = false;
     mesh.receiveShadow = !ghost;

@@ -203,9 +203,11 @@ std::vector<std::string> probes(const BoundKey& bound) {
       return {draw(bound, 0, 0, 0).yaml};
     case From::choice:
     case From::levels:
-      // Many numbers: the first and the last.
-      if (bound.numbers && key.levels.size() > kProbedLevels)
-        return {key.levels.front().yaml, key.levels.back().yaml};
+      if (bound.numbers && key.levels.size() > kProbedLevels) {
+        const auto size = [](const Level& level) { return *any_quantity(level.text); };
+        const auto [least, most] = std::ranges::minmax(key.levels, {}, size);
+        return {least.yaml, most.yaml};
+      }
       for (const Level& level : key.levels) out.push_back(level.yaml);
       return out;
     case From::normal:
