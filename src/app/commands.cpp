@@ -7,7 +7,6 @@
 #include <fmt/format.h>
 
 #include "handsim/app/command_line.h"
-#include "handsim/app/console.h"
 #include "handsim/app/program.h"
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"

@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "handsim/app/console.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/run.h"
@@ -22,6 +23,18 @@ struct CommandLine;
 using MoreCommands = void (*)(CommandLine& line);
 /// @param more registers the commands of another program that is handsim with them; null: none
 int run_command_line(int argc, const char* const* argv, MoreCommands more = nullptr);
+
+/// Reads a file of a known kind. @throws Error (input) with all its problems.
+template <class Read>
+auto load_kind(const std::filesystem::path& path, scene::FileKind kind, const Read& read) {
+  Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
+  decltype(read(root, "", diagnostics)) out{};
+  if (scene::is_of_kind(root, "", kind, diagnostics)) out = read(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  print_warnings(diagnostics.warnings);
+  return out;
+}
 
 struct HandArguments {
   std::optional<std::filesystem::path> person;  ///< a file, instead of measures

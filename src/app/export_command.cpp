@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 #include "handsim/core/text.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/export/export.h"

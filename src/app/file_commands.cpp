@@ -8,7 +8,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/app/console.h"
 #include "handsim/control/gains.h"
 #include "handsim/control/motion_file.h"
 #include "handsim/control/motion_trajectory.h"

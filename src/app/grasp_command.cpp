@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/collision/overlap.h"
@@ -12,7 +11,6 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/study/rollouts/population.h"
 #include "handsim/study/uncertain.h"
@@ -296,10 +294,8 @@ int print_population(const HandArguments& arguments) {
       throw input_error(option_name(key), "a value beside --population", "one of the two");
     else if (value != "unknown")
       sex = value == "male" ? hand::Sex::male : hand::Sex::female;
-  YamlNode file = load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml"));
-  Diagnostics diagnostics;
-  const hand::HandSpec spec = hand::read_hand_spec(file, "", diagnostics);
-  diagnostics.throw_if_any();
+  const auto spec = load_kind(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml"),
+                              scene::FileKind::hand_model, hand::read_hand_spec);
   std::vector<hand::Person> people;
   for (std::uint64_t i = 0; i < kPeople; ++i) {
     environment::Draws draws(1, i, "person");

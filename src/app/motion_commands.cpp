@@ -7,12 +7,10 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 #include "handsim/app/motion_command.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 
@@ -89,16 +87,6 @@ void add_track(CommandLine& line) {
   track.add_flag("--json", arguments->json, "print summary.json in place of the table");
 }
 
-control::MotionNames load_names(const std::filesystem::path& path) {
-  Diagnostics diagnostics;
-  YamlNode root = load_yaml(path, diagnostics.budget);
-  control::MotionNames out;
-  if (scene::is_of_kind(root, "", scene::FileKind::motion_names, diagnostics))
-    out = control::read_motion_names(root, "", diagnostics);
-  diagnostics.throw_if_any();
-  return out;
-}
-
 /// The scene's overrides; --muscles adds one that puts the muscles in effect.
 std::vector<std::string> with_muscles(const InverseArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
@@ -137,18 +125,6 @@ int uncertain_inverse(const InverseArguments& arguments) {
   words.insert(words.end(), {"--uncertain", fmt::format("{}", *arguments.uncertain)});
   of.command = study::command_text(words, arguments.overrides);
   return rollouts_command(of);
-}
-
-/// Reads a file of a known kind. @throws Error (input) with all its problems.
-template <class Read>
-auto load_kind(const std::filesystem::path& path, scene::FileKind kind, const Read& read) {
-  Diagnostics diagnostics;
-  YamlNode root = load_yaml(path, diagnostics.budget);
-  decltype(read(root, diagnostics)) out{};
-  if (scene::is_of_kind(root, "", kind, diagnostics)) out = read(root, diagnostics);
-  diagnostics.throw_if_any();
-  print_warnings(diagnostics.warnings);
-  return out;
 }
 
 void print_track(const study::TrackInput& input, const study::TrackResult& result) {
@@ -193,7 +169,9 @@ void add_motion_commands(CommandLine& line) {
 study::InverseInput inverse_input(const InverseArguments& arguments) {
   study::InverseInput input;
   input.motion = arguments.motion;
-  if (arguments.names) input.options.names = load_names(*arguments.names);
+  if (arguments.names)
+    input.options.names =
+        load_kind(*arguments.names, scene::FileKind::motion_names, control::read_motion_names);
   input.options.clamp = arguments.clamp;
   input.options.filter = arguments.cutoff;
   input.loads = arguments.loads;
@@ -247,17 +225,11 @@ study::TrackInput track_input(const TrackArguments& arguments) {
   study::TrackInput out;
   out.recording = arguments.recording;
   out.model_file = arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml");
-  out.model = load_kind(
-      out.model_file, scene::FileKind::hand_model,
-      [](YamlNode& root, Diagnostics& diagnostics) { return hand::read_hand_spec(root, "", diagnostics); });
-  out.person = load_kind(
-      arguments.person.value_or(data_folder() / "config/persons/median_man.yaml"), scene::FileKind::person,
-      [](YamlNode& root, Diagnostics& diagnostics) { return hand::read_person(root, "", diagnostics); });
+  out.model = load_kind(out.model_file, scene::FileKind::hand_model, hand::read_hand_spec);
+  out.person = load_kind(arguments.person.value_or(data_folder() / "config/persons/median_man.yaml"),
+                         scene::FileKind::person, hand::read_person);
   if (arguments.markers)
-    out.markers = load_kind(*arguments.markers, scene::FileKind::marker_set,
-                            [](YamlNode& root, Diagnostics& diagnostics) {
-                              return study::read_marker_set(root, "", diagnostics);
-                            });
+    out.markers = load_kind(*arguments.markers, scene::FileKind::marker_set, study::read_marker_set);
   out.person_named = arguments.person.has_value();
   out.fit_bones = !arguments.keep_person;
   out.smooth = !arguments.no_smoothing;

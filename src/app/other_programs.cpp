@@ -44,7 +44,7 @@ os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHO
 try:
     from handsim.__main__ import main
 except ImportError as error:
-    print(f"handsim {sys.argv[1]}: got no Python package handsim ({error}), need it and NumPy for this command: "
+    print(f"handsim {sys.argv[1]}: got no Python package handsim ({error.__cause__ or error}), need it and NumPy for this command: "
           "pip install handsim, or ./dev python in its source", file=sys.stderr)
     sys.exit(2)
 sys.argv[0] = "handsim"

@@ -7,7 +7,6 @@
 #include <cstdlib>
 
 #include "handsim/app/command_line.h"
-#include "handsim/app/console.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"

@@ -7,7 +7,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/output/output_folder.h"

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/collision/overlap.h"

@@ -7,7 +7,6 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"

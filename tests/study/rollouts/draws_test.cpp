@@ -7,6 +7,8 @@
 #include <gtest/gtest.h>
 
 #include "handsim/study/rollouts/population.h"
+#include "handsim/study/rollouts/rollout_study.h"
+#include "scene_files.h"
 
 namespace handsim::study {
 namespace {
