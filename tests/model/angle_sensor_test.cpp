@@ -1,5 +1,6 @@
 #include "handsim/model/angle_sensor.h"
 
+#include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>

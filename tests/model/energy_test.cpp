@@ -1,5 +1,7 @@
 #include "handsim/model/energy.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "engine/models.h"
