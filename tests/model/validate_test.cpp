@@ -99,6 +99,7 @@ TEST(Defects, OfBodiesAreNamed) {
   EXPECT_EQ(defect([](Model& m) { m.gravity.z() = kInfinity; }), "gravity");
   EXPECT_EQ(defects({}).size(), 1U);
   EXPECT_EQ(defects({})[0].key, "bodies");
+  EXPECT_EQ(defect([](Model& m) { m.bodies[2].inertia = Vec3(1, 1, 2.001).asDiagonal(); }), "b.inertia");
   // A flat plate and a thin rod are the limits of a rigid body.
   EXPECT_EQ(defect([](Model& m) { m.bodies[2].inertia = Vec3(1, 1, 2).asDiagonal(); }), "0 defects");
   EXPECT_EQ(defect([](Model& m) { m.bodies[2].inertia = Vec3(1, 1, 1e-6).asDiagonal(); }), "0 defects");
