@@ -8,6 +8,7 @@
 #include "handsim/engine/muscles.h"
 #include "handsim/environment/environment.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 #include "support/thelen_curves.h"
