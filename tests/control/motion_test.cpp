@@ -9,7 +9,6 @@
 
 #include "handsim/control/motion_trajectory.h"
 #include "handsim/control/pose_table.h"
-#include "handsim/model/spline.h"
 #include "scene_files.h"
 
 namespace handsim::control {
@@ -187,25 +186,6 @@ TEST(LowPass, KeepsStraightLines) {
   std::vector<double> filtered = line;
   low_pass(filtered, 0.01, 5);
   for (std::size_t i = 0; i < line.size(); ++i) EXPECT_NEAR(filtered[i], line[i], 2e-3);
-}
-
-// Oracle: sin t and its derivatives; the spline's errors fall with h^4, h^3, h^2 away from the ends.
-TEST(CubicSpline, FollowsValueRateAndAcceleration) {
-  const auto error = [](double step) {
-    std::vector<double> times, values;
-    for (double t = 0; t < 6.3; t += step) times.push_back(t), values.push_back(std::sin(t));
-    const model::CubicSpline spline(times, values, 1);
-    double y = 0, dy = 0, ddy = 0, worst = 0;
-    for (double t = 2; t < 4; t += 0.01) {
-      spline.at(t, {&y, 1}, {&dy, 1}, {&ddy, 1});
-      worst = std::max(
-          {worst, std::abs(y - std::sin(t)), std::abs(dy - std::cos(t)), std::abs(ddy + std::sin(t))});
-    }
-    return worst;
-  };
-  const double coarse = error(0.1), fine = error(0.05);
-  EXPECT_LT(coarse, 2e-3);
-  EXPECT_NEAR(coarse / fine, 4, 0.8);
 }
 
 model::PoseMotion wrist(const std::string& text, const std::string& hand = "right") {

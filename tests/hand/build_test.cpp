@@ -7,7 +7,6 @@
 
 #include "hand/shipped_hands.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/model/mass_properties.h"
 #include "handsim/model/validate.h"
 
 namespace handsim::hand {
@@ -201,36 +200,6 @@ TEST(AnatomicalHand, AbductionMovesAwayFromTheMiddleFinger) {
       EXPECT_GT(moved * radial * (index ? 1 : -1), 1e-3) << joint.name;
     }
   }
-}
-
-// Oracle: a capsule of no length is a sphere, a thin long one is a rod.
-TEST(CapsuleInertia, HasTheLimitsOfSphereAndRod) {
-  const model::CapsuleInertia ball = model::capsule_inertia(0.5, 1e-12);
-  EXPECT_NEAR(ball.axial, 0.4 * 0.25, 1e-12);
-  EXPECT_NEAR(ball.transverse, 0.4 * 0.25, 1e-12);
-  const model::CapsuleInertia rod = model::capsule_inertia(1e-6, 2);
-  EXPECT_NEAR(rod.transverse, 4.0 / 12, 1e-5);
-}
-
-// Oracle: the same moments by summing small discs along the axis.
-TEST(CapsuleInertia, EqualsTheSumOfDiscs) {
-  const double r = 0.009, l = 0.03;
-  const int n = 200'000;
-  double volume = 0, axial = 0, transverse = 0;
-  for (int i = 0; i < n; ++i) {
-    const double dz = (l + 2 * r) / n;
-    const double z = -l / 2 - r + (i + 0.5) * dz;
-    const double beyond = std::max(0.0, std::abs(z) - l / 2);
-    const double r2 = r * r - beyond * beyond;
-    const double v = M_PI * r2 * dz;
-    volume += v;
-    axial += v * r2 / 2;
-    transverse += v * (r2 / 4 + z * z);
-  }
-  const model::CapsuleInertia solid = model::capsule_inertia(r, l);
-  EXPECT_NEAR(solid.volume, volume, 1e-6 * volume);
-  EXPECT_NEAR(solid.axial, axial / volume, 1e-6 * solid.axial);
-  EXPECT_NEAR(solid.transverse, transverse / volume, 1e-6 * solid.transverse);
 }
 
 TEST(BuildHand, MeasuredMassScalesEveryPart) {

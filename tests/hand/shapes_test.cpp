@@ -6,14 +6,12 @@
 #include "handsim/hand/build.h"
 #include "handsim/hand/doubts.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/model/shape_union.h"
 #include "handsim/model/validate.h"
 
 namespace handsim::hand {
 namespace {
 
 using model::Shape;
-using model::ShapeKind;
 
 YamlNode anatomical() { return load_yaml(HANDSIM_SOURCE_DIR "/handmodels/anatomical.yaml"); }
 
@@ -57,47 +55,6 @@ model::Model with_one_hand(const BuiltHand& hand, model::Side side = model::Side
   placement.side = side;
   add_hand(model, hand, placement);
   return model;
-}
-
-Shape capsule(const Vec3& from, const Vec3& to, double radius) {
-  Shape out;
-  out.kind = ShapeKind::capsule;
-  out.radius = radius;
-  out.length = (to - from).norm();
-  out.pose = {0.5 * (from + to), Quat::FromTwoVectors(Vec3::UnitZ(), to - from)};
-  return out;
-}
-
-// Oracle: the lens of two spheres, pi (4 r + d) (2 r - d)^2 / 12, and their symmetry.
-TEST(ShapeUnion, OfTwoSpheresLeavesTheLensOut) {
-  Shape a, b;
-  a.kind = b.kind = ShapeKind::sphere;
-  a.radius = b.radius = 0.01;
-  a.pose.p = {0, 0.003, 0.02};
-  b.pose.p = a.pose.p + 0.012 * Vec3(2, 3, 6) / 7;
-  const double lens = M_PI * (0.04 + 0.012) * 0.008 * 0.008 / 12;
-  const double volume = 2 * 4.0 / 3 * M_PI * 1e-6 - lens;
-  const model::MassProperties whole = model::union_properties({a, b});
-  EXPECT_NEAR(whole.mass, volume, 2e-3 * volume);
-  EXPECT_LT((whole.centre - 0.5 * (a.pose.p + b.pose.p)).norm(), 2e-5);
-}
-
-// Oracle: a solid twice is that solid, in closed form; solids apart are joined rigidly.
-TEST(ShapeUnion, AgreesWithClosedForms) {
-  const Shape one = capsule({0.01, 0, 0.004}, {0.02, 0.05, -0.01}, 0.012);
-  const Shape two = capsule({0.06, 0.01, 0}, {0.06, 0.05, 0.03}, 0.009);
-  Shape box;
-  box.kind = ShapeKind::box;
-  box.edges = {0.03, 0.02, 0.05};
-  box.pose = {{-0.05, 0.02, 0.01}, Quat(Eigen::AngleAxisd(0.4, Vec3(1, 2, 3).normalized()))};
-  const auto near = [](const model::MassProperties& got, const model::MassProperties& want) {
-    EXPECT_NEAR(got.mass, want.mass, 1e-3 * want.mass);
-    EXPECT_LT((got.centre - want.centre).norm(), 2e-5);
-    EXPECT_LT((got.inertia - want.inertia).norm(), 2e-3 * want.inertia.norm());
-  };
-  const auto solid = [](const Shape& shape) { return model::solid_properties(shape, model::volume(shape)); };
-  near(model::union_properties({one, one}), solid(one));
-  near(model::union_properties({one, two, box}), model::joined({solid(one), solid(two), solid(box)}));
 }
 
 /// Girth of the four metacarpal heads across the hand: the integral of their hull's support function.

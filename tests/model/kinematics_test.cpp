@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "handsim/model/validate.h"
+#include "engine/shared_motions.h"
 
 namespace handsim::model {
 namespace {
@@ -51,6 +51,59 @@ TEST_P(EveryJoint, CoordinatesGoToPosesAndBack) {
   }
 }
 
+// Oracle: a difference along the motion: after h the frame M is turned by exp(h u) in F.
+TEST(BallJoint, RatesAreTheChildsAngularVelocityInTheParentsFrame) {
+  const Model model = one_joint(JointKind::ball);
+  const Joint& joint = model.joints[0];
+  const Vec3 u(0.7, -0.3, 1.1);
+  const std::vector<double> q = {0.5, -0.8, 0.3}, rates = {u.x(), u.y(), u.z()};
+  State state = initial_state(model);
+  place_joints(model, q, rates, state);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(state.u[i], rates[i], 1e-15);
+  const double h = 1e-5;
+  const auto moved = [&](double t) {
+    const Vec3 turned = rotation_vector(rotation_quaternion(t * u) * rotation_quaternion({q[0], q[1], q[2]}));
+    return state_at(model, std::vector<double>{turned.x(), turned.y(), turned.z()}).bodies[at(joint.child)];
+  };
+  const BodyState ahead = moved(h), behind = moved(-h);
+  EXPECT_LT((state.bodies[1].v - (ahead.p - behind.p) / (2 * h)).norm(), 1e-9);
+  EXPECT_LT((state.bodies[1].w - rotation_vector(ahead.q * behind.q.conjugate()) / (2 * h)).norm(), 1e-9);
+}
+
+// Oracle: definition: the driven frame of a palm is where its motion starts, its pendulum hangs there at the
+// angles given, and bodies have the velocities given.
+TEST(InitialState, IsThatOfDrivesAxesAndVelocities) {
+  Model model = engine::test::carried_pendulum(Interpolation::linear);
+  Drive& drive = model.drives[0];
+  drive.motion.keys[0].pose = {{0.2, -0.3, 0.1}, rotation_quaternion({1, 0.4, -0.8})};
+  model.joints[0].axes[0].initial = 0.4;
+  model.joints[0].axes[1].initial = -0.7;
+  model.bodies[2].initial_velocity = {1, 2, 3};
+  model.bodies[2].initial_angular_velocity = {-4, 5, 6};
+  const State state = initial_state(model);
+  const Pose driven = state.bodies[1].pose() * drive.frame;
+  EXPECT_LT((driven.p - drive.motion.keys[0].pose.p).norm(), 1e-15);
+  EXPECT_LT(driven.q.angularDistance(drive.motion.keys[0].pose.q), 1e-15);
+  EXPECT_LT(joint_gap(model.joints[0], state), 1e-15);
+  EXPECT_NEAR(state.q[0], 0.4, 1e-15);
+  EXPECT_NEAR(state.q[1], -0.7, 1e-15);
+  EXPECT_EQ(state.bodies[2].v, Vec3(1, 2, 3));
+  EXPECT_EQ(state.bodies[2].w, Vec3(-4, 5, 6));
+}
+
+// Oracle: definition: a child that is moved by a vector has a gap of its length; on a slider, of what is
+// across its axis.
+TEST_P(EveryJoint, GapIsTheDistanceThatTheAnchorsAreApart) {
+  const Model model = one_joint(GetParam());
+  const Joint& joint = model.joints[0];
+  State state = state_at(model, std::vector<double>(at(model.dof_count()), 0.3));
+  const Vec3 moved(0.003, -0.004, 0.012);
+  state.bodies[1].p += moved;
+  double want = 0.013;
+  if (GetParam() == JointKind::slider) want = moved.cross(joint.parent_frame.q * joint.axes[0].axis).norm();
+  EXPECT_NEAR(joint_gap(joint, state), want, 1e-15);
+}
+
 // Oracle: central differences of the coordinates along the body's motion. (A ball joint's rates are an
 // angular velocity and no derivatives.)
 class EveryJointWithAxes : public ::testing::TestWithParam<JointKind> {};
@@ -76,41 +129,6 @@ TEST_P(EveryJointWithAxes, RatesAreTheDerivativesOfCoordinates) {
   update_coordinates(model, state);
   const std::vector<double>& found = state.u;
   for (std::size_t i = 0; i < u.size(); ++i) EXPECT_NEAR(found[i], u[i], 1e-8);
-}
-
-TEST(Motion, KeyframesAreMetAndMinimumJerkStartsAndEndsAtRest) {
-  PoseMotion motion;
-  motion.keys = {{1, {{0, 0, 0}, Quat::Identity()}}, {2, {{1, 0, 0}, rotation_quaternion({0, 0, 1})}}};
-  EXPECT_EQ(motion.at(0).p.x(), 0);
-  EXPECT_EQ(motion.at(9).p.x(), 1);
-  EXPECT_NEAR(motion.at(1.5).p.x(), 0.5, 1e-15);
-  EXPECT_NEAR(rotation_vector(motion.at(1.5).q).z(), 0.5, 1e-12);
-  EXPECT_LT(motion.at(1.001).p.x(), 1.1e-8);  // 10 s^3
-}
-
-TEST(Defects, SoundModelsHaveNone) {
-  for (const JointKind kind : {JointKind::hinge, JointKind::universal, JointKind::ball, JointKind::slider})
-    EXPECT_TRUE(defects(one_joint(kind)).empty());
-}
-
-TEST(Defects, EachIsNamed) {
-  const auto defect = [](auto change) {
-    Model model = one_joint(JointKind::universal);
-    change(model);
-    const std::vector<Problem> found = defects(model);
-    return found.size() == 1 ? found[0].key : std::to_string(found.size()) + " defects";
-  };
-  EXPECT_EQ(defect([](Model& m) { m.bodies[1].mass = 0; }), "b.mass");
-  EXPECT_EQ(defect([](Model& m) { m.bodies[1].mass = std::nan(""); }), "b.mass");
-  EXPECT_EQ(defect([](Model& m) { m.bodies[1].inertia(0, 0) = 5; }), "b.inertia");
-  EXPECT_EQ(defect([](Model& m) { m.bodies[1].inertia(0, 0) = -1; }), "b.inertia");
-  EXPECT_EQ(defect([](Model& m) { m.bodies[1].zero_pose.q.coeffs() *= 0; }), "b.zero_pose.rotation");
-  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].axis = m.joints[0].axes[0].axis; }), "j.axes");
-  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{1, -1, 0}; }), "j.a.stop");
-  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{std::nan(""), 1, 0}; }), "j.a.stop");
-  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes.pop_back(); }), "j.axes");
-  EXPECT_EQ(defect([](Model& m) { m.gravity.z() = INFINITY; }), "gravity");
-  EXPECT_EQ(defect([](Model& m) { m.contact_rules.push_back({0, 3}); }), "contact_rules");
 }
 
 }  // namespace

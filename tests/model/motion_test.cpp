@@ -1,5 +1,6 @@
 #include "handsim/model/motion.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <gtest/gtest.h>
@@ -13,6 +14,16 @@ PoseMotion three_keys(Interpolation interpolation) {
            {0.9, {Vec3(-0.1, 0, 0.3), rotation_quaternion({-2, 0.4, 0.1})}}},
           interpolation,
           {}};
+}
+
+TEST(PoseMotion, KeyframesAreMetAndMinimumJerkStartsAndEndsAtRest) {
+  PoseMotion motion;
+  motion.keys = {{1, {{0, 0, 0}, Quat::Identity()}}, {2, {{1, 0, 0}, rotation_quaternion({0, 0, 1})}}};
+  EXPECT_EQ(motion.at(0).p.x(), 0);
+  EXPECT_EQ(motion.at(9).p.x(), 1);
+  EXPECT_NEAR(motion.at(1.5).p.x(), 0.5, 1e-15);
+  EXPECT_NEAR(rotation_vector(motion.at(1.5).q).z(), 0.5, 1e-12);
+  EXPECT_LT(motion.at(1.001).p.x(), 1.1e-8);  // 10 s^3
 }
 
 // Oracle: central differences of the pose.
@@ -81,6 +92,39 @@ TEST(PoseMotion, KnowsTheLargestAccelerationOfAShake) {
                     (h * h));
     EXPECT_NEAR(most, 4 * shake_acceleration(cycles), 2e-3 * most) << cycles;
   }
+}
+
+// Oracle: central differences of the rate, on lines and curves, with shakes and without, and away from keys:
+// there the acceleration of a curve is 0 but has another slope on either side.
+TEST(PoseMotion, HasTheAccelerationOfItsRate) {
+  const double h = 1e-6;
+  double largest = 0;
+  for (const PoseMotion& motion :
+       {three_keys(Interpolation::linear), three_keys(Interpolation::minimum_jerk), shaken()})
+    for (const double time : {0.0, 0.15, 0.25, 0.3, 0.6, 0.77, 0.95, 1.13, 1.4, 1.68, 1.8}) {
+      const PoseRate ahead = motion.rate(time + h, KeySide::after),
+                     behind = motion.rate(time - h, KeySide::after);
+      const PoseRate found = motion.acceleration(time, KeySide::after);
+      EXPECT_LT((found.v - (ahead.v - behind.v) / (2 * h)).norm(), 1e-6) << time;
+      EXPECT_LT((found.w - (ahead.w - behind.w) / (2 * h)).norm(), 1e-6) << time;
+      largest = std::max(largest, std::min(found.v.norm(), found.w.norm()));
+    }
+  EXPECT_GT(largest, 1);
+}
+
+// Oracle: Flash and Hogan: a minimum-jerk curve rests at its ends, is symmetric, and is fastest, 15 / 8 of
+// the mean, and unaccelerated in the middle.
+TEST(PathFraction, OfMinimumJerkIsThatOfItsSource) {
+  constexpr Interpolation kCurve = Interpolation::minimum_jerk;
+  for (const double end : {0.0, 1.0}) {
+    EXPECT_EQ(path_fraction(kCurve, end), end);
+    EXPECT_EQ(path_fraction_rate(kCurve, end), 0);
+    EXPECT_EQ(path_fraction_acceleration(kCurve, end), 0);
+  }
+  for (const double s : {0.1, 0.3, 0.45})
+    EXPECT_NEAR(path_fraction(kCurve, s) + path_fraction(kCurve, 1 - s), 1, 1e-15);
+  EXPECT_EQ(path_fraction_rate(kCurve, 0.5), 1.875);
+  EXPECT_EQ(path_fraction_acceleration(kCurve, 0.5), 0);
 }
 
 }  // namespace

@@ -1,6 +1,5 @@
 // Muscles with elastic tendons: their equilibrium, their step, and their state.
 #include <cmath>
-#include <functional>
 #include <random>
 
 #include <gtest/gtest.h>
@@ -8,10 +7,11 @@
 #include "engine/models.h"
 #include "handsim/engine/muscles.h"
 #include "handsim/environment/environment.h"
-#include "handsim/model/elastic_lanes.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/thelen_curves.h"
 
 namespace handsim::engine {
 namespace {
@@ -19,71 +19,11 @@ namespace {
 using model::Effect;
 using model::Muscle;
 
-Muscle long_flexor(double strain) {
-  Muscle out;
-  out.name = "m";
-  out.path.arms = {{0, {0.01}, -4, 4}};
-  out.force = 200;
-  out.fibre_length = 0.07;
-  out.slack_length = 0.3;
-  out.length = 0.37;
-  out.pennation = 0.12;
-  out.tendon_strain = strain;
-  return out;
-}
-
-/// The curves of Thelen 2003 written down again, at full width and without speed.
-double fibres_at(const Muscle& m, double reach, double activation) {
-  const double length = std::hypot(m.fibre_length * std::sin(m.pennation), reach),
-               l = length / m.fibre_length;
-  const double active = l < 0.2 || l > 1.8 ? 0 : std::exp(-(l - 1) * (l - 1) / 0.45);
-  const double over = std::exp(5.0) - 1, grown = std::exp(5 * std::min(l - 1, 0.6) / 0.6);
-  const double passive = l <= 1 ? 0 : (grown - 1) / over + 5 / 0.6 * grown / over * std::max(0.0, l - 1.6);
-  return m.force * reach / length * (activation * active + passive);
-}
-
-double tendon_at(const Muscle& m, double stretch) {
-  const double s = stretch / (*m.tendon_strain * m.slack_length), e = std::exp(3.0);
-  const double toe = 99 * e / (166 * e - 67);
-  if (s <= 0) return 0;
-  return m.force *
-         (s < toe ? 0.33 * (std::exp(3 * s / toe) - 1) / (e - 1) : 0.33 + 0.67 / (1 - toe) * (s - toe));
-}
-
-/// Where an increasing function is zero.
-double root(double low, double high, const std::function<double(double)>& of) {
-  for (int i = 0; i < 100; ++i) (of(0.5 * (low + high)) > 0 ? high : low) = 0.5 * (low + high);
-  return 0.5 * (low + high);
-}
-
-double resting_tension(const Muscle& m, double excursion, double activation) {
-  const double taut = m.length - excursion - m.slack_length;
-  const double reach =
-      root(1e-4, taut, [&](double w) { return fibres_at(m, w, activation) - tendon_at(m, taut - w); });
-  return tendon_at(m, taut - reach);
-}
-
-// Oracle: the equilibrium of the published curves by bisection. Tolerance: 1e-9 of the largest force.
-TEST(ElasticTendon, PullsAsItsFibresAtRest) {
-  for (const double strain : {0.01, 0.049, 0.2})
-    for (const double activation : {0.0, 0.01, 0.3, 1.0})
-      for (const double excursion : {-0.03, -0.01, 0.0, 0.02, 0.05}) {
-        const Muscle m = long_flexor(strain);
-        EXPECT_NEAR(model::at_rest(m, excursion, activation).force, resting_tension(m, excursion, activation),
-                    1e-9 * m.force)
-            << strain << " " << activation << " " << excursion;
-      }
-}
-
-// Oracle: fibres longer than the optimal length alone pull at rest; others leave the tendon slack.
-TEST(ElasticTendon, CarriesNothingWhereItIsSlack) {
-  const Muscle m = long_flexor(0.049);
-  const model::RestingMuscle rest = model::at_rest(m, 0.01, 0);
-  EXPECT_EQ(rest.force, 0);
-  EXPECT_NEAR(rest.fibre_length, model::fibre_at(m, 0.01).length, 1e-15);
-  EXPECT_EQ(model::tendon_curve(-0.3).value, 0);
-  EXPECT_NEAR(model::tendon_curve(1.0).value, 1, 1e-13);
-}
+using handsim::test::fibres_at;
+using handsim::test::long_flexor;
+using handsim::test::resting_tension;
+using handsim::test::root;
+using handsim::test::tendon_at;
 
 model::Model one_hinge(const Muscle& muscle) {
   model::Model model = model::make_model();

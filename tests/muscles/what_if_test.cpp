@@ -16,7 +16,7 @@
 namespace handsim::hand {
 namespace {
 
-HandSpec shipped() {
+HandSpec unchanged() {
   YamlNode root = load_yaml(test::source("handmodels/anatomical.yaml"));
   Diagnostics diagnostics;
   HandSpec spec = read_hand_spec(root, "", diagnostics);
@@ -28,7 +28,7 @@ HandSpec changed(const std::string& keys) {
   YamlNode node = parse_yaml("{" + keys + "}", "keys.yaml");
   Diagnostics diagnostics;
   MapReader reader(node, "", diagnostics);
-  const std::optional<HandSpec> out = read_what_if(reader, shipped());
+  const std::optional<HandSpec> out = read_what_if(reader, unchanged());
   reader.finish();
   diagnostics.throw_if_any();
   return out.value();
@@ -90,7 +90,7 @@ TEST(WhatIf, IsRepeatedByTheResolvedScene) {
   YamlNode none = parse_yaml("{other: 1}", "keys.yaml");
   Diagnostics diagnostics;
   MapReader reader(none, "", diagnostics);
-  EXPECT_FALSE(read_what_if(reader, shipped()));
+  EXPECT_FALSE(read_what_if(reader, unchanged()));
   const scene::Scene first = scene_of(
       "without: {median_nerve_at_wrist: 0.5, FCR: 1}, transfers: [{from: FDS4, to: APB, rest: 1.1}], "
       "pulleys: {middle_A4: none}, strength: 0.7, fused: {wrist: 20 deg}, range_limits: "

@@ -92,27 +92,6 @@ TEST(Universal, HasTheModelsCoordinatesForAxesAlongTheFrame) {
     }
 }
 
-// Oracle: two independent ways that must agree; the fast reading against model::update_coordinates, all
-// round.
-TEST(JointSensors, ReadTheModelsCoordinatesAndRates) {
-  std::mt19937 random(9);
-  std::uniform_real_distribution<double> turn(-3.1, 3.1);
-  for (const JointKind kind : {JointKind::hinge, JointKind::universal, JointKind::slider, JointKind::ball})
-    for (int trial = 0; trial < 300; ++trial) {
-      model::Model model = random_joint(random, kind, trial % 2 == 0);
-      for (model::JointAxis& axis : model.joints[0].axes) axis.initial = turn(random);
-      model::State state = model::initial_state(model);
-      state.bodies.back().w = Vec3(turn(random), turn(random), turn(random));
-      model::update_coordinates(model, state);
-      model::State read = state;
-      model::JointSensors(model).read(read);
-      for (std::size_t i = 0; i < state.q.size(); ++i) {
-        EXPECT_NEAR(read.q[i], state.q[i], 1e-12);
-        EXPECT_NEAR(read.u[i], state.u[i], 1e-12);
-      }
-    }
-}
-
 // Oracle: closed form; the coordinate must come to rest inside its stop, a push outward on each side, for
 // each axis by itself. Tolerance: past the stop by at most one step's travel.
 TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {

@@ -11,11 +11,9 @@
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
-#include "handsim/model/newton_euler.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "scene_files.h"
 #include "smooth_motion.h"
-#include "support/momentum_torques.h"
 
 namespace handsim::study {
 namespace {
@@ -226,73 +224,6 @@ TEST(Inverse, LoadsActWithTheirMoments) {
       << "time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]\n"
       << "0,right.index_dital,0,0,0,1,2,3\n";
   EXPECT_THROW(run_inverse(scene, input), Error);
-}
-
-// Oracle: the principle of equivalence. Wrists that accelerate evenly need the torques of resting ones whose
-// weight is less by the acceleration, from the first moment of the motion to its last.
-TEST(NewtonEuler, AMovingWristHasNoJoltAtTheEndsOfItsMotion) {
-  const Vec3 acceleration(3, -2, 5);
-  model::Model moving = test::shipped_scene("bench", {}).model;
-  ASSERT_EQ(moving.drives.size(), 2U);
-  for (model::Drive& drive : moving.drives) {
-    const Pose start = drive.motion.at(0);
-    drive.motion = {{}, model::Interpolation::linear, {}};
-    for (int n = 0; n <= 100; ++n) {
-      const double time = 1e-3 * n;
-      drive.motion.keys.push_back({time, {start.p + 0.5 * time * time * acceleration, start.q}});
-    }
-  }
-  const std::vector<double> q(at(moving.dof_count()), 0.2), rest(q.size(), 0.0);
-  const auto torques = [&](const model::Model& model, const Vec3& gravity, double time) {
-    model::NewtonEuler dynamics(model, gravity);
-    dynamics.set_roots(model::initial_state(model), time);
-    dynamics.place(q, rest, rest);
-    const std::span<const double> found = dynamics.torques();
-    return std::vector<double>(found.begin(), found.end());
-  };
-  model::Model resting = moving;
-  for (model::Drive& drive : resting.drives) drive.motion.keys.resize(1);
-  const std::vector<double> need = torques(resting, resting.gravity - acceleration, 0);
-  for (const double time : {0.0, 1e-3, 0.05, 0.099, 0.1}) {
-    const std::vector<double> found = torques(moving, moving.gravity, time);
-    for (std::size_t i = 0; i < need.size(); ++i) EXPECT_NEAR(found[i], need[i], 1e-8) << time << ", " << i;
-  }
-}
-
-// Oracle: the rate of change of momentum of all bodies beyond each joint between two states, computed body by
-// body from their velocities; first order in the time between them.
-TEST(NewtonEuler, AgreesWithTheChangeOfMomentum) {
-  const scene::Scene scene = hands({"hands.0.wrist.mount=universal"});
-  const model::Model& model = scene.model;
-  const auto n = static_cast<std::size_t>(model.dof_count());
-  std::vector<double> q(n), u(n), a(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const double x = static_cast<double>(i);
-    q[i] = 0.3 + 0.2 * std::sin(x), u[i] = 2 * std::cos(2 * x), a[i] = 10 * std::sin(3 * x);
-  }
-  const auto state_at = [&](double t) {
-    std::vector<double> angles(n), rates(n);
-    for (std::size_t i = 0; i < n; ++i)
-      angles[i] = q[i] + u[i] * t + 0.5 * a[i] * t * t, rates[i] = u[i] + a[i] * t;
-    model::State out = model::initial_state(model);
-    model::place_joints(model, angles, rates, out);
-    out.time = t;
-    return out;
-  };
-  model::NewtonEuler dynamics(model, model.gravity);
-  dynamics.set_roots(state_at(0), 0);
-  dynamics.place(q, u, a);
-  const std::span<const double> torques = dynamics.torques();
-  // A central difference of the momentum removes the first order.
-  const std::vector<double> before =
-      test::momentum_torques(model, state_at(-1e-5), state_at(0), model.gravity);
-  const std::vector<double> after = test::momentum_torques(model, state_at(0), state_at(1e-5), model.gravity);
-  double largest = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    EXPECT_NEAR(torques[i], 0.5 * (before[i] + after[i]), 2e-6 + 1e-4 * std::abs(torques[i])) << i;
-    largest = std::max(largest, std::abs(torques[i]));
-  }
-  EXPECT_GT(largest, 0.05);
 }
 
 // Oracle: inverse dynamics of each drawn hand by itself. Of three curves the 50th percentile is the middle

@@ -1,10 +1,12 @@
 #include "handsim/model/muscle.h"
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include <gtest/gtest.h>
 
+#include "handsim/core/index.h"
 #include "handsim/model/hill_lanes.h"
 
 namespace handsim::model {
@@ -52,6 +54,37 @@ TEST(TendonPath, ArmsAreTheDerivativeOfTheExcursion) {
       EXPECT_NEAR(at.bend[i], bend, 1e-8);
     }
   }
+}
+
+// Oracle: the path itself with the coordinate at its angle: what holding returns, and the rest's excursion,
+// are its excursion, and the other arms are as they were.
+TEST(TendonPath, HeldAtAnAngleHasTheArmsThatItHasThere) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<double> angle(-0.6, 2.2);
+  for (const int dof : {0, 1, 3})
+    for (int sample = 0; sample < 50; ++sample) {
+      const TendonPath whole = path();
+      TendonPath held = whole;
+      std::vector<double> q(4);
+      // Powers of the others are terms of their arms within their range alone.
+      for (double& each : q) each = std::clamp(angle(random), -0.2, 1.0);
+      q[at(dof)] = angle(random);
+      const double excursion = hold(held, dof, q[at(dof)]);
+      const PathState before = path_state(whole, q), after = path_state(held, q);
+      ASSERT_EQ(held.arms.size(), whole.arms.size() - 1);
+      EXPECT_NEAR(excursion + after.excursion, before.excursion, 1e-16);
+      for (std::size_t i = 0, k = 0; i < whole.arms.size(); ++i) {
+        if (whole.arms[i].dof == dof) continue;
+        EXPECT_EQ(held.arms[k].dof, whole.arms[i].dof);
+        EXPECT_NEAR(after.arm[k], before.arm[i], 1e-16);
+        EXPECT_NEAR(after.bend[k], before.bend[i], 1e-16);
+        ++k;
+      }
+    }
+  TendonPath other = path();
+  EXPECT_EQ(hold(other, 2, 0.7), 0);
+  EXPECT_EQ(other.arms.size(), 3U);
+  EXPECT_EQ(other.products.size(), 2U);
 }
 
 // Oracle: Thelen 2003, eqs. 3, 4, 6, 7: 1 at the optimum, 0 at the largest speed of 0.25 + 0.75 a, 1.4 in
@@ -138,6 +171,43 @@ TEST(MuscleCurves, SlopesBoundTheCurve) {
     }
 }
 
+// Oracle: right triangles: fibres, their reach along the tendon and what they are across it; the way back
+// from a length; and the sum of reach and tendon is muscle and tendon less the excursion.
+TEST(MuscleCurves, FibresAndTendonAddUpToTheMuscle) {
+  Muscle m = muscle();
+  m.pennation = 0.3;
+  const double across = m.fibre_length * std::sin(m.pennation);
+  for (const double length : {0.5, 0.8, 1.0, 1.4}) {
+    const double excursion = fibre_excursion(m, length * m.fibre_length);
+    const Fibre fibre = fibre_at(m, excursion);
+    EXPECT_NEAR(fibre.length, length * m.fibre_length, 1e-12);
+    const double reach = std::sqrt(fibre.length * fibre.length - across * across);
+    EXPECT_NEAR(fibre.cosine, reach / fibre.length, 1e-11);
+    EXPECT_NEAR(tendon_length(m, excursion, fibre.length), m.slack_length, 1e-11);
+    EXPECT_NEAR(tendon_length(m, excursion, 1.1 * fibre.length) +
+                    std::sqrt(std::pow(1.1 * fibre.length, 2) - across * across),
+                m.length - excursion, 1e-11);
+  }
+}
+
+// Oracle: definition of the pieces: values meet where pieces do, slopes where the passive curve goes on along
+// its tangent; lengthening starts twice as steep as shortening ends (Thelen 2003, eqs. 6 and 7).
+TEST(HillCurves, MeetWhereTheirPiecesDo) {
+  constexpr double kClose = 1e-9;
+  EXPECT_NEAR(hill_passive(1 + kClose).value, 0, 1e-8);
+  EXPECT_NEAR(hill_passive(1.6).value, 1, 1e-13);
+  EXPECT_NEAR(hill_passive(1.6 + kClose).value, hill_passive(1.6 - kClose).value, 1e-7);
+  EXPECT_NEAR(hill_passive(1.6 + kClose).slope, hill_passive(1.6 - kClose).slope, 1e-6);
+  const double top = 7;
+  EXPECT_EQ(hill_speed(0.0, top).value, 1);
+  EXPECT_NEAR(hill_speed(-kClose, top).value, 1, 1e-8);
+  EXPECT_EQ(hill_speed(-top, top).value, 0);
+  EXPECT_NEAR(hill_speed(-top + kClose, top).value, 0, 1e-8);
+  const double shortens = (1 - hill_speed(-1e-6 * top, top).value) / 1e-6;
+  const double lengthens = (hill_speed(1e-6 * top, top).value - 1) / 1e-6;
+  EXPECT_NEAR(lengthens / shortens, 2, 1e-3);
+}
+
 // Oracle: with a constant excitation of 0 the law is a' = -a (0.5 + 1.5 a) / t, solved by separation:
 // a / (0.5 + 1.5 a) = C exp(-0.5 s / t). Backward Euler is first order: halving the step halves the error.
 TEST(Activation, FollowsItsLawToFirstOrder) {
@@ -153,6 +223,23 @@ TEST(Activation, FollowsItsLawToFirstOrder) {
     errors[k] = std::abs(a - exact);
   }
   EXPECT_LT(errors[0], 1e-3);
+  EXPECT_NEAR(errors[0] / errors[1], 2, 0.05);
+}
+
+// Oracle: with a constant excitation of 1 the law is a' = (1 - a) / (t (0.5 + 1.5 a)), by separation
+// -1.5 a - 2 ln(1 - a) = s / t + C. First order in the step.
+TEST(Activation, RisesByItsLawToFirstOrder) {
+  const Muscle m = muscle();
+  const double end = 0.03, start = 0.1;
+  const auto left = [](double a) { return -1.5 * a - 2 * std::log(1 - a); };
+  double errors[2] = {};
+  for (int k = 0; k < 2; ++k) {
+    const int steps = k == 0 ? 600 : 1200;
+    double a = start;
+    for (int i = 0; i < steps; ++i) a = next_activation(m, a, 1, end / steps);
+    errors[k] = std::abs(left(a) - left(start) - end / m.activation_time);
+  }
+  EXPECT_LT(errors[0], 5e-3);
   EXPECT_NEAR(errors[0] / errors[1], 2, 0.05);
 }
 
