@@ -23,7 +23,8 @@ struct MomentArm {
   double low = -4, high = 4;  ///< range of the polynomial [rad]
 };
 
-/// A term `factor q_a^power_a q_b^power_b` [m] of the excursion: each arm changes with the other's angle.
+/// A term `factor q_a^power_a q_b^power_b` [m] of the excursion, angles held within the arms' ranges: each
+/// arm changes with the other's angle, and beyond its own range has no part of this.
 struct ArmProduct {
   int a = 0, b = 0;  ///< in TendonPath::arms
   int power_a = 1, power_b = 1;

@@ -253,9 +253,9 @@ class Checker {
     const int arms = static_cast<int>(path.arms.size());
     for (const ArmProduct& each : path.products)
       if (each.a < 0 || each.b < 0 || each.a >= arms || each.b >= arms || each.a == each.b ||
-          each.power_a < 1 || each.power_b < 1 || !std::isfinite(each.factor))
-        add(name + ".products", "a product that is not sound",
-            "two arms of the path and powers of 1 or more");
+          std::min(each.power_a, each.power_b) < 1 || std::max(each.power_a, each.power_b) > kArmTerms ||
+          !std::isfinite(each.factor))
+        add(name + ".products", "a product that is not sound", "two arms of the path and powers of 1 to 5");
   }
 
   void check_muscle(const Muscle& muscle) {

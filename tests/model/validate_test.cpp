@@ -190,6 +190,7 @@ TEST(Defects, OfMusclesAndBandsAreNamed) {
   EXPECT_EQ(defect([](Model& m) { m.bands[0].path.products[0].b = 2; }), "n.products");
   EXPECT_EQ(defect([](Model& m) { m.bands[0].path.products[0].b = 0; }), "n.products");
   EXPECT_EQ(defect([](Model& m) { m.bands[0].path.products[0].power_a = 0; }), "n.products");
+  EXPECT_EQ(defect([](Model& m) { m.bands[0].path.products[0].power_b = 6; }), "n.products");
   EXPECT_EQ(defect([](Model& m) { m.bands[0].path.products[0].factor = kNan; }), "n.products");
   EXPECT_EQ(defect([](Model& m) { m.bands[0].stiffness = -1; }), "n.stiffness");
   EXPECT_EQ(defect([](Model& m) { m.bands[0].damping = kNan; }), "n.damping");
