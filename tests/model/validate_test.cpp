@@ -205,9 +205,9 @@ TEST(Defects, OfMusclesAndBandsAreNamed) {
       {"f.max_speed", &Muscle::max_speed},
       {"f.initial", &Muscle::initial},
       {"f.excitable", &Muscle::excitable}};
-  for (const auto& [key, quantity] : quantities)
+  for (const auto& each : quantities)
     for (const double bad : {-1.0, kNan, kInfinity})
-      EXPECT_EQ(defect([&](Model& m) { m.muscles[0].*quantity = bad; }), key) << bad;
+      EXPECT_EQ(defect([&](Model& m) { m.muscles[0].*each.second = bad; }), each.first) << bad;
   EXPECT_EQ(defect([](Model& m) { m.muscles[0].tendon_strain = 0.6; }), "f.tendon_strain");
   // A rigid tendon may have no length, an elastic one must.
   EXPECT_EQ(defect([](Model& m) { m.muscles[0].slack_length = 0; }), "f.slack_length");
