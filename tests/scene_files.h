@@ -10,12 +10,11 @@
 #include <vector>
 
 #include "handsim/scene/compile/scene.h"
+#include "places.h"
 
 namespace handsim::test {
 
-inline std::filesystem::path source(const std::string& relative) {
-  return std::filesystem::path(HANDSIM_SOURCE_DIR) / relative;
-}
+inline std::filesystem::path source(const std::string& relative) { return in_source(relative); }
 
 inline scene::Scene shipped_scene(const std::string& name, const std::vector<std::string>& overrides = {}) {
   return scene::load_scene(source("config/" + name + ".yaml"), overrides);

@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from . import gym
 
 __version__: str = _core.version
-has_pictures: bool = _core.has_pictures
-"""False in a build without OSMesa and EGL: nothing can be drawn."""
+has_pictures: bool
+"""False in a build without OSMesa and EGL, or on a system without them: nothing can be drawn. Asking loads OpenGL."""
 has_reports: bool = _core.has_reports
 """False in a build without three.js: runs have no reports."""
 
@@ -47,7 +47,9 @@ if "HANDSIM_FFMPEG" not in os.environ and not shutil.which("ffmpeg") and importl
 
 
 def __getattr__(name: str) -> Any:
-    # gymnasium is imported by those who use it.
+    # OpenGL's library and gymnasium are loaded by those who use them.
+    if name == "has_pictures":
+        return _core.has_pictures()
     if name == "gym":
         import importlib
 

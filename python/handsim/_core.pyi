@@ -15,7 +15,7 @@ _Video = tuple[_Path, float, float]
 
 version: str
 commit: str
-has_pictures: bool
+def has_pictures() -> bool: ...
 has_reports: bool
 
 def data_folder() -> str: ...

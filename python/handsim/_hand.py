@@ -316,7 +316,7 @@ class Hand:
     def _repr_html_(self) -> str:
         sizes = self.dimensions
         table = rows_table(["dimension", "value", "unit"], [(name, sizes[name], sizes.units[name]) for name in sizes])
-        picture = html_picture(self.draw(size=(480, 480)), 320) if _core.has_pictures else ""
+        picture = html_picture(self.draw(size=(480, 480)), 320) if _core.has_pictures() else ""
         notes = "".join(f"<p>{html.escape(text)}</p>" for text in self.scene.warnings)
         return table._repr_html_() + notes + picture + self.segments._repr_html_() + self.joints._repr_html_()
 

@@ -262,7 +262,7 @@ class Scene:
         folder = Path(out)
         film = None if video is None else (Path(fspath(video)), real("fps", fps), real("speed", speed))
         with bar(progress, "run") as told:
-            values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures and not poses else 0, poses,
+            values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures() and not poses else 0, poses,
                                          plots, report, film, stop_lost, told)
         return Result(self, values, folder)
 
@@ -328,7 +328,7 @@ class Scene:
             ["engine", f"{self.engine}, {self.method}, step {1e3 * self.step:g} ms"],
             ["duration", f"{self.duration:g} s"]])
         notes = "".join(f"<p>{html.escape(text)}</p>" for text in self.warnings)
-        return facts._repr_html_() + notes + (html_picture(self.draw(), 480) if _core.has_pictures else "")
+        return facts._repr_html_() + notes + (html_picture(self.draw(), 480) if _core.has_pictures() else "")
 
 
 def load(source: Source, overrides: Overrides = None, *, engine: Optional[str] = None) -> Scene:

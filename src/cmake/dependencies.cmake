@@ -54,16 +54,18 @@ find_path(HANDSIM_RANDOM123 Random123/philox.h)
 handsim_need(HANDSIM_RANDOM123 "Random123 (numbers drawn by counter)" librandom123-dev)
 
 set(HANDSIM_PICTURE_LIBRARIES)
+set(HANDSIM_GL_HEADERS)
 if(HANDSIM_PICTURES)
-  # One of the two is enough; Mesa has no OSMesa since version 25.1.
+  # One of the two is enough; Mesa has no OSMesa since version 25.1. Only their headers are needed here: the first picture
+  # loads the library of the system.
   foreach(gl EGL OSMESA)
     string(TOLOWER ${gl} name)
     pkg_check_modules(${gl} QUIET IMPORTED_TARGET ${name})
     if(${gl}_FOUND)
-      list(APPEND HANDSIM_PICTURE_LIBRARIES PkgConfig::${gl})
+      list(APPEND HANDSIM_GL_HEADERS PkgConfig::${gl})
     endif()
   endforeach()
-  list(LENGTH HANDSIM_PICTURE_LIBRARIES gls)
+  list(LENGTH HANDSIM_GL_HEADERS gls)
   handsim_need(gls "off-screen OpenGL: EGL or OSMesa" "libegl-dev (or libosmesa6-dev)")
   pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
   handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)

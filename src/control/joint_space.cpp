@@ -1,5 +1,8 @@
 #include "handsim/control/joint_space.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+
 #include "handsim/model/kinematics.h"
 
 namespace handsim::control {

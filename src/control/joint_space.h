@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/control/hand_axes.h"
 #include "handsim/model/state.h"

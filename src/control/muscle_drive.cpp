@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
 
 #include "handsim/core/text.h"
 #include "handsim/model/muscle_curves.h"

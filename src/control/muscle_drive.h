@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/archive.h"

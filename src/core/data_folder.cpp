@@ -9,6 +9,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
+#include "handsim/core/version.h"
 
 namespace handsim {
 
@@ -25,12 +26,12 @@ std::filesystem::path own_folder() {
 std::filesystem::path data_folder() {
   const std::filesystem::path own = own_folder();
   for (const std::filesystem::path& folder :
-       {own / "data", own / "../share/handsim", std::filesystem::path(HANDSIM_INSTALLED_DATA),
-        std::filesystem::path(HANDSIM_SOURCE_DATA), std::filesystem::path("/usr/share/handsim")}) {
+       {own / "data", own / "../share/handsim", std::filesystem::path(kInstalledData),
+        std::filesystem::path(kSourceData), std::filesystem::path("/usr/share/handsim")}) {
     std::error_code failure;
     if (std::filesystem::is_directory(folder / "handmodels", failure)) return folder.lexically_normal();
   }
-  throw input_error("files installed with handsim", "no folder " HANDSIM_INSTALLED_DATA,
+  throw input_error("files installed with handsim", fmt::format("no folder {}", kInstalledData),
                     "an installed handsim, or the paths of the files");
 }
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
 
 namespace handsim::hand {
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
 
 #include "handsim/hand/build.h"
 #include "handsim/hand/deviations.h"

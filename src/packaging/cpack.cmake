@@ -21,7 +21,7 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME handsim)
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "libgl1-mesa-dri, fonts-dejavu-core, gnuplot-nox, ffmpeg")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_RECOMMENDS "libosmesa6 | libegl1, libgl1-mesa-dri, fonts-dejavu-core, gnuplot-nox, ffmpeg")
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION
     "Builds the left and right hand of a person from stature, body mass and sex,
 and simulates them with the Open Dynamics Engine or an engine of its own,
@@ -31,7 +31,7 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_SHLIBDEPS OFF)
 # What handsim-config.cmake looks for, and the shipped models and scenes.
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-    "handsim (= ${PROJECT_VERSION}), libode-dev, libsundials-dev, libomp-dev | libgomp1, libeigen3-dev, libyaml-cpp-dev, libfmt-dev, libqhull-dev, libtbb-dev, libhdf5-dev, libosmesa6-dev, libegl-dev, libpng-dev, libcairo2-dev, pkg-config")
+    "handsim (= ${PROJECT_VERSION}), libode-dev, libsundials-dev, libomp-dev | libgomp1, libeigen3-dev, libyaml-cpp-dev, libfmt-dev, libqhull-dev, libtbb-dev, libhdf5-dev, libpng-dev, libcairo2-dev, pkg-config")
 set(CPACK_COMPONENT_DEV_DESCRIPTION
     "The static library and the headers of handsim, which simulates the hands of
 a person, for CMake's find_package(handsim).")

@@ -116,15 +116,16 @@ build freetype by_configure --with-zlib=yes ZLIB_CFLAGS="-I$prefix/include" ZLIB
 part=src build cairo by_configure --disable-xlib --disable-xcb --disable-fc --enable-ft --disable-ps --disable-pdf --disable-svg \
   --disable-script --disable-interpreter --disable-gobject --disable-trace --disable-gl --disable-lto \
   FREETYPE_CFLAGS="-I$prefix/include/freetype2" FREETYPE_LIBS="-lfreetype" CPPFLAGS="-I$prefix/include"
-pc cairo 1.16.0 "-lcairo -lpixman-1 -lfreetype -lpng16 -lz -lm"
+pc cairo 1.16.0 "-Wl,--wrap=cairo_select_font_face -lhandsim_fonts -lcairo -lpixman-1 -lfreetype -lpng16 -lz -lm"
 sed -i "s|^Cflags:.*|Cflags: -I$prefix/include/cairo -I$prefix/include|" "$prefix/lib/pkgconfig/cairo.pc"
 
-if [[ $here/system_libraries.c -nt $prefix/lib/libhandsim_system.a ]]; then
-  gcc $CFLAGS -I"$prefix/include/cairo" -I"$prefix/include/freetype2" -c "$here/system_libraries.c" -o "$top/system_libraries.o"
-  ar rcs "$prefix/lib/libhandsim_system.a" "$top/system_libraries.o"
+if [[ $here/bundled_fonts.c -nt $prefix/lib/libhandsim_fonts.a ]]; then
+  gcc $CFLAGS -I"$prefix/include/cairo" -I"$prefix/include/freetype2" -c "$here/bundled_fonts.c" -o "$top/bundled_fonts.o"
+  ar rcs "$prefix/lib/libhandsim_fonts.a" "$top/bundled_fonts.o"
 fi
-pc egl 1.5 "-Wl,--wrap=cairo_select_font_face -lhandsim_system"
-pc osmesa 8.0 "-Wl,--wrap=cairo_select_font_face -lhandsim_system"
+# Of OpenGL only the headers are needed.
+pc egl 1.5 ""
+pc osmesa 8.0 ""
 
 # Files that a wheel has because a bare system lacks them.
 mkdir -p "$top/bundle/fonts" "$top/bundle/licences"

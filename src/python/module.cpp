@@ -81,7 +81,7 @@ PYBIND11_MODULE(_core, module) {
   check_numpy();
   module.attr("version") = handsim::kVersion;
   module.attr("commit") = handsim::kCommit;
-  module.attr("has_pictures") = has_pictures();
+  module.def("has_pictures", &has_pictures);
   module.def("data_folder", [] { return handsim::data_folder().string(); });
   module.def("command_line", &command_line);
   bind_description(module);

@@ -39,12 +39,12 @@ inline Outcome run_program(const std::vector<std::string>& arguments) {
   const pid_t child = fork();
   if (child == 0) {
     if (!std::freopen(out.c_str(), "wb", stdout) || !std::freopen(err.c_str(), "wb", stderr)) _exit(126);
-    std::vector<char*> argv = {const_cast<char*>(HANDSIM_PROGRAM)};
+    std::vector<char*> argv = {const_cast<char*>(test::kProgramFile)};
     for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
     argv.push_back(nullptr);
     // The alarm stays set in the program.
     alarm(kHang);
-    execv(HANDSIM_PROGRAM, argv.data());
+    execv(test::kProgramFile, argv.data());
     _exit(127);
   }
   int status = 0;

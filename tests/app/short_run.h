@@ -11,6 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "app/program.h"
+#include "places.h"
 
 namespace handsim::test {
 
@@ -43,12 +44,12 @@ inline pid_t start(Words words, const fs::path& folder, const std::function<void
   if (child != 0) return child;
   const std::string out = folder / "stdout", err = folder / "stderr";
   if (!std::freopen(out.c_str(), "wb", stdout) || !std::freopen(err.c_str(), "wb", stderr)) _exit(126);
-  std::vector<char*> argv = {const_cast<char*>(HANDSIM_PROGRAM)};
+  std::vector<char*> argv = {const_cast<char*>(test::kProgramFile)};
   for (std::string& word : words) argv.push_back(word.data());
   argv.push_back(nullptr);
   alarm(60);
   prepare();
-  execv(HANDSIM_PROGRAM, argv.data());
+  execv(test::kProgramFile, argv.data());
   _exit(127);
 }
 

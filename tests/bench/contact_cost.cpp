@@ -9,6 +9,7 @@
 #include "handsim/engine/engine.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/study/report.h"
+#include "places.h"
 
 namespace handsim::study {
 
@@ -42,7 +43,7 @@ scene::Scene stack(int slabs, const MethodChoice& method) {
   std::string text = fmt::format(
       "hands: [{{model: \"{0}/handmodels/anatomical.yaml\", person: \"{0}/config/persons/median_man.yaml\", "
       "side: right, wrist: {{mount: free, position: [0, -0.09, {1}]}}}}]\n",
-      HANDSIM_SOURCE_DIR, kSlab * slabs + 0.09);
+      test::kSourceFolder, kSlab * slabs + 0.09);
   std::string objects;
   for (int i = 0; i < slabs; ++i)
     objects += fmt::format(

@@ -111,12 +111,12 @@ TEST(MotionTable, ShippedNamesReachTheAxesOfTheHand) {
     const Played played(std::string("time[s],") + each.column + "[deg]\n0," + (each.sign > 0 ? "8" : "-8") +
                         "\n");
     const scene::Scene scene = played.scene(
-        {std::string("control.motion.names=") + HANDSIM_SOURCE_DIR "/controllers/" + each.file + ".yaml"});
+        {std::string("control.motion.names=") + test::in_source("controllers/") + each.file + ".yaml"});
     EXPECT_NEAR(target(scene, 0, each.axis, 0), 8, 1e-12) << each.column;
   }
   for (const char* file : {"names_arms", "names_das", "names_myohand"}) {
     Diagnostics diagnostics;
-    YamlNode root = load_yaml(std::string(HANDSIM_SOURCE_DIR "/controllers/") + file + ".yaml");
+    YamlNode root = load_yaml(test::in_source("controllers/") + file + ".yaml");
     const MotionNames names = read_motion_names(root, "", diagnostics);
     const scene::Scene scene =
         test::shipped_scene("every_pose", {"hands.0.wrist.mount=universal", "criteria={}"});

@@ -9,13 +9,14 @@
 
 #include "engine/models.h"
 #include "handsim/hand/build.h"
+#include "places.h"
 #include "support/slider_crank.h"
 
 namespace handsim::engine::test {
 
 /// Adds the shipped hand of a person of 1.755 m.
 inline void add_shipped_hand(model::Model& model, const char* name, const hand::Placement& placement) {
-  YamlNode node = load_yaml(std::string(HANDSIM_SOURCE_DIR "/handmodels/") + name);
+  YamlNode node = load_yaml(test::in_source("handmodels/") + name);
   Diagnostics diagnostics;
   const hand::HandSpec spec = hand::read_hand_spec(node, "", diagnostics);
   diagnostics.throw_if_any();

@@ -12,6 +12,7 @@
 #include <string_view>
 
 #include "handsim/core/error.h"
+#include "places.h"
 
 namespace handsim::fuzz {
 
@@ -54,7 +55,7 @@ class File {
 };
 
 /// References in the bytes are looked for beside the shipped scenes.
-inline const std::string kPlace = HANDSIM_SOURCE_DIR "/config/fuzz.yaml";
+inline const std::string kPlace = test::in_source("config/fuzz.yaml");
 
 }  // namespace handsim::fuzz
 

@@ -10,12 +10,13 @@
 
 #include "hand/shipped_hands.h"
 #include "handsim/hand/build.h"
+#include "places.h"
 
 namespace handsim::hand {
 namespace {
 
 Anthropometry shipped_anthropometry() {
-  YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/anthropometry.yaml");
+  YamlNode node = load_yaml(test::in_source("handmodels/anthropometry.yaml"));
   Diagnostics diagnostics;
   Anthropometry out = read_anthropometry(node, "", diagnostics);
   diagnostics.throw_if_any();
@@ -28,7 +29,7 @@ struct Survey {
   std::vector<Eigen::Vector4d> hands;  ///< length, breadth, palm length, circumference [m]
 
   Survey() {
-    std::ifstream file(HANDSIM_SOURCE_DIR "/tests/data/oracles/ansur2_hands.csv");
+    std::ifstream file(test::in_source("tests/data/oracles/ansur2_hands.csv"));
     std::string line;
     while (std::getline(file, line)) {
       if (line.empty() || line[0] == '#' || line.starts_with("sex")) continue;
@@ -187,7 +188,7 @@ struct ChildRow {
 };
 
 std::vector<ChildRow> stored_children(bool with_age, bool with_sex) {
-  std::ifstream file(HANDSIM_SOURCE_DIR "/tests/data/oracles/children_hands.csv");
+  std::ifstream file(test::in_source("tests/data/oracles/children_hands.csv"));
   std::vector<ChildRow> out;
   for (std::string line; std::getline(file, line);) {
     if (line.empty() || line[0] == '#' || line.starts_with("sex")) continue;

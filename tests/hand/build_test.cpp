@@ -8,6 +8,7 @@
 #include "hand/shipped_hands.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
+#include "places.h"
 
 namespace handsim::hand {
 namespace {
@@ -212,7 +213,7 @@ TEST(BuildHand, MeasuredMassScalesEveryPart) {
 }
 
 TEST(BuildHand, AJointCanBeSwitchedBetweenHingeAndUniversal) {
-  YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/prototype.yaml");
+  YamlNode node = load_yaml(test::in_source("handmodels/prototype.yaml"));
   for (YamlNode& row : node.find("segments")->items) {
     if (row.find("name")->text != "index_proximal") continue;
     *row.find("joint") = parse_yaml(

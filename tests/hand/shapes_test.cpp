@@ -7,13 +7,14 @@
 #include "handsim/hand/doubts.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
+#include "places.h"
 
 namespace handsim::hand {
 namespace {
 
 using model::Shape;
 
-YamlNode anatomical() { return load_yaml(HANDSIM_SOURCE_DIR "/handmodels/anatomical.yaml"); }
+YamlNode anatomical() { return load_yaml(test::in_source("handmodels/anatomical.yaml")); }
 
 HandSpec read(YamlNode node) {
   Diagnostics diagnostics;

@@ -4,11 +4,12 @@
 #include <string>
 
 #include "handsim/hand/hand_spec.h"
+#include "places.h"
 
 namespace handsim::hand {
 
 inline HandSpec shipped(const std::string& name) {
-  YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/" + name + ".yaml");
+  YamlNode node = load_yaml(test::in_source("handmodels/") + name + ".yaml");
   Diagnostics diagnostics;
   HandSpec spec = read_hand_spec(node, "", diagnostics);
   diagnostics.throw_if_any();

@@ -11,12 +11,14 @@
 #include <string>
 #include <vector>
 
+#include "places.h"
+
 namespace handsim::test {
 namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kSource = fs::path(HANDSIM_SOURCE_DIR) / "src";
+const fs::path kSource = fs::path(test::in_source("src"));
 
 struct File {
   std::string folder;                  ///< below src/

@@ -3,6 +3,8 @@
 
 #include <cstdlib>
 
+#include <fmt/format.h>
+
 #include "scene_files.h"
 #include "support/read_png.h"
 #include "support/sanitized.h"
@@ -44,6 +46,11 @@ struct Render {
 };
 void PrintTo(const Render& render, std::ostream* out) { *out << render.picture; }
 
+/// The shell command that runs the program with these arguments in the checkout.
+std::string program(const std::string& arguments) {
+  return fmt::format("cd {} && {} {}", test::kSourceFolder, test::kProgramFile, arguments);
+}
+
 class Renders : public ::testing::TestWithParam<Render> {};
 constexpr Render kRenders[] = {
     {"two_hands.png", "run config/two_hands.yaml --out OUT --frames 8", "contact_sheet.png"},
@@ -62,9 +69,7 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
   const test::TemporaryFolder folder;
   std::string command = GetParam().command;
   command.replace(command.find("OUT"), 3, folder.path().string());
-  ASSERT_EQ(
-      std::system(("cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " " + command + " >/dev/null").c_str()),
-      0);
+  ASSERT_EQ(std::system((program(command) + " >/dev/null").c_str()), 0);
   const output::Image made = test::read_png(folder.path() / GetParam().made);
   const output::Image kept = test::read_png(test::source("renders") / GetParam().picture);
   const Difference difference = compare(made, kept);
@@ -74,9 +79,9 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
 // The comparison can fail: the same hands a little later are another picture.
 TEST(Compare, TellsMomentsApart) {
   const test::TemporaryFolder folder;
-  const std::string program =
-      "cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " render config/dropped_hand.yaml";
-  ASSERT_EQ(std::system((program + " --time 0.45 --out " + (folder.path() / "p.png").string()).c_str()), 0);
+  const std::string later =
+      "render config/dropped_hand.yaml --time 0.45 --out " + (folder.path() / "p.png").string();
+  ASSERT_EQ(std::system(program(later).c_str()), 0);
   EXPECT_FALSE(alike(compare(test::read_png(folder.path() / "p.png"),
                              test::read_png(test::source("renders/dropped_hand.png")))));
 }

@@ -17,6 +17,7 @@
 #include "handsim/output/table/table_files.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/run/run.h"
+#include "places.h"
 
 namespace handsim::simulation {
 namespace {
@@ -30,8 +31,7 @@ class RunReport : public testing::Test {
     folder = fs::temp_directory_path() / ("handsim_run_report_" + std::to_string(::getpid()));
     RunOptions options;
     options.out = folder;
-    run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/two_hands.yaml", {"duration=0.3 s"}),
-        options);
+    run(scene::load_scene(fs::path(test::in_source("config/two_hands.yaml")), {"duration=0.3 s"}), options);
   }
   static void TearDownTestSuite() { fs::remove_all(folder); }
   void SetUp() override {
@@ -118,8 +118,7 @@ TEST_F(RunReport, HasActivationsAndTensionsOfMusclesByFinger) {
   const fs::path out = folder.string() + "_muscles";
   RunOptions options;
   options.out = out;
-  run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/muscle_poses.yaml", {"duration=0.1 s"}),
-      options);
+  run(scene::load_scene(fs::path(test::in_source("config/muscle_poses.yaml")), {"duration=0.1 s"}), options);
   const json page = data_of(run_report({out}))["runs"][0];
   const output::NumberTable table = output::read_numbers(out / "muscles.sto");
   const auto last = [&](const std::string& name) {

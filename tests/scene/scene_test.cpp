@@ -13,7 +13,7 @@ using model::Effect;
 using test::shipped_scene;
 
 Scene scene_from(const std::string& text) {
-  return compile_scene(parse_yaml(text, HANDSIM_SOURCE_DIR "/config/test.yaml"));
+  return compile_scene(parse_yaml(text, test::in_source("config/test.yaml")));
 }
 
 std::string with_hand(const std::string& rest) {

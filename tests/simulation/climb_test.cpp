@@ -21,7 +21,7 @@ ClimbFigures run(const scene::Scene& scene) {
 }
 
 scene::Scene compiled(const std::string& text) {
-  return scene::compile_scene(parse_yaml(text, HANDSIM_SOURCE_DIR "/config/test.yaml"));
+  return scene::compile_scene(parse_yaml(text, test::in_source("config/test.yaml")));
 }
 
 /// A palm that faces up, on a rail across it; `rest` has objects, contacts, load and solver.

@@ -18,7 +18,7 @@ scene::Scene scene_of(const std::string& side, const std::string& solver,
                      ", wrist: {mount: hinge, position: [0, 0, 1]}}]\nduration: 0.15\n"
                      "effects: [gravity, joint_stops, passive_tissue]\nsolver: {" +
                      solver + ", step: 0.0001}\n",
-                 HANDSIM_SOURCE_DIR "/config/test.yaml"));
+                 test::in_source("config/test.yaml")));
 }
 
 model::State end_of(const scene::Scene& scene) {
@@ -115,7 +115,7 @@ TEST(ForearmScene, HasAPalmThatDoesNotTouchItself) {
                  "wrist: {mount: universal, position: [0, 0, 1]}}]\nduration: 0.05\n"
                  "effects: [joint_stops, passive_tissue, self_contact, friction]\nsolver: {engine: "
                  "articulated, step: 0.001}\n",
-                 HANDSIM_SOURCE_DIR "/config/test.yaml"));
+                 test::in_source("config/test.yaml")));
   EXPECT_TRUE(scene.warnings.empty());
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) {

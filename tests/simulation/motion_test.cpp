@@ -17,7 +17,7 @@ namespace handsim::simulation {
 namespace {
 
 std::string controller_file(const char* name) {
-  return std::string("control.controller=") + HANDSIM_SOURCE_DIR "/controllers/" + name + ".yaml";
+  return std::string("control.controller=") + test::in_source("controllers/") + name + ".yaml";
 }
 
 /// RMS tracking error of both hands through the smooth motion [deg].

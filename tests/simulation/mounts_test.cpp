@@ -18,7 +18,7 @@ scene::Scene mounted(const std::string& side, const std::string& wrist, const st
   return scene::compile_scene(parse_yaml(
       "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: " + side +
           ", wrist: " + wrist + "}]\nduration: 1\neffects: " + effects + "\n",
-      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+      test::in_source("config/test.yaml")));
 }
 
 /// X_WH after some steps.
@@ -89,7 +89,7 @@ TEST_P(PalmOnAWrist, SwingsUntilItLiesOnWhatStandsStill) {
       "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: "
       "right, wrist: {mount: " +
           mount + ", position: [0, 0, 0.04]}}]\nduration: 2\n" + floor + "solver: " + solver + "\n",
-      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+      test::in_source("config/test.yaml")));
   Simulation simulation(scene);
   run_steps(simulation, static_cast<int>(simulation.step_count()));
   EXPECT_NEAR(lowest_of_palm(scene, simulation.state()), 0, 1e-4);

@@ -86,7 +86,7 @@ TEST(SingularLoop, ADeadCentreIsNone) {
   for (const char* name : {"crank_inner_dead_centre", "crank_outer_dead_centre"})
     for (const char* method : {"euler_projected", "stabilised_gear"}) {
       scene::Scene scene = scene::load_scene(
-          std::string(HANDSIM_SOURCE_DIR "/config/stability/") + name + ".yaml",
+          test::in_source("config/stability/") + name + ".yaml",
           {std::string("solver={engine: dae, step: 1e-3, method: ") + method + "}", "duration=0.2"});
       EXPECT_EQ(refusal(scene), "") << name << method;
     }

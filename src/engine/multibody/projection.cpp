@@ -4,6 +4,8 @@
 #include <numeric>
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
 
 #include "handsim/core/least_squares.h"
 

@@ -5,6 +5,8 @@
 #include <limits>
 #include <numeric>
 
+#include <Eigen/Cholesky>
+
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine {

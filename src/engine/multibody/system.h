@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/engine/engine.h"
 #include "handsim/engine/multibody/rows.h"

@@ -20,8 +20,21 @@ std::vector<Gl> built_gls() {
   return out;
 }
 
+void require_pictures() {
+  bool found = false;
+#ifdef HANDSIM_OSMESA
+  found = found || finds_osmesa();
+#endif
+#ifdef HANDSIM_EGL
+  found = found || finds_egl();
+#endif
+  if (!found)
+    throw input_error("pictures", "no OpenGL on this system",
+                      "Mesa's EGL or OSMesa (Debian packages libegl1 and libgl1-mesa-dri)");
+}
+
 std::unique_ptr<Canvas> make_canvas(std::optional<Gl> gl) {
-  // A wheel has both and takes what the system has.
+  // A build that has both takes what the system has.
   if (!gl && built_gls().size() > 1) try {
       return make_canvas(built_gls().front());
     } catch (const Error&) {

@@ -40,4 +40,8 @@ std::unique_ptr<Canvas> make_canvas(std::optional<Gl> gl);
 std::unique_ptr<Canvas> make_osmesa_canvas();
 std::unique_ptr<Canvas> make_egl_canvas();
 
+/// Whether the system has the library, which these functions load.
+bool finds_osmesa();
+bool finds_egl();
+
 }  // namespace handsim::output

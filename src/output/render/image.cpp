@@ -10,22 +10,13 @@
 
 namespace handsim::output {
 
-#ifdef HANDSIM_BORROWS_GL
-// A wheel has fonts and finds OpenGL when it draws: src/packaging/system_libraries.c.
-extern "C" bool handsim_finds_gl();
+#ifdef HANDSIM_BUNDLED_FONTS
+// A wheel has fonts: src/packaging/bundled_fonts.c.
 extern "C" void handsim_font_file(bool bold, char* path, std::size_t room) {
   const char* const name = bold ? "fonts/DejaVuSans-Bold.ttf" : "fonts/DejaVuSans.ttf";
   path[(data_folder() / name).string().copy(path, room - 1)] = '\0';
 }
 #endif
-
-void require_pictures() {
-#ifdef HANDSIM_BORROWS_GL
-  if (!handsim_finds_gl())
-    throw input_error("pictures", "no OpenGL on this system",
-                      "Mesa's EGL or OSMesa (Debian packages libegl1 and libgl1-mesa-dri)");
-#endif
-}
 
 void write_png(const Image& image, const std::filesystem::path& path) {
   if (image.width < 1 || image.height < 1 ||

@@ -18,7 +18,8 @@ struct Image {
   const std::uint8_t* pixel(int x, int y) const { return &rgb[3 * (at(y) * at(width) + at(x))]; }
 };
 
-/// @throws Error (input) in a build without pictures (HANDSIM_PICTURES), as all that draws in this folder.
+/// @throws Error (input) in a build without pictures (HANDSIM_PICTURES), as all that draws in this folder, or
+/// where the system has neither OSMesa nor EGL. The call loads the library that it finds.
 void require_pictures();
 
 /// Writes a PNG; the file appears under its name only when complete.

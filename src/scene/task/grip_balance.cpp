@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
 
 #include "handsim/hand/hand_spec.h"
 #include "handsim/scene/read/blocks.h"

@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/core/least_squares.h"
 #include "handsim/core/qhull.h"

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <Eigen/Cholesky>
 
 #include "handsim/core/error.h"
 #include "handsim/study/report.h"

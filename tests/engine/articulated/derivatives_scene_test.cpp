@@ -5,6 +5,7 @@
 #include "engine/articulated/step_differences.h"
 #include "handsim/environment/derivatives.h"
 #include "handsim/scene/compile/scene.h"
+#include "places.h"
 
 namespace handsim::environment {
 namespace {
@@ -17,8 +18,8 @@ using engine::articulated::test::ridders;
 class SceneSteps {
  public:
   SceneSteps(const std::string& file, const std::vector<std::string>& overrides, double until)
-      : scene_(std::make_shared<scene::Scene>(
-            scene::load_scene(std::string(HANDSIM_SOURCE_DIR) + "/config/" + file, overrides))),
+      : scene_(
+            std::make_shared<scene::Scene>(scene::load_scene(test::in_source("config/") + file, overrides))),
         simulation_(scene_, simulation::no_watchers),
         coordinates(scene_->model) {
     while (simulation_.state().time < until) simulation_.step();

@@ -146,7 +146,7 @@ std::vector<std::string> warnings_of(const std::string& object, bool with_hand) 
       "hands: [{model: ../handmodels/prototype.yaml, person: persons/median_man.yaml, side: right}]\n";
   return compile_scene(parse_yaml((with_hand ? hand : "") + "objects: [{name: stone, position: [0, 0, 60], " +
                                       object + "}]\nduration: 1\n",
-                                  HANDSIM_SOURCE_DIR "/config/test.yaml"))
+                                  test::in_source("config/test.yaml")))
       .warnings;
 }
 

@@ -17,7 +17,7 @@ using model::ShapeKind;
 
 Scene scene_of(const std::string& objects) {
   return compile_scene(
-      parse_yaml("objects:\n" + objects + "\nduration: 1\n", HANDSIM_SOURCE_DIR "/config/test.yaml"));
+      parse_yaml("objects:\n" + objects + "\nduration: 1\n", test::in_source("config/test.yaml")));
 }
 
 /// Extents of an object along the axes of its frame O, by support functions.

@@ -45,7 +45,7 @@ TEST(GripBalance, OfOnePointIsNone) {
 const std::string kArticulated = "solver={engine: articulated, step: 1 ms}";
 
 std::vector<std::string> short_run(const std::string& person, const std::string& side) {
-  return {"hands.0.person=" HANDSIM_SOURCE_DIR "/config/persons/" + person + ".yaml", "hands.0.side=" + side,
+  return {"hands.0.person=" + test::in_source("config/persons/") + person + ".yaml", "hands.0.side=" + side,
           kArticulated, "grasps.0.hold=0.6 s",
           "grasps.0.shake.levels=[{acceleration: 19.6 m/s2, frequency: 5 Hz}]"};
 }

@@ -40,7 +40,7 @@ std::string bar_at(double x) {
 }
 
 Scene compiled(const std::string& text) {
-  return compile_scene(parse_yaml(text, HANDSIM_SOURCE_DIR "/config/test.yaml"));
+  return compile_scene(parse_yaml(text, test::in_source("config/test.yaml")));
 }
 
 /// The error message of a scene; empty if it compiles.

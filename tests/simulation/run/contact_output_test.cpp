@@ -32,7 +32,7 @@ scene::Scene still_life(const std::string& rest) {
       "effects: [gravity, ground_contact, object_contact, friction, joint_stops, passive_tissue]\n"
       "duration: 1.5\nsolver: {cfm: 1e-7}\n" +
           rest,
-      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+      test::in_source("config/test.yaml")));
 }
 
 json entry_of(const json& list, const std::function<bool(const json&)>& wanted) {
@@ -131,7 +131,7 @@ TEST(ObjectInAHand, IsRefusedUnlessAllowedOrUntouchable) {
         "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right}]\n"
         "objects: [{name: ball, shape: sphere, radius: 0.02, mass: 0.1, position: [0, 0.05, 0.02]" +
             overlap + "}]\neffects: [" + effects + "]\nduration: 1\n",
-        HANDSIM_SOURCE_DIR "/config/test.yaml"));
+        test::in_source("config/test.yaml")));
   };
   EXPECT_THROW(Simulation(scene("", "gravity, object_contact")), Error);
   EXPECT_NO_THROW(Simulation(scene(", overlap: allowed", "gravity, object_contact")));

@@ -85,7 +85,7 @@ scene::Scene ball_in_block(double depth, const std::string& rest) {
       "  - {name: block, shape: box, edges: [0.2, 0.2, 0.1], static: true, position: [0, 0, -0.05]}\n"
       "  - {name: ball, shape: sphere, radius: 0.04, mass: 0.5, position: [0, 0, " +
           std::to_string(0.04 - depth) + "]}\nduration: 1\n" + rest,
-      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+      test::in_source("config/test.yaml")));
 }
 
 Peak deepest(const scene::Scene& scene) {

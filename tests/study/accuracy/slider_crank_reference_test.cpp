@@ -11,11 +11,12 @@
 #include <string>
 
 #include "handsim/core/error.h"
+#include "places.h"
 
 namespace handsim::study {
 namespace {
 
-const std::filesystem::path kSeries = std::filesystem::path(HANDSIM_SOURCE_DIR) / "tests/data/oracles";
+const std::filesystem::path kSeries = std::filesystem::path(test::in_source("tests/data/oracles"));
 
 /// Rows of numbers below a line of headings.
 std::vector<std::vector<double>> read_csv(const std::filesystem::path& path) {
@@ -84,7 +85,7 @@ TEST(SliderCrankReference, AgreesWithThePublishedSliderPosition) {
 
 // Oracle: the reference itself; the accuracy study compares with these rows.
 TEST(SliderCrankReference, MakesTheRowsThatTheAccuracyStudyHas) {
-  const std::filesystem::path folder = std::filesystem::path(HANDSIM_SOURCE_DIR) / "src/study/accuracy";
+  const std::filesystem::path folder = std::filesystem::path(test::in_source("src/study/accuracy"));
   for (const auto& [name, spec, end] :
        {std::tuple("slider_crank_iftomm.csv", SliderCrankSpec::iftomm(), 5.0),
         {"slider_crank_torque.csv", SliderCrankSpec::constant_torque(), 2.0}}) {

@@ -353,7 +353,7 @@ TEST_P(GraspsOfAge, HoldAGolfBallAndACardOnBothEnginesAlike) {
     for (const char* solver : {"solver.engine=articulated", "solver.engine=ode"}) {
       const simulation::GraspFigures figures =
           simulate(shortened(name, {kBrief, solver,
-                                    "hands.0.person=" HANDSIM_SOURCE_DIR "/config/persons/" +
+                                    "hands.0.person=" + test::in_source("config/persons/") +
                                         std::string(GetParam()) + ".yaml"}))
               .front();
       ASSERT_TRUE(figures.margin_measured()) << name << ", " << solver << ": " << figures.told();

@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "app/program.h"
+#include "places.h"
 #include "study/rollouts/studies.h"
 
 namespace handsim {
@@ -77,7 +78,7 @@ TEST(RolloutsProgram, KilledAndResumedGivesTheSameBytes) {
   const fs::path study = write_study(folder.path()), whole = folder.path() / "whole",
                  out = folder.path() / "out";
   ASSERT_EQ(run_program(rollouts(study, whole, kLonger)).status, 0);
-  const pid_t child = start(with({HANDSIM_PROGRAM}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
+  const pid_t child = start(with({test::kProgramFile}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
   ASSERT_TRUE(journal_grows(out / study::kJournalName));
   kill(child, SIGKILL);
   int status = 0;
@@ -99,7 +100,7 @@ TEST(RolloutsProgram, KilledAndResumedGivesTheSameBytes) {
 TEST(RolloutsProgram, InterruptedKeepsWhatIsDone) {
   const TemporaryFolder folder;
   const fs::path study = write_study(folder.path()), out = folder.path() / "out";
-  const pid_t child = start(with({HANDSIM_PROGRAM}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
+  const pid_t child = start(with({test::kProgramFile}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
   ASSERT_TRUE(journal_grows(out / study::kJournalName));
   kill(child, SIGINT);
   int status = 0;
@@ -183,7 +184,7 @@ TEST(RolloutsProgram, ASparseJournalIsRefused) {
 TEST(RolloutsProgram, ATableThatCannotBeWrittenLeavesItsRows) {
   const TemporaryFolder folder;
   const fs::path study = write_study(folder.path()), out = folder.path() / "out";
-  const pid_t child = start(with({HANDSIM_PROGRAM}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
+  const pid_t child = start(with({test::kProgramFile}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
   ASSERT_TRUE(journal_grows(out / study::kJournalName));
   fs::create_directories(out / "rollouts.h5" / "in_the_way");
   int status = 0;
@@ -207,7 +208,7 @@ TEST(RolloutsProgram, RanksOfAJobAreItsShards) {
        {std::pair("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"), {"PMI_RANK", "PMI_SIZE"}}) {
     const fs::path out = folder.path() / rank;
     const auto of_rank = [&, rank = rank, size = size](int k, const Words& more) {
-      const Words job = {"env", fmt::format("{}={}", rank, k), fmt::format("{}=3", size), HANDSIM_PROGRAM};
+      const Words job = {"env", fmt::format("{}={}", rank, k), fmt::format("{}=3", size), test::kProgramFile};
       return start(with(job, rollouts(study, out, with(kLonger, more))));
     };
     std::vector<pid_t> job;

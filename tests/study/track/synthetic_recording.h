@@ -5,6 +5,7 @@
 #include <random>
 
 #include "handsim/study/track/track.h"
+#include "places.h"
 
 namespace handsim::test {
 
@@ -12,10 +13,10 @@ inline study::TrackInput shipped_input() {
   study::TrackInput input;
   Diagnostics diagnostics;
   input.recording = "synthetic.csv";
-  input.model_file = HANDSIM_SOURCE_DIR "/handmodels/anatomical.yaml";
+  input.model_file = test::in_source("handmodels/anatomical.yaml");
   YamlNode model = load_yaml(input.model_file);
   input.model = hand::read_hand_spec(model, "", diagnostics);
-  YamlNode person = load_yaml(HANDSIM_SOURCE_DIR "/config/persons/median_man.yaml");
+  YamlNode person = load_yaml(test::in_source("config/persons/median_man.yaml"));
   input.person = hand::read_person(person, "", diagnostics);
   diagnostics.throw_if_any();
   return input;

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/engine/articulated/dynamics/joint_space.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/engine/engine.h"
 

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 
