@@ -439,11 +439,9 @@ def environments():
              f"{1e-6 * of('batch_steps/self_contact', 'hand_steps_per_s'):.2f} million a second"],
             ["the same through all poses, of which some touch themselves",
              f"{1e-6 * of('batch_steps/self_contact_all_poses', 'hand_steps_per_s'):.2f} million a second"],
-            ["the first two in lanes, compared with one by one",
-             f"{1 / of('batch_in_lanes/smooth', 'ratio'):.2f} and {1 / of('batch_in_lanes/self_contact', 'ratio'):.2f} times as fast"],
-            ["the same hand driven by muscles, rigid and elastic tendons, in lanes",
-             " and ".join(f"{1 / of(f'muscles_in_lanes/{key}', 'candidate_us'):.2f}" for key in ("rigid", "elastic")) + " million a second, "
-             + " and ".join(f"{1 / of(f'muscles_in_lanes/{key}', 'ratio'):.2f}" for key in ("rigid", "elastic")) + " times as fast as one by one"],
+            ["the same hand driven by muscles, rigid and elastic tendons",
+             " and ".join(f"{1e-6 * of(f'muscle_batch_steps/{key}', 'hand_steps_per_s'):.2f}" for key in ("rigid", "elastic"))
+             + " million a second"],
             ["the same hand holding a mug", f"{of('batch_steps/mug', 'hand_steps_per_s'):,.0f} a second, "
                                             f"{of('batch_steps/mug', 'contacts'):.0f} contacts"],
             ["a batch of one, compared with its bare engine",
@@ -462,7 +460,7 @@ def speed_lanes():
     rows = [[f"`{key}`: {found[f'step_against_bare_ode/{key}'].get('label', '')}",
              number(found[f"step_against_bare_ode/{key}"]["candidate_us"]),
              f"1/{1 / found[f'step_against_bare_ode/{key}']['ratio']:.0f}"]
-            for key in ("chosen", "four_lanes", "two_lanes", "one_lane") if f"step_against_bare_ode/{key}" in found]
+            for key in ("chosen", "four_lanes", "one_lane") if f"step_against_bare_ode/{key}" in found]
     return table(["one step of one hand: gravity, stops, tissue, 20 servos", "µs", "of a bare `dWorldStep`"], rows)
 
 

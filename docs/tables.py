@@ -139,7 +139,7 @@ STUDIES = {
                               "cases_drake": None}),
 }
 # Benchmarks of studies of their own; "speed" runs all others.
-BENCHMARKS = {"environment": "^(batch_|muscles_in_lanes|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
+BENCHMARKS = {"environment": "^(batch_|muscle_batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
 # pin and mujoco (PyPI).
 ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach")

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
@@ -37,22 +36,18 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
     feed_.emplace(FeedForward{
         model::NewtonEuler(model, plan.feed_gravity), still, still, {}, {}, std::vector<double>(dofs), {}});
   }
-  constants_.reserve(plan.axes.size());
-  for (std::size_t i = 0; i < plan.axes.size(); ++i) {
-    const DrivenAxis& axis = plan.axes[i];
+  for (const DrivenAxis& axis : plan.axes) {
+    gains_.push_back(axis.gains);
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];
-    const model::Tissue tissue =
-        plan.tissue_compensation ? of_model.tissue.value_or(model::Tissue{}) : model::Tissue{};
-    constants_.push_back({axis.gains, axis.dof, first_target_[axis.hand] + axis.column, tissue.stiffness,
-                          tissue.rest, tissue.damping, smoothing(axis.gains.derivative_cutoff, step),
-                          axis.gains.integral_zone.value_or(std::numeric_limits<double>::infinity())});
+    tissue_.push_back(plan.tissue_compensation ? of_model.tissue.value_or(model::Tissue{}) : model::Tissue{});
+    smoothing_.push_back(smoothing(axis.gains.derivative_cutoff, step));
   }
   memory_.integral.resize(axes_.size());
   memory_.filtered_rate.resize(axes_.size());
   update_targets(start.time);
   measure(start);
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    axes_[i].target = targets_[constants_[i].target];
+    axes_[i].target = target(i);
     memory_.filtered_rate[i] = axes_[i].rate;
   }
 }
@@ -66,7 +61,7 @@ void Controller::set_targets(std::span<const double> targets) {
 }
 
 void Controller::update_targets(double time) {
-  for (std::size_t i = 0; i < given_.size(); ++i) targets_[constants_[i].target] = given_[i];
+  for (std::size_t i = 0; i < given_.size(); ++i) targets_[target_index(plan_.axes[i])] = given_[i];
   if (!given_.empty()) {
     // The caller's targets have no rates.
     if (feed_) std::ranges::fill(feed_->rates, 0.0);
@@ -90,11 +85,11 @@ void Controller::update_feed(const model::State& state) {
   FeedForward& feed = *feed_;
   feed.q = state.q;
   feed.u = state.u;
-  for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const AxisConstants& c = constants_[i];
-    feed.q[c.dof] = targets_[c.target];
-    feed.u[c.dof] = feed.rates[c.target];
-    feed.change[c.dof] = feed.accelerations[c.target];
+  for (const DrivenAxis& axis : plan_.axes) {
+    const std::size_t target = target_index(axis);
+    feed.q[axis.dof] = targets_[target];
+    feed.u[axis.dof] = feed.rates[target];
+    feed.change[axis.dof] = feed.accelerations[target];
   }
   feed.dynamics.set_roots(state, state.time + step_);
   feed.dynamics.place(feed.q, feed.u, feed.change);
@@ -103,8 +98,8 @@ void Controller::update_feed(const model::State& state) {
 
 void Controller::measure(const model::State& state) {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    axes_[i].angle = state.q[constants_[i].dof];
-    axes_[i].rate = state.u[constants_[i].dof];
+    axes_[i].angle = state.q[plan_.axes[i].dof];
+    axes_[i].rate = state.u[plan_.axes[i].dof];
   }
 }
 
@@ -124,48 +119,50 @@ void Controller::restore(ArchiveReader& in) { carry(in, *this); }
 
 /// Torque added to spring and damper: the integral, advanced by one step, and the feed-forward terms.
 double Controller::offset_torque(std::size_t i, double target) {
-  const AxisConstants& c = constants_[i];
+  const Gains& gains = gains_[i];
+  const DrivenAxis& axis = plan_.axes[i];
   double& integral = memory_.integral[i];
-  if (c.gains.integral > 0) {
+  if (gains.integral > 0) {
     const double error = target - axes_[i].angle;
     const bool saturated = axes_[i].at_limit && error * axes_[i].torque > 0;
-    if (!saturated && std::abs(error) < c.zone)
-      integral = std::clamp(integral + step_ * c.gains.integral * error, -c.gains.torque_limit,
-                            c.gains.torque_limit);
+    if (!saturated && (!gains.integral_zone || std::abs(error) < *gains.integral_zone))
+      integral =
+          std::clamp(integral + step_ * gains.integral * error, -gains.torque_limit, gains.torque_limit);
   }
-  const double weight = gravity_torques_.empty() ? 0 : gravity_torques_[c.dof];
-  const double tissue = c.tissue_stiffness * (target - c.tissue_rest);
-  if (!feed_) return integral + weight + tissue;
-  const double rate = feed_->rates[c.target];
-  return integral + tissue + feed_->torques[c.dof] + (c.gains.derivative + c.tissue_damping) * rate;
+  const model::Tissue& tissue = tissue_[i];
+  const double weight = gravity_torques_.empty() ? 0 : gravity_torques_[axis.dof];
+  const double pull = tissue.stiffness * (target - tissue.rest);
+  if (!feed_) return integral + weight + pull;
+  const double rate = feed_->rates[target_index(axis)];
+  return integral + pull + feed_->torques[axis.dof] + (gains.derivative + tissue.damping) * rate;
 }
 
 void Controller::command_torques() {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const AxisConstants& c = constants_[i];
+    const Gains& gains = gains_[i];
     AxisState& axis = axes_[i];
-    const double target = targets_[c.target];
+    const double goal = target(i);
     double& rate = memory_.filtered_rate[i];
-    rate += c.smoothing * (axis.rate - rate);
+    rate += smoothing_[i] * (axis.rate - rate);
     const double torque =
-        c.gains.proportional * (target - axis.angle) - c.gains.derivative * rate + offset_torque(i, target);
-    axis.torque = std::clamp(torque, -c.gains.torque_limit, c.gains.torque_limit);
-    axis.at_limit = std::abs(torque) >= c.gains.torque_limit;
-    torques_[c.dof] = axis.torque;
+        gains.proportional * (goal - axis.angle) - gains.derivative * rate + offset_torque(i, goal);
+    axis.torque = std::clamp(torque, -gains.torque_limit, gains.torque_limit);
+    axis.at_limit = std::abs(torque) >= gains.torque_limit;
+    torques_[plan_.axes[i].dof] = axis.torque;
   }
 }
 
 // The damping of a low-passed rate d+ = d + s (v+ - d) is s D on the rate after the step plus a known term.
 void Controller::command_servos() {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const AxisConstants& c = constants_[i];
-    const double target = targets_[c.target];
-    model::Servo& servo = servos_[c.dof];
-    servo.stiffness = c.gains.proportional;
-    servo.damping = c.smoothing * c.gains.derivative;
-    servo.error = target - axes_[i].angle;
-    servo.feed = offset_torque(i, target) - (1 - c.smoothing) * c.gains.derivative * memory_.filtered_rate[i];
-    servo.limit = c.gains.torque_limit;
+    const Gains& gains = gains_[i];
+    const double goal = target(i);
+    model::Servo& servo = servos_[plan_.axes[i].dof];
+    servo.stiffness = gains.proportional;
+    servo.damping = smoothing_[i] * gains.derivative;
+    servo.error = goal - axes_[i].angle;
+    servo.feed = offset_torque(i, goal) - (1 - smoothing_[i]) * gains.derivative * memory_.filtered_rate[i];
+    servo.limit = gains.torque_limit;
   }
 }
 
@@ -178,15 +175,14 @@ void Controller::command(const model::State& state) {
 
 void Controller::observe(const model::State& state) {
   measure(state);
-  for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].target = targets_[constants_[i].target];
+  for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].target = target(i);
   if (plan_.form == Form::explicit_torque) return;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     AxisState& axis = axes_[i];
-    const AxisConstants& c = constants_[i];
-    axis.torque = state.tau_servo[c.dof];
+    axis.torque = state.tau_servo[plan_.axes[i].dof];
     // A torque at its limit may be rounded below it.
-    axis.at_limit = std::abs(axis.torque) >= c.gains.torque_limit * (1 - 1e-9);
-    memory_.filtered_rate[i] += c.smoothing * (axis.rate - memory_.filtered_rate[i]);
+    axis.at_limit = std::abs(axis.torque) >= gains_[i].torque_limit * (1 - 1e-9);
+    memory_.filtered_rate[i] += smoothing_[i] * (axis.rate - memory_.filtered_rate[i]);
   }
 }
 

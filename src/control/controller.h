@@ -46,31 +46,6 @@ class Controller {
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 
-  struct AxisConstants {
-    Gains gains;
-    std::size_t dof = 0;
-    std::size_t target = 0;       ///< in targets_, by hand and column
-    double tissue_stiffness = 0;  ///< fed forward; 0 without compensation [N m/rad]
-    double tissue_rest = 0;       ///< [rad]
-    double tissue_damping = 0;    ///< fed forward with the target's rate [N m s/rad]
-    double smoothing = 1;         ///< weight of the new rate in the filtered one
-    double zone = 0;              ///< of the integral [rad]; infinity for none
-  };
-  // For steps of several controllers at once (environment/batch.cpp).
-  std::span<const AxisConstants> constants() const { return constants_; }
-  /// Null without compensation.
-  const GravityLoad* gravity() const { return gravity_ ? &*gravity_ : nullptr; }
-  /// Targets of all axes at a time [s], as `command` takes them.
-  std::span<const double> targets(double time) {
-    update_targets(time);
-    return targets_;
-  }
-  bool targets_given() const { return !given_.empty(); }
-  /// Torque of the integral [N m], low-passed rate [rad/s].
-  double& integral(std::size_t axis) { return memory_.integral[axis]; }
-  double& filtered_rate(std::size_t axis) { return memory_.filtered_rate[axis]; }
-  AxisState& axis(std::size_t axis) { return axes_[axis]; }
-
   /// State from step to step: together with the engine's state it reproduces a run bit for bit.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
@@ -90,6 +65,9 @@ class Controller {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   void update_targets(double time);
+  /// Where targets_ has an axis.
+  std::size_t target_index(const DrivenAxis& axis) const { return first_target_[axis.hand] + axis.column; }
+  double target(std::size_t axis) const { return targets_[target_index(plan_.axes[axis])]; }
   double offset_torque(std::size_t axis, double target);
   void update_feed(const model::State& state);
   void command_torques();
@@ -98,7 +76,9 @@ class Controller {
 
   const Plan& plan_;
   double step_;
-  std::vector<AxisConstants> constants_;
+  std::vector<Gains> gains_;               ///< of the plan's axes, as they were at the start
+  std::vector<model::Tissue> tissue_;      ///< that is compensated, by axis; zero for none
+  std::vector<double> smoothing_;          ///< weight of the new rate in the filtered one, by axis
   std::vector<double> targets_;            ///< for the end of the step, hand after hand
   std::vector<std::size_t> first_target_;  ///< of each hand in targets_
   std::vector<double> given_;              ///< by axis; empty: targets of the trajectories

@@ -53,6 +53,7 @@ class GravityLoad {
   /// with the axis a_j, anchor p_j, mass m_j and first moment S_j of all bodies beyond; until the next call.
   std::span<const double> torques(const model::State& state);
 
+ private:
   /// A joint of a chain, children before parents.
   struct Link {
     const model::Joint* joint = nullptr;
@@ -62,10 +63,7 @@ class GravityLoad {
     Vec3 first_axis, second_axis;  ///< in the parent body, in the child body
     bool universal = false;
   };
-  std::span<const Link> links() const { return links_; }
-  const Vec3& gravity() const { return gravity_; }
 
- private:
   const model::Model& model_;
   Vec3 gravity_;
   std::vector<Link> links_;

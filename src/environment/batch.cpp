@@ -1,29 +1,21 @@
 #include "handsim/environment/batch.h"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include <fmt/format.h>
-#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
-#include "handsim/engine/articulated/lanes/lane_group.h"
 #include "handsim/environment/environment.h"
 
 namespace handsim::environment {
 
-namespace articulated = engine::articulated;
-
 namespace {
 
 constexpr std::size_t kGrain = 8;  ///< Environments that one task steps.
-/// Single steps are faster one by one than in lanes, because environments are loaded and stored in each call.
-constexpr int kFewestSteps = 2;
-
 constexpr int kMostThreads = 1024;
 
 /// Row `i` of an array of `rows` rows; empty where the array is.
@@ -46,168 +38,7 @@ int checked(int threads) {
   return threads > 0 ? threads : tbb::task_arena::automatic;
 }
 
-bool finite(std::span<const double> numbers) {
-  return std::ranges::all_of(numbers, [](double x) { return std::isfinite(x); });
-}
-
-bool excitable(const model::Model& model, const engine::Settings& settings, std::span<const double> by) {
-  return by.empty() || (settings.effects.has(model::Effect::muscles) && by.size() == model.muscles.size() &&
-                        std::ranges::all_of(by, [](double x) { return x >= 0 && x <= 1; }));
-}
-
-/// Constants of a controller with implicit gains.
-void describe(const control::Controller& controller, articulated::LaneControlPlan& plan,
-              const model::Model& model) {
-  plan.drives.clear();
-  plan.links.clear();
-  for (const auto& axis : controller.constants())
-    plan.drives.push_back({axis.dof, axis.gains.proportional, axis.gains.derivative, axis.gains.integral,
-                           axis.gains.torque_limit, axis.zone, axis.smoothing, axis.tissue_stiffness,
-                           axis.tissue_rest, 0});
-  const control::GravityLoad* gravity = controller.gravity();
-  if (!gravity) return;
-  plan.gravity = gravity->gravity();
-  for (const auto& link : gravity->links()) {
-    const bool turns = link.universal || link.joint->kind == model::JointKind::hinge;
-    plan.links.push_back({link.parent, link.child, link.dof, link.mass, model.bodies[link.child].mass,
-                          link.adds_to_parent, turns, link.universal, link.joint->child_frame.p,
-                          link.first_axis, link.universal ? link.second_axis : Vec3::Zero().eval()});
-    if (!turns) plan.links.back().first_axis = Vec3::Zero();
-  }
-}
-
 }  // namespace
-
-/// Steps of environments of one scene in lanes (articulated/lane_group.h), to the bits of single steps.
-class Lanes {
- public:
-  /// @param like an environment of the scene, @param widest BatchSetup::lanes
-  Lanes(const Environment& like, int widest)
-      : group_(articulated::LaneGroup::make(like.simulation().engine(), widest)),
-        torques_(at(width())),
-        step_(like.scene().spec.solver.step) {
-    const control::Controller* controller = like.simulation().controller();
-    if (controller &&
-        (controller->plan().form != control::Form::implicit_gain || controller->plan().feed_forward))
-      group_.reset();
-  }
-
-  /// Environments that a call of `step` takes; 0 where the scene has no use for lanes.
-  int width() const { return group_ ? group_->width() : 0; }
-  /// True where an action's steps can begin in lanes.
-  bool takes(Environment& environment, const Action& action) const {
-    if (!group_ || environment.failure_ || !action.forces.empty() || !action.wrists.empty() ||
-        !action.wrist_rates.empty())
-      return false;
-    const auto parts = environment.simulation_->parts();
-    const auto dofs = at(environment.scene().model.dof_count());
-    const std::size_t axes = parts && parts->controller ? parts->controller->axes().size() : 0;
-    // What is wrong with an action is told by the environment alone; so is what touches something.
-    return parts && (action.torques.empty() || action.torques.size() == dofs) && finite(action.torques) &&
-           (action.angles.empty() || action.angles.size() == axes) && finite(action.angles) &&
-           excitable(environment.scene().model, parts->engine.settings(), action.excitations) &&
-           parts->engine.contacts().empty() &&
-           group_->fits(parts->engine, parts->controller || !action.torques.empty());
-  }
-
-  struct Member {
-    Environment* environment = nullptr;
-    Action action;
-    int made = 0;  ///< out: steps made; the environment has to make the others alone
-  };
-  /// @param members at most width(), all of which `takes` accepts
-  void step(std::span<Member> members, int substeps) {
-    unsigned active = 0;
-    for (std::size_t lane = 0; lane < members.size(); ++lane) {
-      load(static_cast<int>(lane), members[lane]);
-      active |= 1U << lane;
-    }
-    group_->start();
-    for (int i = 0; i < substeps && active != 0; ++i) {
-      set_targets(members, active);
-      const unsigned leave = group_->step();
-      for (std::size_t lane = 0; lane < members.size(); ++lane)
-        if ((leave >> lane) & 1U) store(static_cast<int>(lane), members[lane], i, true);
-      active &= ~leave;
-    }
-    for (std::size_t lane = 0; lane < members.size(); ++lane)
-      if ((active >> lane) & 1U) store(static_cast<int>(lane), members[lane], substeps, false);
-  }
-
- private:
-  void load(int lane, const Member& member) {
-    Environment& environment = *member.environment;
-    const simulation::Simulation::Parts parts = *environment.simulation_->parts();
-    std::vector<double>& torques = torques_[at(lane)];
-    torques.assign(parts.constant_torques.begin(), parts.constant_torques.end());
-    if (!member.action.torques.empty()) {
-      torques.resize(member.action.torques.size());
-      for (std::size_t i = 0; i < torques.size(); ++i) torques[i] += member.action.torques[i];
-    }
-    control::Controller* controller = parts.controller;
-    if (group_->key(lane) != environment.numbers_) {
-      if (controller) describe(*controller, plan_, environment.scene().model);
-      group_->set_constants(lane, parts.engine, controller ? &plan_ : nullptr, environment.numbers_);
-    }
-    group_->load(lane, parts.engine, torques, member.action.excitations);
-    if (!controller) return;
-    if (member.action.angles.empty())
-      controller->release_targets();
-    else
-      controller->set_targets(member.action.angles);
-    for (std::size_t i = 0; i < controller->axes().size(); ++i) {
-      const control::AxisState& axis = controller->axis(i);
-      group_->set_drive_state(lane, i,
-                              {axis.angle, axis.rate, axis.target, axis.torque, axis.at_limit,
-                               controller->integral(i), controller->filtered_rate(i)});
-    }
-  }
-
-  /// Sets the targets of the next step. Environments share their trajectories and, mostly, the time.
-  void set_targets(std::span<const Member> members, unsigned active) {
-    const auto each = [&](const auto& f) {
-      for (std::size_t lane = 0; lane < members.size(); ++lane)
-        if ((active >> lane) & 1U)
-          if (auto* controller = members[lane].environment->simulation_->parts()->controller)
-            f(static_cast<int>(lane), *controller, group_->time(static_cast<int>(lane)) + step_);
-    };
-    std::optional<double> common;
-    each([&](int /*lane*/, control::Controller& controller, double time) {
-      if (common || controller.targets_given()) return;
-      common = time;
-      const std::span<const double> targets = controller.targets(time);
-      for (std::size_t i = 0; i < controller.constants().size(); ++i)
-        group_->set_targets(i, targets[controller.constants()[i].target]);
-    });
-    each([&](int lane, control::Controller& controller, double time) {
-      if (!controller.targets_given() && time == common) return;
-      const std::span<const double> targets = controller.targets(time);
-      for (std::size_t i = 0; i < controller.constants().size(); ++i)
-        group_->set_target(lane, i, targets[controller.constants()[i].target]);
-    });
-  }
-
-  void store(int lane, Member& member, int made, bool leaves) {
-    Environment& environment = *member.environment;
-    const simulation::Simulation::Parts parts = *environment.simulation_->parts();
-    member.made = made;
-    if (parts.controller && made > 0)
-      for (std::size_t i = 0; i < parts.controller->axes().size(); ++i) {
-        const articulated::LaneDriveState state = group_->drive_state(lane, i);
-        parts.controller->axis(i) = {state.angle, state.rate, state.target, state.torque, state.at_limit};
-        parts.controller->integral(i) = state.integral;
-        parts.controller->filtered_rate(i) = state.filtered_rate;
-      }
-    group_->store(lane, leaves);
-    environment.simulation_->add_steps(made, member.action.excitations);
-    environment.steps_ += made;
-  }
-
-  std::unique_ptr<articulated::LaneGroup> group_;
-  articulated::LaneControlPlan plan_;
-  std::vector<std::vector<double>> torques_;  ///< by lane
-  double step_ = 0;                           ///< [s]
-};
 
 struct Batch::Impl {
   explicit Impl(int threads) : arena(checked(threads)) {}
@@ -265,7 +96,6 @@ struct Batch::Impl {
   std::vector<Environment> environments;
   std::vector<double> observations;
   std::vector<unsigned char> done, failed;
-  tbb::enumerable_thread_specific<std::optional<Lanes>> lanes;
 };
 
 Batch::Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup)
@@ -318,16 +148,12 @@ void Batch::replace(std::size_t i, const std::shared_ptr<const scene::Scene>& sc
   if (other == others.end()) {
     const std::shared_ptr<scene::Scene> shared = Environment::lean(*scene);
     Environment first(shared, impl_->setup.environment, true, nullptr);
-    first.renumber();
     if (names(first) != names((*this)[0]))
       throw input_error("scene", scene->spec.title,
                         "bodies, joints, axes, muscles, wrists, engine and step of the batch's");
     other = others.insert(others.end(), {scene, shared, std::move(first)});
   }
-  const Environment& like = other->first;
-  Environment made(other->shared, impl_->setup.environment, true, &like);
-  if (made.shared_) made.numbers_ = like.numbers_;
-  impl_->environments.at(i) = std::move(made);
+  impl_->environments.at(i) = Environment(other->shared, impl_->setup.environment, true, &other->first);
   impl_->begin(i);
 }
 
@@ -359,55 +185,28 @@ void Batch::step(const BatchAction& action, int substeps) {
   require_rows("wrist_rates", action.wrist_rates.size(), size());
   require_rows("excitations", action.excitations.size(), size());
   require_rows("forces", action.forces.size(), size());
-  impl_->each_group([&](std::size_t first, std::size_t last) { step_group(first, last, action, substeps); });
+  impl_->each([&](std::size_t i) {
+    if (impl_->done[i] == 0) step_one(i, action, substeps);
+  });
 }
 
-void Batch::step_alone(std::size_t i, const Action& action, int substeps) {
+void Batch::step_one(std::size_t i, const BatchAction& action, int substeps) {
+  Environment& environment = impl_->environments[i];
   try {
-    impl_->environments[i].step(action, substeps);
+    environment.step(
+        {.torques = row(action.torques, i, size()),
+         .angles = row(action.angles, i, size()),
+         .wrists = row(action.wrists, i, size()),
+         .wrist_rates = row(action.wrist_rates, i, size()),
+         .excitations = row(action.excitations, i, size()),
+         .forces = action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]},
+        substeps);
   } catch (const Error&) {
-    if (!impl_->environments[i].failure()) throw;
+    if (!environment.failure()) throw;
     impl_->failed[i] = impl_->done[i] = 1;
   }
-}
-
-void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& action, int substeps) {
-  std::vector<Lanes::Member> members;
-  std::vector<std::size_t> stepped;
-  const auto of = [&](std::size_t i) {
-    return Action{row(action.torques, i, size()),
-                  row(action.angles, i, size()),
-                  row(action.wrists, i, size()),
-                  row(action.wrist_rates, i, size()),
-                  row(action.excitations, i, size()),
-                  action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]};
-  };
-  std::optional<Lanes>& lanes = impl_->lanes.local();
-  if (impl_->setup.lanes > 0 && !lanes) lanes.emplace(impl_->environments[0], impl_->setup.lanes);
-  for (std::size_t i = first; i < last; ++i) {
-    if (impl_->done[i] != 0) continue;
-    stepped.push_back(i);
-    if (impl_->setup.lanes > 0 && substeps >= kFewestSteps && lanes->takes(impl_->environments[i], of(i)))
-      members.push_back({&impl_->environments[i], of(i)});
-  }
-  for (std::size_t i = 0; i < members.size(); i += at(lanes->width())) {
-    const std::size_t count = std::min(at(lanes->width()), members.size() - i);
-    // Up to half of the lanes are faster one by one.
-    if (2 * count > at(lanes->width())) lanes->step(std::span(members).subspan(i, count), substeps);
-  }
-  std::optional<Error> found;
-  for (const std::size_t i : stepped) try {
-      const auto member = std::ranges::find_if(
-          members, [&](const Lanes::Member& each) { return each.environment == &impl_->environments[i]; });
-      const int made = member == members.end() ? 0 : member->made;
-      if (made < substeps || substeps < 1) step_alone(i, of(i), substeps - made);
-      impl_->observe(i);
-      if (impl_->setup.done && impl_->done[i] == 0 && impl_->setup.done(impl_->environments[i]))
-        impl_->done[i] = 1;
-    } catch (const Error& error) {
-      if (!found) found.emplace(error);
-    }
-  if (found) throw Error(*found);
+  impl_->observe(i);
+  if (impl_->setup.done && impl_->done[i] == 0 && impl_->setup.done(environment)) impl_->done[i] = 1;
 }
 
 }  // namespace handsim::environment

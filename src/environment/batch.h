@@ -27,8 +27,6 @@ struct BatchSetup {
   /// reset. Several threads call it at once, for different environments. Null: never done.
   std::function<bool(const Environment&)> done = {};
   int threads = 0;  ///< at most 1024; 0: one per core
-  /// Most environments that share vector lanes: 8, 4 or 2, by processor; 0: none. The same bits.
-  int lanes = 8;
 };
 
 class Batch {
@@ -71,8 +69,7 @@ class Batch {
  private:
   void reset(const simulation::MotionSnapshot* moment, std::span<const std::uint64_t> seeds,
              std::span<const unsigned char> mask);
-  void step_alone(std::size_t i, const Action& action, int substeps);
-  void step_group(std::size_t first, std::size_t last, const BatchAction& action, int substeps);
+  void step_one(std::size_t i, const BatchAction& action, int substeps);
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

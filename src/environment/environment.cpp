@@ -1,7 +1,6 @@
 #include "handsim/environment/environment.h"
 
 #include <algorithm>
-#include <atomic>
 #include <utility>
 
 #include <fmt/format.h>
@@ -91,15 +90,9 @@ void Environment::build() {
   if (!shared_ || !start_) start_ = std::make_shared<const simulation::MotionSnapshot>(simulation_->motion());
 }
 
-void Environment::renumber() {
-  static std::atomic<std::uint64_t> last = 0;
-  numbers_ = ++last;
-}
-
 /// The simulation with the scene's numbers as they are now; its resets mend a failure.
 void Environment::begin() {
   const bool changed = variation_->take_changed();
-  if (changed) renumber();
   if (copied_)
     build();
   else if (changed)

@@ -94,14 +94,12 @@ class Environment {
 
  private:
   friend class Batch;
-  friend class Lanes;
   /// @param shared others have the scene: copied before it changes. @param like one of them, or null
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared, const Environment* like);
   static std::shared_ptr<scene::Scene> lean(const scene::Scene& scene);
   void own_scene();
   void check_acts(std::string_view name) const;
   void begin();
-  void renumber();
   void build();
   void check(const Action& action, int substeps) const;
   std::span<const Pose> wrist_targets(const Action& action, int step, int substeps);
@@ -118,9 +116,8 @@ class Environment {
   std::vector<double> observed_;
   std::vector<Pose> from_, targets_;  ///< of the driven wrists
   long steps_ = 0;
-  bool shared_ = false;        ///< scene_ is not the environment's own
-  bool copied_ = false;        ///< the simulation has the shared scene still
-  std::uint64_t numbers_ = 0;  ///< of the model and its control; 0: those of the scene
+  bool shared_ = false;  ///< scene_ is not the environment's own
+  bool copied_ = false;  ///< the simulation has the shared scene still
 };
 
 }  // namespace handsim::environment

@@ -287,11 +287,6 @@ void Simulation::advance(const engine::StepInput& action) {
   if (made.fault) throw Error(std::move(*made.fault));
 }
 
-std::optional<Simulation::Parts> Simulation::parts() {
-  if (failure_ || drive_ || !watchers_.empty() || !climbs_.empty()) return std::nullopt;
-  return Parts{*engine_, controller_.get(), constant_};
-}
-
 std::uint64_t Simulation::state_hash() const { return get<RunHash>().value(); }
 
 std::vector<Verdict> Simulation::verdicts() const {

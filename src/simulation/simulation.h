@@ -49,20 +49,6 @@ class Simulation {
   ///         joint and quantity if the state is out of bounds, and in every later step until a reset.
   void step(const engine::StepInput& action = {}, std::span<const double> angles = {});
 
-  /// What steps the simulation where several ones step at once (environment/batch.cpp).
-  struct Parts {
-    engine::Engine& engine;
-    control::Controller* controller;           ///< null without control
-    std::span<const double> constant_torques;  ///< of the joints; empty if there are none
-  };
-  /// Nothing where a step needs more than these: watchers, climbs; and after a failure.
-  std::optional<Parts> parts();
-  /// Counts steps that have been made with the parts. @param excitations of the last of them
-  void add_steps(long steps, std::span<const double> excitations) {
-    steps_ += steps;
-    if (steps > 0) excitations_.assign(excitations.begin(), excitations.end());
-  }
-
   const scene::Scene& scene() const { return *scene_; }
   const model::Model& model() const { return scene_->model; }
   const model::State& state() const { return engine_->state(); }

@@ -51,7 +51,6 @@ void step_against_bare_ode(benchmark::State& state, int width) {
 }
 BENCHMARK_CAPTURE(step_against_bare_ode, chosen, 0)->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_against_bare_ode, one_lane, 1)->UseManualTime()->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(step_against_bare_ode, two_lanes, 2)->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_against_bare_ode, four_lanes, 4)->UseManualTime()->Unit(benchmark::kMillisecond);
 
 #ifdef HANDSIM_WITH_MUJOCO

@@ -112,26 +112,8 @@ BENCHMARK_CAPTURE(batch_steps, mug, "grasp_cup", std::vector<std::string>{}, kHo
     ->UseManualTime()
     ->Iterations((kHold.last - kHold.first) / kSubsteps);
 
-/// Lanes that environments share against lanes of each environment's own.
-void batch_in_lanes(benchmark::State& state, int lanes, const std::vector<std::string>& overrides,
-                    Stretch stretch) {
-  const scene::Scene scene = scene_of("every_pose", overrides);
-  Stepped alone{Batch(scene, kBatch, {.threads = 1, .lanes = 0}), stretch};
-  Stepped together{Batch(scene, kBatch, {.threads = 1, .lanes = lanes}), stretch};
-  compare(
-      state, kBatch * kSubsteps,
-      [&] {
-        alone.prepare();
-        together.prepare();
-      },
-      [&] { alone.step(); }, [&] { together.step(); });
-}
-BENCHMARK_CAPTURE(batch_in_lanes, smooth, 8, std::vector<std::string>{}, kAllPoses)->UseManualTime();
-BENCHMARK_CAPTURE(batch_in_lanes, smooth_4, 4, std::vector<std::string>{}, kAllPoses)->UseManualTime();
-BENCHMARK_CAPTURE(batch_in_lanes, self_contact, 8, kSelfContact, kOpen)->UseManualTime();
-
-/// The same for a hand that excitations drive.
-void muscles_in_lanes(benchmark::State& state, int lanes, double strain) {
+/// The same for a hand that excitations drive. @param strain of its tendons; 0: rigid ones
+void muscle_batch_steps(benchmark::State& state, double strain) {
   scene::Scene scene = scene_of("muscle_poses", {"duration=1000"});
   scene.control.reset();
   scene.muscles.reset();
@@ -140,15 +122,19 @@ void muscles_in_lanes(benchmark::State& state, int lanes, double strain) {
   std::vector<double> excitations;
   for (std::size_t i = 0; i < kBatch * scene.model.muscles.size(); ++i)
     excitations.push_back(0.2 * static_cast<double>(i % 7) / 7);
-  Batch alone(scene, kBatch, {.threads = 1, .lanes = 0}),
-      together(scene, kBatch, {.threads = 1, .lanes = lanes});
-  const auto step = [&](Batch& batch) { batch.step({.excitations = excitations}, kSubsteps); };
-  compare(
-      state, kBatch * kSubsteps, [] {}, [&] { step(alone); }, [&] { step(together); });
+  Batch batch(scene, kBatch, {.threads = 1});
+  std::vector<double> times;
+  for (auto unused : state) {
+    (void)unused;
+    const double start = cpu_now();
+    batch.step({.excitations = excitations}, kSubsteps);
+    times.push_back(cpu_now() - start);
+    state.SetIterationTime(times.back());
+  }
+  state.counters["hand_steps_per_s"] = kBatch * kSubsteps / median(times);
 }
-BENCHMARK_CAPTURE(muscles_in_lanes, rigid, 8, 0)->UseManualTime();
-BENCHMARK_CAPTURE(muscles_in_lanes, rigid_4, 4, 0)->UseManualTime();
-BENCHMARK_CAPTURE(muscles_in_lanes, elastic, 8, 0.049)->UseManualTime();
+BENCHMARK_CAPTURE(muscle_batch_steps, rigid, 0)->UseManualTime();
+BENCHMARK_CAPTURE(muscle_batch_steps, elastic, 0.049)->UseManualTime();
 
 /// Two threads against one, by the wall clock.
 void two_threads(benchmark::State& state) {

@@ -29,14 +29,13 @@ std::vector<double> torques(const Batch& batch, std::size_t first, int step) {
 }
 
 /// Last bits of 64 environments stepped in batches of a size.
-std::vector<std::uint64_t> run(const scene::Scene& scene, std::size_t size, int threads, int steps,
-                               int lanes = 8) {
+std::vector<std::uint64_t> run(const scene::Scene& scene, std::size_t size, int threads, int steps) {
   std::vector<std::uint64_t> out;
   for (std::size_t first = 0; first < 64; first += size) {
     const std::size_t count = std::min(size, 64 - first);
     environment::Setup setup;
     setup.randomise = {{"q", Distribution::uniform, 0.0, 0.05}};
-    Batch batch(scene, count, {setup, nullptr, threads, lanes});
+    Batch batch(scene, count, {setup, nullptr, threads});
     std::vector<std::uint64_t> seeds(count);
     std::iota(seeds.begin(), seeds.end(), first);
     batch.reset(seeds);
@@ -62,63 +61,69 @@ TEST_P(OnScene, TheBitsAreThoseOfEveryBatchSizeAndNumberOfThreads) {
   const int steps = GetParam().second == std::string("ode") ? 40 : 90;
   const std::vector<std::uint64_t> alone = run(scene, 1, 1, steps);
   EXPECT_NE(alone[0], alone[1]);
-  for (const int lanes : test::kSanitized ? std::vector{4} : std::vector{0, 2, 4})
-    EXPECT_EQ(run(scene, 64, 1, steps, lanes), alone) << "in at most " << lanes << " lanes";
   using Sizes = std::vector<std::pair<std::size_t, int>>;
   for (const auto& [size, threads] :
        test::kSanitized ? Sizes{{64, 8}, {7, 2}} : Sizes{{64, 1}, {64, 2}, {64, 8}, {7, 2}, {7, 8}, {9, 1}})
     EXPECT_EQ(run(scene, size, threads, steps), alone) << size << " in " << threads << " threads";
 }
 
-/// Bits of the motion with what engine and controller keep from step to step, of environments that draw every
-/// number that lanes hold, and are given targets in every third call.
-std::vector<std::string> drawn(const scene::Scene& scene, int lanes) {
+/// Seeds that differ from environment to environment.
+std::vector<std::uint64_t> seeds_of(const Batch& batch, std::uint64_t first) {
+  std::vector<std::uint64_t> out(batch.size());
+  std::iota(out.begin(), out.end(), first);
+  return out;
+}
+
+class WithDrawnNumbers : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Effects, WithDrawnNumbers,
+                         testing::Values("[gravity, joint_stops, passive_tissue, actuation]",
+                                         "[gravity, joint_stops, passive_tissue, actuation, self_contact]",
+                                         "[gravity, actuation]"));
+
+// Oracle: environments alone with the same seeds and actions. What engines and controllers keep is the same.
+TEST_P(WithDrawnNumbers, EachEnvironmentIsTheOneAlone) {
+  const scene::Scene scene = shipped_scene(
+      "every_pose", {"solver={engine: articulated, step: 1 ms}", std::string("effects=") + GetParam()});
   environment::Setup setup;
   setup.randomise = {{"q", Distribution::uniform, 0.0, 0.3},
                      {"gravity", Distribution::uniform, -9, 9},
                      {"gains", Distribution::log_uniform, 0.5, 2},
                      {"torque_limits", Distribution::log_uniform, 0.02, 1}};
-  Batch batch(scene, 13, {setup, nullptr, 2, lanes});
-  std::vector<std::uint64_t> seeds(batch.size());
-  std::iota(seeds.begin(), seeds.end(), 5);
+  Batch batch(scene, 13, {setup, nullptr, 2});
+  std::vector<Environment> alone;
+  for (std::size_t i = 0; i < batch.size(); ++i) alone.emplace_back(scene, setup);
+  std::vector<std::uint64_t> seeds = seeds_of(batch, 5);
   batch.reset(seeds);
-  std::vector<double> angles(batch.size() * batch[0].simulation().controller()->axes().size());
+  for (std::size_t i = 0; i < batch.size(); ++i) alone[i].reset(seeds[i]);
+  const std::size_t axes = batch[0].simulation().controller()->axes().size();
+  const auto dofs = static_cast<std::size_t>(scene.model.dof_count());
+  std::vector<double> angles(batch.size() * axes);
   for (int call = 0; call < 60; ++call) {
     for (std::size_t i = 0; i < angles.size(); ++i)
       angles[i] = 0.3 * std::sin(static_cast<double>(i) + 0.2 * call);
-    batch.step({.torques = call % 2 == 0 ? torques(batch, 0, call) : std::vector<double>(),
-                .angles = call % 3 == 0 ? angles : std::vector<double>()},
-               1 + call % 4);
-    // Some are behind the others from here on.
-    if (call == 20) {
-      std::vector<unsigned char> mask(batch.size());
-      mask[3] = mask[7] = 1;
-      seeds[3] = 100;
-      batch.reset(seeds, mask);
+    const std::vector<double> all = torques(batch, 0, call);
+    const bool pushes = call % 2 == 0, holds = call % 3 == 0;
+    batch.step(
+        {.torques = pushes ? all : std::vector<double>(), .angles = holds ? angles : std::vector<double>()},
+        1 + call % 4);
+    for (std::size_t i = 0; i < batch.size(); ++i) {
+      const std::span<const double> own = std::span(all).subspan(i * dofs, pushes ? dofs : 0),
+                                    held = std::span(angles).subspan(i * axes, holds ? axes : 0);
+      alone[i].step({.torques = own, .angles = held}, 1 + call % 4);
     }
+    // Some are behind the others from here on.
+    if (call != 20) continue;
+    std::vector<unsigned char> mask(batch.size());
+    mask[3] = mask[7] = 1;
+    seeds[3] = 100;
+    batch.reset(seeds, mask);
+    for (const std::size_t i : {3, 7}) alone[i].reset(seeds[i]);
   }
-  std::vector<std::string> out;
+  EXPECT_NE(bits(batch[0]), bits(batch[1]));
   for (std::size_t i = 0; i < batch.size(); ++i) {
-    ArchiveWriter bytes;
-    carry(bytes, batch[i].simulation().state());
-    const auto snapshot = batch[i].simulation().snapshot();
-    out.push_back(bytes.take() + snapshot.bytes);
+    EXPECT_EQ(bits(batch[i]), bits(alone[i])) << i;
+    EXPECT_EQ(batch[i].simulation().snapshot().bytes, alone[i].simulation().snapshot().bytes) << i;
   }
-  return out;
-}
-
-class InLanes : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Effects, InLanes,
-                         testing::Values("[gravity, joint_stops, passive_tissue, actuation]",
-                                         "[gravity, joint_stops, passive_tissue, actuation, self_contact]",
-                                         "[gravity, actuation]"));
-
-TEST_P(InLanes, EnginesAndControllersKeepTheBitsThatTheyHaveAlone) {
-  const scene::Scene scene = shipped_scene(
-      "every_pose", {"solver={engine: articulated, step: 1 ms}", std::string("effects=") + GetParam()});
-  const std::vector<std::string> alone = drawn(scene, 0);
-  EXPECT_NE(alone[0], alone[1]);
-  for (const int lanes : {8, 4, 2}) EXPECT_EQ(drawn(scene, lanes), alone) << lanes;
 }
 
 TEST(Batch, IsTheSimulationOfTheScene) {

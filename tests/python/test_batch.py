@@ -1,6 +1,7 @@
 """Batches: views without copies, resets, draws, actions."""
 import gc
 import resource
+import shutil
 import weakref
 
 import numpy as np
@@ -21,7 +22,7 @@ def test_every_environment_moves_as_a_simulation(two_hands):
         assert np.array_equal(batch.q[i], alone.q) and np.array_equal(batch.u[i], alone.u)
 
 
-# Oracle: a simulation of the other person's scene, to the bit, in lanes and alone; the others stay as they were.
+# Oracle: a simulation of the other person's scene, to the bit; the others stay as they were.
 def test_an_environment_becomes_one_of_another_person():
     of = lambda person: hs.load("two_hands", {f"hands.{side}.person": person for side in (0, 1)}, engine="articulated")
     first, *others = [of(person) for person in hs.draw_persons(3, seed=4)]
@@ -43,6 +44,68 @@ def test_an_environment_becomes_one_of_another_person():
     for name, changes in (("dropped_hand", {}), ("two_hands", {"solver.step": "2 ms"})):
         with pytest.raises(hs.Error, match="scene: got .*, need bodies, joints, axes, muscles, wrists, engine and step of the batch's"):
             batch.replace(1, hs.load(name, changes, engine="articulated"))
+
+
+MOTORS = ["gravity", "joint_stops", "passive_tissue", "actuation"]
+MUSCLES = ["gravity", "joint_stops", "passive_tissue", "muscles", "tendon_coupling"]
+TOUCH = ["gravity", "object_contact", "ground_contact", "friction", "joint_stops", "passive_tissue", "actuation"]
+
+
+def less(effects, *names):
+    return {"effects": [effect for effect in effects if effect not in names]}
+
+
+def model_with_few_bands(folder):
+    models = shutil.copytree(hs.data_path() / "handmodels", folder / "handmodels")
+    rows = (models / "muscles.yaml").read_text().splitlines()
+    (models / "muscles.yaml").write_text("\n".join(row for row in rows if "{name: quadriga" not in row))
+    return str(models / "anatomical.yaml")
+
+
+def mixtures(folder):
+    """Scenes that may share a batch, by what they have in common, and the action of all."""
+    controllers = [{"control.controller": str(hs.data_path() / f"controllers/{name}.yaml")}
+                   for name in ("explicit", "feed_forward", "integral", "muscles")]
+    hand = {"model": str(hs.data_path() / "handmodels/anatomical.yaml"), "person": str(hs.data_path() / "config/persons/median_man.yaml"),
+            "side": "right", "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
+    pulled = {"hands": [hand], "duration": "1 s", "solver": {"engine": "articulated", "step": "1 ms"}, **less(MUSCLES)}
+    return {
+        # Fingers close to fists.
+        "motors": ("every_pose", {"targets": 1.7}, [
+            less(MOTORS), *(less(MOTORS, effect) for effect in MOTORS[:3]), less([*MOTORS, "self_contact"]),
+            less([*MOTORS, "self_contact", "friction"]), less([*MOTORS, "tendon_coupling"]), *controllers, {"gravity": [0, 3, 0]}]),
+        "muscles": (pulled, {"excitations": 0.4}, [
+            {}, *(less(MUSCLES, effect) for effect in ("tendon_coupling", "gravity", "joint_stops", "passive_tissue")),
+            less([*MUSCLES, "self_contact"]), {"hands.0.model": model_with_few_bands(folder)}, {"hands.0.tendon_strain": 0.05},
+            {"hands.0.strength": 0.5}]),
+        # Three fingers hold a pen.
+        "touch": ("pen", {}, [
+            {}, *(less(TOUCH, effect) for effect in ("gravity", "friction", "passive_tissue")),
+            {**less(TOUCH, "object_contact"), "contacts.rules": [{"between": ["objects", "ground"], "material": "paper"}]},
+            {"objects.0.mass": "50 g"}, {"control.controller.gravity_compensation": False},
+            {"control.controller.feed_forward": True}])}
+
+
+# Oracle: a simulation of its own scene, to the bit, whichever scene the batch was made of and has beside it.
+@pytest.mark.parametrize("engine", ["articulated", "ode"])
+@pytest.mark.parametrize("kind", ["motors", "muscles", "touch"])
+def test_scenes_that_share_a_batch_do_not_mix(kind, engine, tmp_path):
+    name, action, changes = mixtures(tmp_path)[kind]
+    scenes = [hs.load(name, each, engine=engine) for each in changes]
+    rows = {key: np.full(len(scenes[0].muscles) if key == "excitations" else len(scenes[0].axes), value) for key, value in action.items()}
+    alone = [hs.Simulation(scene, contact_forces=False) for scene in scenes]
+    for each in alone:
+        each.step(**rows, substeps=60)
+        each.step(**rows, substeps=60)
+    ends = [each.q.tobytes() + each.u.tobytes() for each in alone]
+    assert len(set(ends)) == len(scenes)
+    for first in scenes:
+        batch = hs.Batch(first, 2 * len(scenes))
+        for i in range(len(batch)):
+            batch.replace(i, scenes[i % len(scenes)])
+        for _ in range(2):
+            batch.step(**{key: np.tile(row, (len(batch), 1)) for key, row in rows.items()}, substeps=60)
+        assert [batch.q[i].tobytes() + batch.u[i].tobytes() for i in range(len(batch))] == 2 * ends
 
 
 # Oracle: a batch of that scene with the same seeds, to the bit: nothing that another environment drew stays in the scene.

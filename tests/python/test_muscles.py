@@ -158,8 +158,8 @@ def test_a_simulation_takes_objects_and_numbers():
         simulation.set("objects.0.size", 1)
 
 
-# Oracle: the same hand alone. The hand that lanes were made from is replaced after they have been used.
-def test_lanes_outlive_the_environment_they_were_made_from():
+# Oracle: the same hand alone. The hand that the batch was made of is replaced after it has moved.
+def test_a_batch_outlives_the_environment_it_was_made_of():
     scene, n = hand(wrist={"mount": "fixed", "position": [0, 0, 0.2]}), 8
     other = hand(wrist={"mount": "fixed", "position": [0, 0, 0.2]}, title="another")
     batch, rows = hs.Batch(scene, n, threads=1), 0.1 * drawn(n)

@@ -127,7 +127,7 @@ def balls_of(balls):
 
 
 # Oracle: a new batch with the same seeds, alone; positions are drawn, which moved by differences would not return to
-# the bit. Nine free hands are stepped in vector lanes.
+# the bit.
 @pytest.mark.parametrize("name, randomise", [
     ("grasp_power_can", {"objects.0.position": ("normal", 0.2, 0.01), "objects.0.mass": ("uniform", 0.1, 0.5),
                          "gains": ("log_uniform", 0.5, 2)}),

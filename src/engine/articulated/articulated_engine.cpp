@@ -92,8 +92,6 @@ void ArticulatedEngine::start(const model::State& state) {
   if (fast_spin_) fast_spin_->forget();
   if (smooth_) smooth_->set_size(0);
   mechanism_.kernel().kinematics(mechanism_.tree());
-  placed_ = true;
-  collided_ = false;
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
@@ -108,7 +106,6 @@ const model::State& ArticulatedEngine::state() const {
     while (made_.load(std::memory_order_acquire) != Made::yes) std::this_thread::yield();
     return state_;
   }
-  place();
   mechanism_.give(state_);
   give_rest();
   made_.store(Made::yes, std::memory_order_release);
@@ -153,8 +150,6 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   mechanism_.kernel().kinematics(mechanism_.tree());
   if (muscles_) muscles_->start(state);
   stepped_ = false;
-  placed_ = true;
-  collided_ = false;
   had_torques_ = true;
   time_ = state.time;
   state_ = state;
@@ -239,13 +234,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   compute_targets(input.drive_targets, end);
-  if (collided_) {
-    collided_ = false;
-    report.collide_calls = collide_calls_;
-    report.contacts = static_cast<int>(contact_->contacts().size());
-  } else if (contact_) {
-    collide(report);
-  }
+  if (contact_) collide(report);
   const bool fast = fast_spin_->begin(input, settings_.step);
   const bool moving = set_base_velocities();
   mechanism_.update_gyroscopic_torques(settings_.step);
@@ -279,11 +268,6 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   check(arrive(fast), end);
 }
 
-void ArticulatedEngine::place() const {
-  if (!placed_) mechanism_.kernel().kinematics(mechanism_.tree());
-  placed_ = true;
-}
-
 void ArticulatedEngine::refresh() {
   if (failure_) throw Error(*failure_);
   mechanism_.refresh(settings_);
@@ -300,7 +284,6 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
   if (derive_) begin_derivatives();
-  place();
   keep_start();
   accept(input);
   const double end = next_time(time_, settings_.step);

@@ -49,29 +49,6 @@ class ArticulatedEngine final : public Engine {
   /// For tests and measurements.
   const Mechanism& mechanism() const { return mechanism_; }
 
-  // For LaneGroup, which takes steps in the engine's place.
-  Mechanism& mechanism() { return mechanism_; }
-  const model::Model& model() const { return model_; }
-  MuscleCoupling* muscles() { return muscles_.get(); }  ///< null: without tendons
-  const MuscleCoupling* muscles() const { return muscles_.get(); }
-  double time() const { return time_; }
-  /// True where lanes have what the model and the method need.
-  bool suits_lanes() const;
-  /// True where the drives stand still, now and in all steps to come.
-  bool stands();
-  /// True where a body is known to turn by more in a step [rad].
-  bool spins_beyond(double turn) const {
-    return placed_ && mechanism_.spin() * settings_.step * settings_.step > turn * turn;
-  }
-  double calm_turn(const StepInput& input) const { return fast_spin_->calm_turn(input); }
-  /// State whose bodies the group places, for `find_contacts` or when it ends.
-  model::State& state_in_lanes();
-  /// Searches for contacts there. False where ODE reports an error.
-  bool find_contacts();
-  /// Whether the last search was for the next step, which need not repeat it.
-  void set_collided(bool collided) { collided_ = collided; }
-  /// After Mechanism::take_back. @param with_bodies they are in `state_in_lanes`
-  void arrive_from_lanes(double time, bool with_bodies);
   ArticulatedEngine(const ArticulatedEngine&) = delete;
   ArticulatedEngine& operator=(const ArticulatedEngine&) = delete;
 
@@ -84,7 +61,6 @@ class ArticulatedEngine final : public Engine {
   void begin_derivatives();
   void compute_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
-  void place() const;
   void give_rest() const;
   /// In force.
   std::span<const model::Drive> drives() const {
@@ -118,10 +94,7 @@ class ArticulatedEngine final : public Engine {
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;
-  bool stepped_ = false;        ///< muscles_ has the tensions of a step
-  mutable bool placed_ = true;  ///< kinematics are of the positions and rates
-  bool collided_ = false;       ///< contacts of the next step are found
-  int collide_calls_ = 0;       ///< that this took
+  bool stepped_ = false;  ///< muscles_ has the tensions of a step
   mutable model::State state_;
   /// Whether state_ is of the coordinates: several threads may ask for it at once.
   enum class Made : char { no, under_way, yes };

@@ -36,7 +36,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
       tree.island = node.island;
       tree.free = node.kind == NodeKind::free;
       tree.base = node.kind == NodeKind::free ? model::kWorld : node.base;
-      if (rate_count(node.kind) == 1) tree.stop = mechanism.axis_view(i).side;
+      if (rate_count(node.kind) == 1) tree.stop = views[i].side;
     } else {
       tree_of[i] = tree_of[at(*node.parent)];
     }
@@ -104,12 +104,6 @@ double FastSpin::calm_turn(const Tree& tree, const StepInput& input) const {
 double FastSpin::turn(const Tree& tree) const {
   double out = 0;
   for (const double* spin : tree.spins) out = std::max(out, *spin);
-  return out;
-}
-
-double FastSpin::calm_turn(const StepInput& input) const {
-  double out = kPulledTurn;
-  for (const Tree& tree : trees_) out = std::min(out, calm_turn(tree, input));
   return out;
 }
 

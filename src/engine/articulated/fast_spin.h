@@ -34,8 +34,6 @@ class FastSpin {
   void restore(ArchiveReader& in);
   /// Finds the fast trees; before bases get the step's velocities. @param step [s]. @returns false: none
   bool begin(const StepInput& input, double step);
-  /// Turn of a step up to which no tree is fast, whatever moves [rad].
-  double calm_turn(const StepInput& input) const;
   /// Adds the work and impulses of the accelerations found, Mechanism::du(); before these move anything.
   /// @param constrained loops or contacts act, too, and not the forces of the joints alone
   void add_work(bool constrained);
@@ -52,7 +50,7 @@ class FastSpin {
     std::vector<const double*> works;    ///< NodeView::work
     std::vector<int> dofs;               ///< of the joint space
     std::vector<std::size_t> driven_by;  ///< dofs of the model, of joints that torques or servos may drive
-    const double* stop = nullptr;        ///< of a root of one rate: AxisView::side
+    const double* stop = nullptr;        ///< of a root of one rate: NodeView::side
     int island = 0, base = model::kWorld;
     bool free = false;
     bool pulled = false;  ///< by muscles
@@ -64,6 +62,7 @@ class FastSpin {
     double energy = 0;  ///< that it may have: kinetic and gravity's [J]
     double credit = 0;  ///< that its inertia lost, less what was lent of it [J]
   };
+  /// Turn of a step up to which a tree is not fast [rad].
   double calm_turn(const Tree& tree, const StepInput& input) const;
   double turn(const Tree& tree) const;
   double potential(const Tree& tree) const;

@@ -292,7 +292,7 @@ Keyframe keyframe_after(const model::State& state, const control::Controller* co
   if (out.drives.empty()) return out;
   for (std::size_t i = 0; i < controller->axes().size(); ++i) {
     const control::AxisState& axis = controller->axes()[i];
-    out.drives[controller->constants()[i].dof].error = axis.target - axis.angle;
+    out.drives[controller->plan().axes[i].dof].error = axis.target - axis.angle;
   }
   return out;
 }

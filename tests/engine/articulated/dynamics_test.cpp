@@ -76,14 +76,13 @@ void scatter(Mechanism& mechanism, std::mt19937& random) {
   std::uniform_real_distribution<double> u(-1, 1);
   for (double& q : mechanism.q()) q = 2 * u(random);
   for (double& rate : mechanism.u()) rate = 3 * u(random);
-  const Tree& tree = mechanism.tree();
+  const TreeOf<1>& tree = lanes_of<1>(mechanism.tree());
   for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = static_cast<Batch<1>*>(tree.batch)[i];
+    const Batch<1>& b = tree.batch[i];
     if (rate_count(b.kind) == 1)
-      static_cast<Axis<1>*>(tree.axis)[b.axis].tau[0] = u(random);
+      tree.axis[b.axis].tau[0] = u(random);
     else
-      for (int k = 0; k < rate_count(b.kind); ++k)
-        static_cast<Joint3<1>*>(tree.joint3)[b.axis].tau[k][0] = u(random);
+      for (int k = 0; k < rate_count(b.kind); ++k) tree.joint3[b.axis].tau[k][0] = u(random);
   }
   mechanism.kernel().normalise(tree);
   for (int body : {0, 1}) {
@@ -98,12 +97,11 @@ void scatter(Mechanism& mechanism, std::mt19937& random) {
 
 std::vector<double> forces(const Mechanism& mechanism) {
   std::vector<double> out;
-  const Tree& tree = mechanism.tree();
+  const TreeOf<1>& tree = lanes_of<1>(mechanism.tree());
   for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = static_cast<Batch<1>*>(tree.batch)[i];
+    const Batch<1>& b = tree.batch[i];
     for (int k = 0; k < rate_count(b.kind); ++k)
-      out.push_back(rate_count(b.kind) == 1 ? static_cast<Axis<1>*>(tree.axis)[b.axis].tau[0]
-                                            : static_cast<Joint3<1>*>(tree.joint3)[b.axis].tau[k][0]);
+      out.push_back(rate_count(b.kind) == 1 ? tree.axis[b.axis].tau[0] : tree.joint3[b.axis].tau[k][0]);
   }
   return out;
 }

@@ -52,13 +52,9 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   for (MovingDofs& each : moving_dofs_) reserve_each(most, each.dofs, each.signs);
   reserve_each(at(space_.size()), loop_dofs_, loop_entries_);
   const Topology& topology = mechanism.topology();
-  axes_.reserve(topology.nodes.size());
-  for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
-    if (rate_count(topology.nodes[i].kind) != 1) continue;
-    const NodeView& view = mechanism.view(i);
-    const int dof = space_.first_dof(static_cast<int>(i));
-    axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u});
-  }
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i)
+    if (rate_count(topology.nodes[i].kind) == 1) singles_.push_back(static_cast<int>(i));
+  sides_.assign(singles_.size(), LimitSide::within);
 }
 
 void ContactDynamics::refresh() {
@@ -112,7 +108,6 @@ void ContactDynamics::select_dofs() {
     place_[at(order_[at(i)])] = static_cast<int>(dof_of_.size());
     dof_of_.push_back(order_[at(i)]);
   }
-  for (Coordinate& each : axes_) each.place = place_[at(each.dof)];
   for (std::size_t i = 0; i < carriers_.size(); ++i) {
     int dof = space_.last_dof(static_cast<int>(i));
     for (int& each : carriers_[i]) each = place_[at(std::exchange(dof, space_.parent_dof(dof)))];
@@ -196,17 +191,17 @@ void ContactDynamics::collect_moving_dofs(MovingDofs& of) const {
 }
 
 /// Whether a coordinate's servo and stops agree with the step that knows of no contacts and stops.
-bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const {
-  const AxisView& a = each.axis;
-  const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
+bool ContactDynamics::free_step_holds(std::size_t single, double step) const {
+  const NodeView& a = mechanism_.view(at(singles_[single]));
+  const double rate = *a.u + step * *a.du;
   if (*a.servo_limit > 0) {
     const double pull = a.servo().pull(step * rate, rate);
     // Written so that NaN does not hold.
     if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
       return false;
   }
-  return each.side == LimitSide::within && rate >= -stop_target(*each.q - *a.low, step) &&
-         rate <= stop_target(*a.high - *each.q, step);
+  return sides_[single] == LimitSide::within && rate >= -stop_target(*a.q - *a.low, step) &&
+         rate <= stop_target(*a.high - *a.q, step);
 }
 
 /// Finds the trees that contacts, loops, stops or torque limits keep from the free step.
@@ -217,8 +212,9 @@ void ContactDynamics::choose_trees(double step) {
     for (const int node : {node_of(any.shape_a), node_of(any.shape_b)})
       if (node != kNoNode) involved_[at(root_of_[at(space_.first_dof(node))])] = true;
   }
-  for (const Coordinate& each : axes_)
-    if (const auto root = at(root_of_[at(each.dof)]); !involved_[root] && !free_step_holds(each, step))
+  for (std::size_t i = 0; i < singles_.size(); ++i)
+    if (const auto root = at(root_of_[at(space_.first_dof(singles_[i]))]);
+        !involved_[root] && !free_step_holds(i, step))
       involved_[root] = true;
   select_dofs();
 }
@@ -232,8 +228,9 @@ void ContactDynamics::compute_free(Problem& p, double step) {
   choose_trees(step);
   p.begin(system_.chosen);
   space_.compute_inertia([&](int dof) { return involved(dof); });
-  for (const Coordinate& each : axes_)
-    if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
+  for (const int single : singles_)
+    if (const int dof = space_.first_dof(single); involved(dof))
+      space_.add_to_diagonal(dof, *mechanism_.view(at(single)).weight);
   if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return involved(dof); });
   // A, and g = A x of the free step.
   const int n = space_.size();
@@ -269,38 +266,43 @@ double ContactDynamics::stop_target(double room, double step) const {
 
 /// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
 void ContactDynamics::bound_axes(Problem& p, double step) {
-  for (Coordinate& each : axes_) {
-    each.bounced = false;
-    if (each.place == kNoDof) continue;
-    const AxisView& a = each.axis;
-    const double u = *each.u, q = *each.q;
+  for (std::size_t i = 0; i < singles_.size(); ++i) {
+    const int place = place_of(singles_[i]);
+    if (place == kNoDof) continue;
+    const NodeView& a = mechanism_.view(at(singles_[i]));
+    const double u = *a.u, q = *a.q;
+    Limits& limits = p.limits[at(place)];
     if (*a.servo_limit > 0) {
       const ServoLaw<double> law = a.servo();
-      const Servo servo = {step * law.start(step, u), step * law.slope(step), step * *a.servo_limit,
-                           side_of(*a.saturated)};
-      p.servos[at(each.place)] = servo;
-      p.g[at(each.place)] -= servo.torque(servo.offset);
-      if (servo.saturated == LimitSide::within) p.inertia(each.place, each.place) -= servo.slope;
+      limits.offset = step * law.start(step, u);
+      limits.slope = step * law.slope(step);
+      limits.limit = step * *a.servo_limit;
+      limits.saturated = side_of(*a.saturated);
+      p.g[at(place)] -= limits.torque(limits.offset);
+      if (limits.saturated == LimitSide::within) p.inertia(place, place) -= limits.slope;
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
-    p.bounds[at(each.place)] = {-stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
-                                each.side};
+    limits.low = -stop_target(q - *a.low, step) - u;
+    limits.high = stop_target(*a.high - q, step) - u;
+    limits.side = sides_[i];
   }
 }
 
 /// Bounds of stops that are hit, with their restitution: true where one changed.
 bool ContactDynamics::apply_restitution(Problem& p) {
   bool any = false;
-  for (Coordinate& each : axes_) {
-    if (each.place == kNoDof) continue;
-    Bound& bound = p.bounds[at(each.place)];
+  for (const int single : singles_) {
+    const int place = place_of(single);
+    if (place == kNoDof) continue;
+    const NodeView& a = mechanism_.view(at(single));
+    Limits& bound = p.limits[at(place)];
     const int side = sign(bound.side);
-    const double speed = side * *each.u;
-    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.restitution > 0)) continue;
+    const double speed = side * *a.u;
+    if (bound.bounced || side == 0 || !(speed > 0) || !(*a.restitution > 0)) continue;
     // Speeds towards the stop after the step: without and with restitution.
-    const double now = side * p.x[at(each.place)] + speed, bounced = -*each.axis.restitution * speed;
+    const double now = side * p.x[at(place)] + speed, bounced = -*a.restitution * speed;
     if (!(bounced < now)) continue;
-    each.bounced = any = true;
+    bound.bounced = any = true;
     // The opposite stop stays, and the rebound ends there at the latest.
     if (side < 0)
       bound.low = std::min(speed - bounced, bound.high);
@@ -329,10 +331,8 @@ NewtonReport ContactDynamics::solve(double step) {
   Workspace& w = workspace();
   Problem& p = w.problem;
   // Stops are bounds here, and not locks.
-  for (Coordinate& each : axes_) {
-    each.side = side_of(*each.axis.side);
-    *each.axis.side = 0;
-  }
+  for (std::size_t i = 0; i < singles_.size(); ++i)
+    sides_[i] = side_of(std::exchange(*mechanism_.view(at(singles_[i])).side, 0.0));
   compute_free(p, step);
   bound_axes(p, step);
   add_contacts(p, step);
@@ -358,10 +358,11 @@ void ContactDynamics::take_over(const Problem& p, double step) {
     memory_.change[at(dof)] = p.x[i];
     du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
   }
-  for (const Coordinate& each : axes_) {
-    if (each.place == kNoDof) continue;
-    *each.axis.side = sign(p.bounds[at(each.place)].side);
-    *each.axis.saturated = sign(p.servos[at(each.place)].saturated);
+  for (const int single : singles_) {
+    const int place = place_of(single);
+    if (place == kNoDof) continue;
+    *mechanism_.view(at(single)).side = sign(p.limits[at(place)].side);
+    *mechanism_.view(at(single)).saturated = sign(p.limits[at(place)].saturated);
   }
   store_warm_start(p, step);
 }

@@ -67,13 +67,6 @@ class ContactDynamics {
   friend class ContactSlopes;  ///< of the solution, while the thread solves no other problem
   static Workspace& workspace();
   void take_over(const Problem& p, double step);
-  struct Coordinate {
-    int dof = 0, place = 0;  ///< of the joint space, of the solver
-    AxisView axis;
-    const double *q = nullptr, *u = nullptr;
-    LimitSide side = LimitSide::within;  ///< stop that was in force
-    bool bounced = false;
-  };
   /// One body of a contact: its velocity at an origin, of the mechanism's island (Topology) where it is a
   /// node.
   struct Motion {
@@ -101,7 +94,7 @@ class ContactDynamics {
   void order_dofs();
   void select_dofs();
   void compute_free(Problem& p, double step);
-  bool free_step_holds(const Coordinate& each, double step) const;
+  bool free_step_holds(std::size_t single, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
   bool involved(int dof) const { return involved_[at(root_of_[at(dof)])]; }
@@ -122,6 +115,8 @@ class ContactDynamics {
   bool apply_restitution(Problem& p);
   bool stiffen(Problem& p);
   int body_of(int shape) const { return model_.shapes[at(shape)].body; }
+  /// In the solver, or kNoDof. @param single a node of one rate
+  int place_of(int single) const { return place_[at(space_.first_dof(single))]; }
   int node_of(int shape) const { return mechanism_.topology().node_of_body[at(body_of(shape))]; }
   Mobility mobility_of(int shape) const;
 
@@ -134,8 +129,9 @@ class ContactDynamics {
   JointSpace space_;
   ContactSystem system_;
   bool friction_, with_forces_;
-  double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
-  std::vector<Coordinate> axes_;
+  double erp_, heaviest_ = 0;        ///< mass of the heaviest body [kg]
+  std::vector<int> singles_;         ///< nodes of one rate
+  std::vector<LimitSide> sides_;     ///< of each of these: the stop that was in force
   std::vector<int> order_, chosen_;  ///< dof of each place in the full order; places of the involved ones
   std::vector<int> place_, dof_of_;  ///< in the solver, of each dof that is involved, and back
   std::vector<int> root_of_;         ///< of each dof

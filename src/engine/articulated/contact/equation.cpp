@@ -178,16 +178,15 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
                          w.F.data());
   for (int i = 0; i < n; ++i) {
     const double x = p.x[at(i)];
+    Limits& limits = p.limits[at(i)];
     if (law == Law::fixed_limits) {
-      Bound& bound = p.bounds[at(i)];
-      bound.side = x < bound.low ? LimitSide::low : (x > bound.high ? LimitSide::high : LimitSide::within);
-      if (bound.side != LimitSide::within) w.F[at(i)] += (x - bound.end()) / stop_compliance(p, i);
+      limits.side = x < limits.low ? LimitSide::low : (x > limits.high ? LimitSide::high : LimitSide::within);
+      if (limits.side != LimitSide::within) w.F[at(i)] += (x - limits.bound()) / stop_compliance(p, i);
     }
-    Servo& servo = p.servos[at(i)];
-    if (!(servo.limit > 0)) continue;
-    const double pull = servo.offset - servo.slope * x;
-    if (law != Law::active_set) servo.saturated = servo.side(pull);
-    w.F[at(i)] -= servo.torque(pull);
+    if (!(limits.limit > 0)) continue;
+    const double pull = limits.offset - limits.slope * x;
+    if (law != Law::active_set) limits.saturated = limits.side_of_pull(pull);
+    w.F[at(i)] -= limits.torque(pull);
   }
   compute_row_velocities(p, w, still, whole_step);
   add_contact_impulses(p, w);
@@ -200,11 +199,10 @@ void compute_rounding(Problem& p, Workspace& w) {
     double& sum = w.rounding[at(i)];
     const double x = p.x[at(i)];
     sum = std::abs(p.g[at(i)]);
-    const Bound& bound = p.bounds[at(i)];
-    if (w.law == Law::fixed_limits && bound.side != LimitSide::within)
-      sum += (std::abs(x) + std::abs(bound.end())) / stop_compliance(p, i);
-    const Servo& servo = p.servos[at(i)];
-    if (servo.limit > 0) sum += std::abs(servo.torque(servo.offset - servo.slope * x));
+    const Limits& limits = p.limits[at(i)];
+    if (w.law == Law::fixed_limits && limits.side != LimitSide::within)
+      sum += (std::abs(x) + std::abs(limits.bound())) / stop_compliance(p, i);
+    if (limits.limit > 0) sum += std::abs(limits.torque(limits.offset - limits.slope * x));
   }
   for (const ContactRows& contact : p.contacts) {
     if (contact.open && w.law != Law::fixed_limits) continue;
@@ -225,7 +223,7 @@ double largest_residual(const Problem& p, const Workspace& w) {
   double most = 0;
   for (int i = 0; i < p.size(); ++i) {
     // A bound holds it.
-    if (w.law != Law::fixed_limits && p.bounds[at(i)].side != LimitSide::within) continue;
+    if (w.law != Law::fixed_limits && p.limits[at(i)].side != LimitSide::within) continue;
     const double left = std::abs(w.F[at(i)]) - (w.rounding_known ? kRounding * w.rounding[at(i)] : 0);
     // Written so that NaN counts.
     if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / p.inertia(i));
@@ -243,7 +241,7 @@ double residual(Problem& p, Workspace& w, double tolerance) {
 bool release_bounds(Problem& p, Workspace& w) {
   bool any = false;
   for (int i = 0; i < p.size(); ++i) {
-    Bound& bound = p.bounds[at(i)];
+    Limits& bound = p.limits[at(i)];
     const double push = sign(bound.side) * w.F[at(i)];
     if (bound.side == LimitSide::within || !(push > 0)) continue;
     compute_rounding(p, w);

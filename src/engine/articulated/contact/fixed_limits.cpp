@@ -34,17 +34,16 @@ Slope energy_slope(const Problem& p, const Workspace& w, double share) {
     const double d = w.d[at(i)], x = p.x[at(i)] + share * d;
     out.rise += d * w.Ad[at(i)];
     out.value += d * (w.smooth[at(i)] + share * w.Ad[at(i)]);
-    const Bound& bound = p.bounds[at(i)];
-    const double beyond = x - std::clamp(x, bound.low, bound.high);
+    const Limits& limits = p.limits[at(i)];
+    const double beyond = x - std::clamp(x, limits.low, limits.high);
     if (beyond != 0) {
       out.value += d * beyond / stop_compliance(p, i);
       out.rise += d * d / stop_compliance(p, i);
     }
-    const Servo& servo = p.servos[at(i)];
-    if (!(servo.limit > 0)) continue;
-    const double pull = servo.offset - servo.slope * x;
-    out.value -= d * std::clamp(pull, -servo.limit, servo.limit);
-    if (std::abs(pull) < servo.limit) out.rise += servo.slope * d * d;
+    if (!(limits.limit > 0)) continue;
+    const double pull = limits.offset - limits.slope * x;
+    out.value -= d * std::clamp(pull, -limits.limit, limits.limit);
+    if (std::abs(pull) < limits.limit) out.rise += limits.slope * d * d;
   }
   ContactRows contact;
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {

@@ -30,8 +30,8 @@ class Sweeps {
     for (std::size_t c = 0; c < p.contacts.size(); ++c)
       add({.kind = Block::Kind::contact, .index = c, .rows = p.contacts[c].rows});
     for (int i = 0; i < p.size(); ++i) {
-      if (p.servos[at(i)].limit > 0) add({.kind = Block::Kind::servo, .index = at(i)});
-      if (std::isfinite(p.bounds[at(i)].low) || std::isfinite(p.bounds[at(i)].high))
+      if (p.limits[at(i)].limit > 0) add({.kind = Block::Kind::servo, .index = at(i)});
+      if (std::isfinite(p.limits[at(i)].low) || std::isfinite(p.limits[at(i)].high))
         add({.kind = Block::Kind::stop, .index = at(i)});
     }
     p.x = p.g;
@@ -125,13 +125,13 @@ class Sweeps {
     const double D = block.D[0], free = p_.x[block.index] - D * block.impulse;
     double next = 0;
     if (block.kind == Block::Kind::servo) {
-      Servo& servo = p_.servos[block.index];
+      Limits& servo = p_.limits[block.index];
       next =
           std::clamp((servo.offset - servo.slope * free) / (1 + servo.slope * D), -servo.limit, servo.limit);
       servo.saturated =
           next >= servo.limit ? LimitSide::high : (next <= -servo.limit ? LimitSide::low : LimitSide::within);
     } else {
-      Bound& bound = p_.bounds[block.index];
+      Limits& bound = p_.limits[block.index];
       next = (std::clamp(free, bound.low, bound.high) - free) / D;
       bound.side = next > 0 ? LimitSide::low : (next < 0 ? LimitSide::high : LimitSide::within);
     }

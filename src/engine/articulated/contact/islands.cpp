@@ -84,8 +84,7 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
     copy(whole.A, whole.unknowns->row_start[from] + from, entries, to.A, to.unknowns->row_start[i] + i);
     to.g[i] = whole.g[from];
     to.start[i] = whole.start[from];
-    to.bounds[i] = whole.bounds[from];
-    to.servos[i] = whole.servos[from];
+    to.limits[i] = whole.limits[from];
     copy(whole.motions, kSpatial * from, kSpatial, to.motions, kSpatial * i);
   }
   const ContactRows* last = nullptr;
@@ -125,8 +124,8 @@ void store(const Problem& island, std::span<const int> members, std::span<const 
   for (std::size_t i = 0; i < members.size(); ++i) {
     const std::size_t to = at(members[i]);
     whole.x[to] = island.x[i];
-    whole.bounds[to].side = island.bounds[i].side;
-    whole.servos[to].saturated = island.servos[i].saturated;
+    whole.limits[to].side = island.limits[i].side;
+    whole.limits[to].saturated = island.limits[i].saturated;
   }
   for (std::size_t c = 0; c < touching.size(); ++c) {
     ContactRows& to = whole.contacts[at(touching[c])];
@@ -142,7 +141,7 @@ NewtonReport solve_island(Problem& p, SparseFactor& factor, Workspace& w, double
   w.resize(p);
   factor.update_pattern(p, w);
   for (std::size_t i = 0; i < p.x.size(); ++i)
-    p.x[i] = p.bounds[i].side == LimitSide::within ? p.start[i] : p.bounds[i].end();
+    p.x[i] = p.limits[i].side == LimitSide::within ? p.start[i] : p.limits[i].bound();
   NewtonReport report;
   if (p.size() <= kTuning.heap) {
     solve_newton(p, factor, w, tolerance, report);

@@ -48,8 +48,7 @@ bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
 
 void keep_start(const Problem& p, Workspace& w) {
   w.before.x = p.x;
-  w.before.bounds = p.bounds;
-  w.before.servos = p.servos;
+  w.before.limits = p.limits;
   w.contacts_before.resize(p.contacts.size());
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
@@ -63,8 +62,7 @@ void keep_start(const Problem& p, Workspace& w) {
 /// Back to the start, evaluated with its active set.
 void restart(Problem& p, Workspace& w) {
   p.x = w.before.x;
-  p.bounds = w.before.bounds;
-  p.servos = w.before.servos;
+  p.limits = w.before.limits;
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     ContactRows& contact = p.contacts[c];
     const Workspace::Outcome& from = w.contacts_before[c];
@@ -84,14 +82,13 @@ bool keeps_active_set(const Problem& p, const Workspace& w) {
     for (std::size_t k = 0; k < contact.disc_count; ++k)
       if (contact.discs[k].slides != before.discs[k].slides) return false;
   }
-  return std::equal(p.servos.begin(), p.servos.end(), w.before.servos.begin(),
-                    [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
+  return std::ranges::equal(p.limits, w.before.limits, {}, &Limits::saturated, &Limits::saturated);
 }
 
 /// Whether the start passes no stop, which steps are projected on.
 bool keeps_bounds(const Problem& p) {
   for (int i = 0; i < p.size(); ++i)
-    if (const Bound& bound = p.bounds[at(i)];
+    if (const Limits& bound = p.limits[at(i)];
         bound.side == LimitSide::within &&
         (p.x[at(i)] < bound.low - kBeyond || p.x[at(i)] > bound.high + kBeyond))
       return false;
@@ -128,7 +125,7 @@ bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double toleran
 
 void compute_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
   const auto kept = [&](int i) {
-    return w.law != Law::fixed_limits && p.bounds[at(i)].side != LimitSide::within;
+    return w.law != Law::fixed_limits && p.limits[at(i)].side != LimitSide::within;
   };
   for (int i = 0; i < p.size(); ++i) w.d[at(i)] = kept(i) ? 0 : -w.F[at(i)];
   factor.solve(w, w.d.data());
@@ -144,7 +141,7 @@ bool advance(Problem& p, const Workspace& w, double share) {
   bool whole = share == 1;
   for (int i = 0; i < p.size(); ++i) {
     double& x = p.x[at(i)];
-    Bound& bound = p.bounds[at(i)];
+    Limits& bound = p.limits[at(i)];
     const bool penalty = w.law == Law::fixed_limits;
     if (!penalty && bound.side != LimitSide::within) continue;
     x += share * w.d[at(i)];
@@ -152,7 +149,7 @@ bool advance(Problem& p, const Workspace& w, double share) {
     if (x < bound.low - kBeyond) bound.side = LimitSide::low;
     if (x > bound.high + kBeyond) bound.side = LimitSide::high;
     if (bound.side == LimitSide::within) continue;
-    x = bound.end();
+    x = bound.bound();
     whole = false;
   }
   return whole;

@@ -28,8 +28,7 @@ void Problem::begin(const Unknowns& of) {
   start.assign(n, 0.0);
   x.resize(n);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  bounds.assign(n, {-kInfinity, kInfinity, LimitSide::within});
-  servos.assign(n, {});
+  limits.assign(n, {.low = -kInfinity, .high = kInfinity});
   motions.assign(kSpatial * n, 0.0);
   contacts.clear();
   dofs.clear();
@@ -124,14 +123,14 @@ void check([[maybe_unused]] const Problem& p) {
   const int n = p.size();
   assert(p.A.size() == u.entries && p.motions.size() == kSpatial * at(n));
   assert(!p.with_jacobians || p.J.size() >= p.entries);
-  for (const std::size_t size : {p.g.size(), p.start.size(), p.x.size(), p.bounds.size(), p.servos.size()})
+  for (const std::size_t size : {p.g.size(), p.start.size(), p.x.size(), p.limits.size()})
     assert(size == at(n));
   for (int i = 0; i < n; ++i) {
     // A row and its column have the same ends: the pattern is symmetric, and fills along branches alone.
     const int up = u.parent[at(i)], last = u.last[at(i)];
     assert(u.first[at(i)] <= i && u.first[at(last)] <= i && i <= last && last < n);
     assert(up > i && (up == n ? last == i : u.last[at(up)] == last && u.first[at(up)] <= u.first[at(i)]));
-    assert(!(p.bounds[at(i)].low > p.bounds[at(i)].high) && !(p.servos[at(i)].limit < 0));
+    assert(!(p.limits[at(i)].low > p.limits[at(i)].high) && !(p.limits[at(i)].limit < 0));
   }
   std::size_t entries = 0;
   for (const ContactRows& contact : p.contacts) {

@@ -70,18 +70,16 @@ struct ContactRows : Dofs {
   std::size_t first_entry = 0, first_wrench = 0;  ///< in Problem::J and Problem::wrenches
 };
 
-/// Bounds of an unknown. In: it starts on the bound; out: the bound holds it.
-struct Bound {
-  double low, high;
-  LimitSide side;
-  double end() const { return side == LimitSide::low ? low : high; }
-};
-
-/// Adds offset - slope x, clamped to +-limit, to the right side; none without a limit.
-struct Servo {
-  double offset = 0, slope = 0, limit = 0;
+/// What limits an unknown: bounds, and a servo that adds offset - slope x, clamped to +-limit, to the right
+/// side; none without a limit.
+struct Limits {
+  double low, high;                         ///< bounds
+  LimitSide side = LimitSide::within;       ///< in: it starts on the bound; out: the bound holds it
+  bool bounced = false;                     ///< a restitution has moved the bound
+  double offset = 0, slope = 0, limit = 0;  ///< of the servo
   LimitSide saturated = LimitSide::within;  ///< in: in the last step; out: in this one
-  LimitSide side(double pull) const {
+  double bound() const { return side == LimitSide::low ? low : high; }
+  LimitSide side_of_pull(double pull) const {
     return pull > limit ? LimitSide::high : (pull < -limit ? LimitSide::low : LimitSide::within);
   }
   double torque(double pull) const { return saturated == LimitSide::within ? pull : sign(saturated) * limit; }
@@ -97,10 +95,9 @@ struct Pair : Dofs {
 struct Iterate {
   std::vector<double> x;
   std::vector<ContactRows> contacts;
-  std::vector<Bound> bounds;
-  std::vector<Servo> servos;
+  std::vector<Limits> limits;
   void reserve(std::size_t n) {
-    reserve_each(n, x, bounds, servos);
+    reserve_each(n, x, limits);
     contacts.reserve(kUsualContacts);
   }
 };

@@ -22,7 +22,7 @@ void list_active_set(const Problem& p, std::vector<int>& out) {
     out.push_back(code);
   }
   for (int i = 0; i < p.size(); ++i)
-    out.push_back(4 * (sign(p.bounds[at(i)].side) + 1) + sign(p.servos[at(i)].saturated) + 1);
+    out.push_back(4 * (sign(p.limits[at(i)].side) + 1) + sign(p.limits[at(i)].saturated) + 1);
 }
 
 }  // namespace
@@ -173,7 +173,7 @@ void SparseFactor::add_coupling(const Problem& p) {
     const double share = disc.coefficient / contact.regularization;
     for (std::size_t j = 0; j < dofs.size(); ++j) {
       const std::size_t dof = at(dofs[j]);
-      if (p.bounds[dof].side != LimitSide::within) continue;
+      if (p.limits[dof].side != LimitSide::within) continue;
       C_[dof * m + column] =
           share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[dofs.size() + j] : 0));
       G_[dof * m + column] = J[j];
@@ -192,9 +192,9 @@ void SparseFactor::assemble(Problem& p, Workspace& w) {
     const double* A = p.A.data() + unknowns.row_start[at(i)];
     std::copy(A + i, A + own_last + 1, M + i);
     std::fill(M + own_last + 1, M + std::max(own_last, last_[at(i)]) + 1, 0.0);
-    const Servo& servo = p.servos[at(i)];
+    const Limits& servo = p.limits[at(i)];
     if (servo.limit > 0 && servo.saturated == LimitSide::within) M[i] += servo.slope;
-    if (fixed && p.bounds[at(i)].side != LimitSide::within) M[i] += 1 / stop_compliance(p, i);
+    if (fixed && p.limits[at(i)].side != LimitSide::within) M[i] += 1 / stop_compliance(p, i);
   }
   for (const ContactRows& contact : p.contacts)
     if (!contact.open || fixed) add_stiffness(p, w, contact);
@@ -202,7 +202,7 @@ void SparseFactor::assemble(Problem& p, Workspace& w) {
   if (fixed) return;
   add_coupling(p);
   for (int i = 0; i < p.size(); ++i) {
-    if (p.bounds[at(i)].side == LimitSide::within) continue;
+    if (p.limits[at(i)].side == LimitSide::within) continue;
     std::fill(&entry(i, i), &entry(i, last_[at(i)]) + 1, 0.0);
     for (int j = 0; j < i; ++j)
       if (last_[at(j)] >= i) entry(j, i) = 0;

@@ -99,9 +99,9 @@ void ContactSlopes::factor(const Eigen::MatrixXd& inertia) {
   add_stiffness(K_);
   Eigen::MatrixXd K = K_(contact_.dof_of_, contact_.dof_of_);
   for (Eigen::Index k = 0; k < K.rows(); ++k) {
-    const Servo& servo = p.servos[at(k)];
+    const Limits& servo = p.limits[at(k)];
     if (servo.limit > 0 && servo.saturated == LimitSide::within) K(k, k) += servo.slope;
-    if (p.bounds[at(k)].side == LimitSide::within) continue;
+    if (p.limits[at(k)].side == LimitSide::within) continue;
     K.row(k).setZero();
     K.col(k).setZero();
     K(k, k) = 1;
@@ -120,7 +120,7 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
     evaluate(p, w, Law::coulomb);
     // Near the solution one factor serves for all steps.
     for (Eigen::Index k = 0; k < d.size(); ++k)
-      d[k] = p.bounds[at(k)].side == LimitSide::within ? -w.F[at(k)] : 0;
+      d[k] = p.limits[at(k)].side == LimitSide::within ? -w.F[at(k)] : 0;
     if (i == 0 || last > kNear) factor(inertia);
     d = factor_.solve(d);
     const double change = d.lpNorm<Eigen::Infinity>();

@@ -40,8 +40,7 @@ void StepSlopes::order() {
     const std::size_t first = at(joint.first_dof + node.axis_index);
     for (int k = 0; k < rate_count(node.kind); ++k) dof_of_[first + at(k)] = tree_.first_dof(i) + k;
     if (node.kind == NodeKind::ball) continue;
-    const NodeView& view = mechanism_.view(at(i));
-    singles_.push_back({tree_.first_dof(i), first, mechanism_.axis_view(at(i)), view.q, view.u});
+    singles_.push_back({tree_.first_dof(i), first, mechanism_.view(at(i))});
     const model::JointAxis& axis = joint.axes[at(node.axis_index)];
     if (!axis.tissue || !settings_.effects.has(model::Effect::passive_tissue)) continue;
     singles_.back().stiffness = axis.tissue->stiffness;
@@ -123,14 +122,15 @@ void StepSlopes::add_singles(StepDerivatives& out) {
     const int i = each.dof;
     by_q_(i, i) += h * each.stiffness;
     by_u_(i, i) += h * (h * each.stiffness + each.damping);
-    const double rate = *each.u + h * du_[at(i)];
-    if (std::abs(each.room(*each.q)) <= kOnStop && (each.held() || each.room(*each.q + h * rate) <= kOnStop))
+    const double rate = *each.view.u + h * du_[at(i)];
+    if (std::abs(each.room(*each.view.q)) <= kOnStop &&
+        (each.held() || each.room(*each.view.q + h * rate) <= kOnStop))
       out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
-    if (*each.axis.servo_limit > 0) {
+    if (*each.view.servo_limit > 0) {
       out.driven[each.coordinate] = each.in_range();
-      const ServoLaw<double> law = each.axis.servo();
+      const ServoLaw<double> law = each.view.servo();
       const double pull = law.pull(h * rate, rate);
-      if (std::abs(std::abs(pull) - *each.axis.servo_limit) <= kEdge * *each.axis.servo_limit)
+      if (std::abs(std::abs(pull) - *each.view.servo_limit) <= kEdge * *each.view.servo_limit)
         out.notes.push_back(name_of(each) + ": its servo is at its limit: one-sided");
       if (!each.in_range()) continue;
       K_(i, i) += h * law.slope(h);
@@ -185,10 +185,11 @@ void StepSlopes::add_forces(const StepInput& input) {
 
 /// The row of a coordinate on its stop: x = bound(q, u).
 void StepSlopes::hold(const Single& each) {
-  const AxisView& a = each.axis;
-  const double h = settings_.step, side = *a.side, room = side < 0 ? *each.q - *a.low : *a.high - *each.q;
+  const NodeView& a = each.view;
+  const double h = settings_.step, side = *a.side,
+               room = side < 0 ? *each.view.q - *a.low : *a.high - *each.view.q;
   const double share = room < -kOnStop ? settings_.erp() : 1, target = share * room / h,
-               speed = side * *each.u;
+               speed = side * *each.view.u;
   // A rebound ends on the opposite stop at the latest.
   const double across = (room - (*a.high - *a.low)) / h, rebound = -*a.restitution * speed;
   const bool bounces = speed > 0 && *a.restitution > 0 && rebound < target,

@@ -30,14 +30,13 @@ class StepSlopes {
   struct Single {
     int dof = 0;
     std::size_t coordinate = 0;
-    AxisView axis;
-    const double *q = nullptr, *u = nullptr;
+    const NodeView& view;
     double stiffness = 0, damping = 0;  ///< of tissue
-    bool held() const { return *axis.side != 0; }
+    bool held() const { return *view.side != 0; }
     double room(double at) const {
-      return std::min(at - *axis.low, *axis.high - at);
+      return std::min(at - *view.low, *view.high - at);
     }  ///< to the nearer stop
-    bool in_range() const { return *axis.servo_limit > 0 && *axis.saturated == 0; }
+    bool in_range() const { return *view.servo_limit > 0 && *view.saturated == 0; }
   };
   void order();
   void compute_inertia();

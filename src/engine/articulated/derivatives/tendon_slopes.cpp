@@ -38,8 +38,8 @@ Eigen::VectorXd StepSlopes::tendon_torques(const StepInput& input) {
 
 void StepSlopes::add_muscles(const StepInput& input, const model::State& start, StepDerivatives& out) {
   for (const Single& each : singles_) {
-    q_[each.coordinate] = *each.q;
-    u_[each.coordinate] = *each.u;
+    q_[each.coordinate] = *each.view.q;
+    u_[each.coordinate] = *each.view.u;
   }
   const double h = settings_.step;
   const auto torques = [&] {

@@ -12,10 +12,6 @@ constexpr double kDependent = 1e-12;
 constexpr int kClosings = 20;
 constexpr double kClosed = 1e-14;
 
-const Batch<1>* batches(const Tree& tree) { return static_cast<const Batch<1>*>(tree.batch); }
-Axis<1>* axes(const Tree& tree) { return static_cast<Axis<1>*>(tree.axis); }
-const Joint3<1>* joints3(const Tree& tree) { return static_cast<const Joint3<1>*>(tree.joint3); }
-
 /// Two unit vectors that make a right-handed frame with a unit vector.
 std::pair<Vec3, Vec3> across(const Vec3& axis) {
   const Vec3 first = axis.unitOrthogonal();
@@ -55,7 +51,7 @@ Loops::Side Loops::motion_of(const CutSide& side, int island) const {
     out.dw = base.dw;
     return out;
   }
-  const Frame<1>& frame = batches(mechanism_.tree())[*side.node].frame;
+  const Frame<1>& frame = lanes_of<1>(mechanism_.tree()).batch[*side.node].frame;
   Mat3 R;
   for (int k = 0; k < 9; ++k) R(k / 3, k % 3) = frame.R[k][0];
   out.p = Vec3(frame.p[0][0], frame.p[1][0], frame.p[2][0]) + R * side.frame.p;
@@ -233,18 +229,18 @@ void Loops::correct(std::span<double> wanted, std::span<double> out) {
 }
 
 void Loops::solve(std::optional<double> step) {
-  const Tree& tree = mechanism_.tree();
+  const TreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
   const std::size_t n = at(space_.size());
   const std::span<double> du = mechanism_.du();
   space_.inverse_dynamics(zero_, bias_);
   space_.compute_inertia();
   locked_.clear();
   for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = batches(tree)[i];
+    const Batch<1>& b = tree.batch[i];
     for (int k = 0; k < rate_count(b.kind); ++k) {
       const std::size_t dof = at(b.u + k);
-      const Axis<1>* axis = rate_count(b.kind) == 1 ? axes(tree) + b.axis : nullptr;
-      du[dof] = (axis ? axis->force[0] : joints3(tree)[b.axis].tau[k][0]) - bias_[dof];
+      const Axis<1>* axis = rate_count(b.kind) == 1 ? tree.axis + b.axis : nullptr;
+      du[dof] = (axis ? axis->force[0] : tree.joint3[b.axis].tau[k][0]) - bias_[dof];
       if (axis) space_.add_to_diagonal(static_cast<int>(dof), axis->weight[0]);
       if (axis && axis->locked[0] != 0) locked_.push_back(static_cast<int>(dof));
     }
@@ -267,9 +263,9 @@ void Loops::solve(std::optional<double> step) {
 }
 
 Axis<1>& Loops::axis_of(int dof) const {
-  const Tree& tree = mechanism_.tree();
+  const TreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
   for (int i = 0;; ++i)
-    if (batches(tree)[i].u == dof) return axes(tree)[batches(tree)[i].axis];
+    if (tree.batch[i].u == dof) return tree.axis[tree.batch[i].axis];
 }
 
 double Loops::close() {

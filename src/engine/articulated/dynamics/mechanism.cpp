@@ -4,7 +4,6 @@
 #include <array>
 #include <limits>
 #include <map>
-#include <new>
 #include <utility>
 
 #include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
@@ -14,7 +13,43 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-constexpr std::size_t kAlignment = 64;
+/// Lanes without a node: a unit inertia at rest.
+template <int W>
+void empty(Batch<W>& b) {
+  for (int lane = 0; lane < W; ++lane) {
+    put4<W>(b.before, lane, Quat::Identity());
+    put4<W>(b.turned, lane, Quat(0, 0, 0, 1));
+    put3<W>(b.direction, lane, Vec3::UnitZ());
+    b.mass[lane] = 1;
+    put3<W>(b.inertia, lane, Vec3::Ones());
+  }
+}
+
+template <int W>
+void fill(Batch<W>& b, int lane, const Node& node) {
+  put4<W>(b.before, lane, node.before);
+  put4<W>(b.turned, lane, node.turned);
+  put3<W>(b.direction, lane, node.axis);
+  put3<W>(b.anchor, lane, node.anchor);
+  put3<W>(b.arm, lane, node.arm);
+  b.mass[lane] = node.mass;
+  put3<W>(b.inertia, lane, node.inertia);
+}
+
+template <int W>
+void fill(Axis<W>& a, int lane, const model::JointAxis& axis, const model::Effects& effects) {
+  a.present[lane] = 1;
+  if (axis.stop && effects.has(model::Effect::joint_stops)) {
+    a.low[lane] = axis.stop->low;
+    a.high[lane] = axis.stop->high;
+    a.restitution[lane] = axis.stop->restitution;
+  }
+  if (axis.tissue && effects.has(model::Effect::passive_tissue)) {
+    a.stiffness[lane] = axis.tissue->stiffness;
+    a.damping[lane] = axis.tissue->damping;
+    a.rest[lane] = axis.tissue->rest;
+  }
+}
 
 /// Nodes of one depth and kind, in their order.
 std::vector<std::vector<int>> levels(const Topology& topology) {
@@ -38,11 +73,10 @@ const Kernel& fitting(const Topology& topology) {
 }  // namespace
 
 NodeView Mechanism::find_view(std::size_t node) const {
-  return in_lanes([&](auto in) {
-    constexpr int W = in.kWidth;
+  return in_lanes([&]<int W>(const TreeOf<W>& tree) {
     const LaneSlot& slot = slots_[node];
-    const auto& b = in.batch[slot.batch];
-    const auto lane = [&](const Lane<W>& first) { return &first[0] + slot.lane; };
+    const Batch<W>& b = tree.batch[slot.batch];
+    const auto lane = [&](auto& first) { return &first[0] + slot.lane; };
     NodeView out;
     out.h = lane(b.h[0]);
     out.I = lane(b.I[0]);
@@ -55,38 +89,33 @@ NodeView Mechanism::find_view(std::size_t node) const {
     out.spin = lane(b.spin);
     out.momentum = lane(b.momentum[0]);
     out.energy = lane(b.energy);
-    if (single(b.kind)) out.work = lane(in.axis[b.axis].work);
-    if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
-    out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
-    if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
-    out.q = tree_.q + slot.q;
-    out.u = tree_.u + slot.u;
-    out.du = tree_.du + slot.u;
+    if (b.link == ParentLink::base) out.base_a = lane(tree.base[b.parent].a[0]);
+    out.q = tree.q + slot.q;
+    out.u = tree.u + slot.u;
+    out.du = tree.du + slot.u;
+    if (!single(b.kind)) {
+      out.S = lane(tree.joint3[slot.axis].S[0][0]);
+      out.tau = lane(tree.joint3[slot.axis].tau[0]);
+      return out;
+    }
+    Axis<W>& a = tree.axis[slot.axis];
+    out.S = lane(b.S[0]);
+    out.low = lane(a.low);
+    out.high = lane(a.high);
+    out.restitution = lane(a.restitution);
+    out.weight = lane(a.weight);
+    out.work = lane(a.work);
+    out.servo_stiffness = lane(a.servo_stiffness);
+    out.servo_damping = lane(a.servo_damping);
+    out.servo_error = lane(a.servo_error);
+    out.servo_feed = lane(a.servo_feed);
+    out.servo_limit = lane(a.servo_limit);
+    out.side = lane(a.side);
+    out.saturated = lane(a.saturated);
+    out.force = lane(a.force);
+    out.reaction = lane(a.reaction);
     return out;
   });
-}
-
-AxisView Mechanism::axis_view(std::size_t node) const {
-  return in_lanes([&](auto in) {
-    const LaneSlot& slot = slots_[node];
-    auto& a = in.axis[in.batch[slot.batch].axis];
-    const int i = slot.lane;
-    return AxisView{
-        a.low + i,           a.high + i,        a.restitution + i, a.weight + i,      a.servo_stiffness + i,
-        a.servo_damping + i, a.servo_error + i, a.servo_feed + i,  a.servo_limit + i, a.side + i,
-        a.saturated + i,     a.force + i,       a.reaction + i};
-  });
-}
-
-void Mechanism::AlignedDelete::operator()(void* memory) const {
-  ::operator delete(memory, std::align_val_t(kAlignment));
-}
-
-void* Mechanism::allocate(std::size_t bytes) {
-  bytes = std::max(bytes, kAlignment);
-  memory_.emplace_back(::operator new(bytes, std::align_val_t(kAlignment)));
-  std::fill_n(static_cast<std::byte*>(memory_.back().get()), bytes, std::byte{0});
-  return memory_.back().get();
 }
 
 Mechanism::Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel)
@@ -95,11 +124,8 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
       topology_(make_topology(model)),
       kernel_(kernel && topology_.cuts.empty() ? kernel : &fitting(topology_)),
       bases_(model.bodies.size()) {
-  tree_.erp = settings.erp();
-  tree_.max_speed = kMaxSpeed;
-  tree_.max_turn = kMaxAngularSpeed;
-  tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
-  place_nodes(settings);
+  place_nodes();
+  of_width(kernel_->width, [&](auto w) { make_tree<w>(settings); });
   views_.reserve(slots_.size());
   for (std::size_t i = 0; i < slots_.size(); ++i) views_.push_back(find_view(i));
   std::vector<bool> parents(topology_.nodes.size(), false);
@@ -120,7 +146,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
       carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
 }
 
-void Mechanism::place_nodes(const Settings& settings) {
+void Mechanism::place_nodes() {
   const std::size_t width = stride();
   for (const std::vector<int>& level : levels(topology_))
     for (std::size_t begin = 0; begin < level.size(); begin += width)
@@ -129,107 +155,109 @@ void Mechanism::place_nodes(const Settings& settings) {
           level.begin() + static_cast<std::ptrdiff_t>(std::min(level.size(), begin + width)));
   slots_.resize(topology_.nodes.size());
   std::size_t positions = 0, rates = 0;
+  int axes = 0, joints3 = 0;
   for (std::size_t b = 0; b < chunks_.size(); ++b) {
     const NodeKind kind = topology_.nodes[at(chunks_[b][0])].kind;
-    for (std::size_t lane = 0; lane < chunks_[b].size(); ++lane)
-      slots_[at(chunks_[b][lane])] = {static_cast<int>(b), static_cast<int>(lane), positions + lane,
-                                      rates + lane};
+    const int axis = single(kind) ? axes++ : joints3++;
+    for (std::size_t lane = 0; lane < chunks_[b].size(); ++lane) {
+      const Node& node = topology_.nodes[at(chunks_[b][lane])];
+      const int dof = node.joint ? model_.joints[at(*node.joint)].first_dof + node.axis_index : 0;
+      slots_[at(chunks_[b][lane])] = {
+          static_cast<int>(b), static_cast<int>(lane), positions + lane, rates + lane, axis, at(dof)};
+    }
     positions += at(position_count(kind)) * width;
     rates += at(rate_count(kind)) * width;
-    ++(single(kind) ? axes_ : joints3_);
-    if (!topology_.nodes[at(chunks_[b][0])].parent) ++base_frames_;
   }
-  tree_.batches = static_cast<int>(chunks_.size());
-  tree_.positions = static_cast<int>(positions);
-  tree_.rates = static_cast<int>(rates);
-  tree_.q = static_cast<double*>(allocate(positions * sizeof(double)));
-  tree_.u = static_cast<double*>(allocate(rates * sizeof(double)));
-  tree_.du = static_cast<double*>(allocate(rates * sizeof(double)));
-  tree_.tau = static_cast<double*>(allocate(2 * rates * sizeof(double)));
-  tree_.tau_servo = tree_.tau + rates;
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    tree_.batch = allocate(chunks_.size() * sizeof(Batch<W>));
-    tree_.axis = allocate(at(axes_) * sizeof(Axis<W>));
-    tree_.joint3 = allocate(at(joints3_) * sizeof(Joint3<W>));
-    tree_.base = allocate(at(base_frames_) * sizeof(Frame<W>));
-    axes_ = joints3_ = base_frames_ = 0;
-    std::size_t q = 0, u = 0;
-    for (std::size_t i = 0; i < chunks_.size(); ++i) {
-      Batch<W>& b = In<W>(*this).batch[i];
-      In<W>::empty(b);
-      b.kind = topology_.nodes[at(chunks_[i][0])].kind;
-      b.q = static_cast<int>(q);
-      b.u = static_cast<int>(u);
-      q += at(position_count(b.kind)) * W;
-      u += at(rate_count(b.kind)) * W;
-      make_batch(b, chunks_[i]);
-      for (std::size_t lane = 0; lane < chunks_[i].size(); ++lane)
-        fill_lane(b, static_cast<int>(i), static_cast<int>(lane), chunks_[i][lane], settings);
-    }
-  });
+}
+
+template <int W>
+void Mechanism::make_tree(const Settings& settings) {
+  TreeSizes sizes{.batches = chunks_.size()};
+  for (const std::vector<int>& chunk : chunks_) {
+    const Node& first = topology_.nodes[at(chunk[0])];
+    ++(single(first.kind) ? sizes.axes : sizes.joints3);
+    if (!first.parent) ++sizes.bases;
+    sizes.positions += at(position_count(first.kind)) * W;
+    sizes.rates += at(rate_count(first.kind)) * W;
+  }
+  auto tree = std::make_shared<TreeMemory<W>>(sizes);
+  tree->erp = settings.erp();
+  tree->max_speed = kMaxSpeed;
+  tree->max_turn = kMaxAngularSpeed;
+  tree_ = tree;
+  int base = 0;
+  for (std::size_t i = 0; i < chunks_.size(); ++i) {
+    Batch<W>& b = tree->batch[i];
+    const LaneSlot& slot = slots_[at(chunks_[i][0])];
+    empty(b);
+    b.kind = topology_.nodes[at(chunks_[i][0])].kind;
+    b.q = static_cast<int>(slot.q);
+    b.u = static_cast<int>(slot.u);
+    b.axis = slot.axis;
+    if (!topology_.nodes[at(chunks_[i][0])].parent) b.parent = base++;
+    make_batch(*tree, b, chunks_[i]);
+    for (const int node : chunks_[i]) fill_lane(*tree, node, settings);
+  }
 }
 
 /// A batch of the given nodes, but for what differs from lane to lane.
 template <int W>
-void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
-  const In<W> in(*this);
+void Mechanism::make_batch(const TreeOf<W>& tree, Batch<W>& b, const std::vector<int>& nodes) {
   const Node& first = topology_.nodes[at(nodes[0])];
   b.used = static_cast<int>(nodes.size());
   b.massless =
       std::ranges::none_of(nodes, [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
-  b.axis = single(b.kind) ? axes_++ : joints3_++;
   if (single(b.kind)) {
-    Axis<W>& a = in.axis[b.axis];
+    Axis<W>& a = tree.axis[b.axis];
     std::fill_n(a.low, W, -std::numeric_limits<double>::infinity());
     std::fill_n(a.high, W, std::numeric_limits<double>::infinity());
   } else {
     // Empty lanes have the identity as pose.
-    std::fill_n(tree_.q + b.q + (b.kind == NodeKind::ball ? 3 : 6) * W, W, 1.0);
-    std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
+    std::fill_n(tree.q + b.q + (b.kind == NodeKind::ball ? 3 : 6) * W, W, 1.0);
+    std::fill_n(tree.joint3[b.axis].after[3], W, 1.0);
   }
-  b.link = first.parent ? ParentLink::aligned : ParentLink::base;
-  b.parent = first.parent ? slots_[at(*first.parent)].batch : base_frames_;
   if (!first.parent) {
-    Frame<W>& frame = in.base[base_frames_++];
+    b.link = ParentLink::base;
+    Frame<W>& frame = tree.base[b.parent];
     for (int lane = 0; lane < W; ++lane) {
       put4<W>(frame.quat, lane, Quat::Identity());
       for (const int k : {0, 4, 8}) frame.R[k][lane] = 1;
     }
     return;
   }
+  b.link = ParentLink::aligned;
+  b.parent = slots_[at(*first.parent)].batch;
   for (int lane = 0; lane < W; ++lane) {
     const bool present = lane < b.used;
     const LaneSlot& slot = slots_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
     b.parent_batch[lane] = slot.batch;
     b.parent_lane[lane] = slot.lane;
-    in.batch[slot.batch].has_children = in.batch[slot.batch].cleared = true;
+    tree.batch[slot.batch].has_children = tree.batch[slot.batch].cleared = true;
     if (present && (slot.batch != b.parent || slot.lane != lane)) b.link = ParentLink::gathered;
     // The contents of an empty lane must not be added to a node.
-    if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
+    if (!present && lane < tree.batch[b.parent].used) b.link = ParentLink::gathered;
   }
 }
 
 template <int W>
-void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings) {
-  const In<W> in(*this);
+void Mechanism::fill_lane(const TreeOf<W>& tree, int index, const Settings& settings) {
   const Node& node = topology_.nodes[at(index)];
-  In<W>::fill(b, lane, node);
+  const LaneSlot& slot = slots_[at(index)];
+  fill(tree.batch[slot.batch], slot.lane, node);
   if (node.kind == NodeKind::ball) {
-    put4<W>(in.joint3[b.axis].after, lane, node.after);
+    put4<W>(tree.joint3[slot.axis].after, slot.lane, node.after);
     balls_.push_back(index);
   }
   if (!single(node.kind)) return;
-  const model::Joint& joint = model_.joints[at(*node.joint)];
-  In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
-  const LaneSlot& slot = slots_[at(index)];
-  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane, slot.q, slot.u});
+  fill(tree.axis[slot.axis], slot.lane, model_.joints[at(*node.joint)].axes[at(node.axis_index)],
+       settings.effects);
+  singles_.push_back(index);
 }
 
 Vec3 Mechanism::origin(int island) const {
   const std::size_t reference = at(topology_.reference[at(island)]);
   if (topology_.nodes[reference].kind != NodeKind::free) return origins_[at(island)];
-  const double* q = tree_.q + slots_[reference].q;
+  const double* q = tree_->q + slots_[reference].q;
   return {q[0], q[stride()], q[2 * stride()]};
 }
 
@@ -238,7 +266,7 @@ void Mechanism::update_bases() {
   for (std::size_t i = 0; i < origins_.size(); ++i)
     if (const Node& node = topology_.nodes[at(topology_.reference[i])]; node.kind != NodeKind::free)
       origins_[i] = bases_[at(node.base)].pose * node.anchor;
-  in_lanes([&](auto in) {
+  in_lanes([&](const auto& in) {
     for (std::size_t i = 0; i < chunks_.size(); ++i) {
       const auto& b = in.batch[i];
       if (b.link != ParentLink::base) continue;
@@ -267,7 +295,7 @@ void Mechanism::update_bases() {
 void Mechanism::refresh(const Settings& settings) {
   gravity_ = settings.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
   const Topology topology = make_topology(model_);
-  in_lanes([&](auto in) {
+  in_lanes([&](const auto& in) {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       Node& node = topology_.nodes[i];
       node.mass = topology.nodes[i].mass;
@@ -282,7 +310,7 @@ void Mechanism::refresh(const Settings& settings) {
 
 void Mechanism::take_node(const Node& node, const LaneSlot& slot, const model::State& state) {
   const std::size_t n = stride();
-  double *q = tree_.q + slot.q, *u = tree_.u + slot.u;
+  double *q = tree_->q + slot.q, *u = tree_->u + slot.u;
   if (node.kind == NodeKind::free) {
     const model::BodyState& body = state.bodies[at(*node.body)];
     const Quat q_WL = body.q * node.q_LB.conjugate();
@@ -322,30 +350,32 @@ void Mechanism::take(const model::State& state) {
 }
 
 void Mechanism::take_torques(const model::State& state) {
-  for (const Driven& each : driven_) {
-    tree_.tau[each.u] = state.tau[each.dof];
-    tree_.tau_servo[each.u] = state.tau_servo[each.dof];
+  for (const int single : singles_) {
+    const LaneSlot& slot = slots_[at(single)];
+    tree_->tau[slot.u] = state.tau[slot.dof];
+    tree_->tau_servo[slot.u] = state.tau_servo[slot.dof];
   }
   for (const int ball : balls_) {
-    const std::size_t first = at(model_.joints[at(*topology_.nodes[at(ball)].joint)].first_dof);
-    for (std::size_t k = 0; k < 3; ++k) tree_.tau[slots_[at(ball)].u + k * stride()] = state.tau[first + k];
+    const LaneSlot& slot = slots_[at(ball)];
+    for (std::size_t k = 0; k < 3; ++k) tree_->tau[slot.u + k * stride()] = state.tau[slot.dof + k];
   }
 }
 
 void Mechanism::give_coordinates(model::State& state) const {
   state.q.resize(state.tau.size());
   state.u.resize(state.tau.size());
-  for (const Driven& each : driven_) {
-    state.q[each.dof] = tree_.q[each.q];
-    state.u[each.dof] = tree_.u[each.u];
-    state.tau[each.dof] = tree_.tau[each.u];
-    state.tau_servo[each.dof] = tree_.tau_servo[each.u];
+  for (const int single : singles_) {
+    const LaneSlot& slot = slots_[at(single)];
+    state.q[slot.dof] = tree_->q[slot.q];
+    state.u[slot.dof] = tree_->u[slot.u];
+    state.tau[slot.dof] = tree_->tau[slot.u];
+    state.tau_servo[slot.dof] = tree_->tau_servo[slot.u];
   }
   const std::size_t n = stride();
   for (const int ball : balls_) {
     const Node& node = topology_.nodes[at(ball)];
     const LaneSlot& slot = slots_[at(ball)];
-    const double *q = tree_.q + slot.q, *u = tree_.u + slot.u, *tau = tree_.tau + slot.u;
+    const double *q = tree_->q + slot.q, *u = tree_->u + slot.u, *tau = tree_->tau + slot.u;
     Quat q_FM(q[3 * n], q[0], q[n], q[2 * n]);
     Vec3 w(u[0], u[n], u[2 * n]);
     if (node.reversed) {
@@ -353,7 +383,7 @@ void Mechanism::give_coordinates(model::State& state) const {
       w = -(q_FM * w);
     }
     const Vec3 turn = rotation_vector(q_FM);
-    const std::size_t first = at(model_.joints[at(*node.joint)].first_dof);
+    const std::size_t first = slot.dof;
     for (std::size_t k = 0; k < 3; ++k) {
       state.q[first + k] = turn[static_cast<Eigen::Index>(k)];
       state.u[first + k] = w[static_cast<Eigen::Index>(k)];
@@ -368,7 +398,7 @@ void Mechanism::give_coordinates(model::State& state) const {
 }
 
 void Mechanism::give(model::State& state) const {
-  in_lanes([&](auto in) {
+  in_lanes([&](const auto& in) {
     int island = kNoNode;
     Vec3 of_island = Vec3::Zero();
     for (const Carried& each : carried_) {

@@ -24,6 +24,8 @@ struct BaseMotion {
 struct LaneSlot {
   int batch = 0, lane = 0;
   std::size_t q = 0, u = 0;  ///< of its first position and rate; the next are `stride` further on
+  int axis = 0;              ///< of its batch: Axis or Joint3
+  std::size_t dof = 0;       ///< first coordinate in Model, of a node with a joint
 };
 
 /// Where a node's lane of the tree's arrays stands: entry k of a quantity is at [k * stride].
@@ -31,47 +33,40 @@ struct NodeView {
   const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
   const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
   const double *momentum = nullptr, *energy = nullptr;
-  const double* work = nullptr;    ///< nodes of one rate
   const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
   const double* tau = nullptr;     ///< nodes of several rates
   const double *q = nullptr, *u = nullptr, *du = nullptr;
-};
-
-/// The lane of a single coordinate's Axis, as batch.h has it.
-struct AxisView {
-  const double *low, *high, *restitution, *weight, *servo_stiffness, *servo_damping, *servo_error,
-      *servo_feed, *servo_limit;
-  double *side, *saturated;
-  double *force, *reaction;
+  // Nodes of one rate: their lane of an Axis, as batch.h has it.
+  const double *low = nullptr, *high = nullptr, *restitution = nullptr, *weight = nullptr, *work = nullptr;
+  const double *servo_stiffness = nullptr, *servo_damping = nullptr, *servo_error = nullptr,
+               *servo_feed = nullptr, *servo_limit = nullptr;
+  double *side = nullptr, *saturated = nullptr, *force = nullptr, *reaction = nullptr;
   ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }
 };
-
-template <int W>
-struct LaneTree;
 
 class Mechanism {
  public:
   /// The model must outlive this. @param kernel null: the fastest for the model.
   Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
+  Mechanism(const Mechanism&) = delete;  ///< views_ point into tree_
+  Mechanism& operator=(const Mechanism&) = delete;
 
   const Vec3& gravity() const { return gravity_; }  ///< zero without the effect [m/s^2]
   const Topology& topology() const { return topology_; }
   const Kernel& kernel() const { return *kernel_; }
-  const Tree& tree() const { return tree_; }
+  const Tree& tree() const { return *tree_; }
   const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
   const NodeView& view(std::size_t node) const { return views_[node]; }
   std::span<const NodeView> views() const { return views_; }
-  /// @param node one with a single rate
-  AxisView axis_view(std::size_t node) const;
   std::size_t stride() const { return at(kernel_->width); }
   /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].
-  double spin() const { return *std::max_element(tree_.spin, tree_.spin + stride()); }
+  double spin() const { return *std::max_element(tree_->spin, tree_->spin + stride()); }
   /// Positions, rates and accelerations in the tree's order, empty lanes included.
-  std::span<double> q() { return {tree_.q, at(tree_.positions)}; }
-  std::span<double> u() { return {tree_.u, at(tree_.rates)}; }
-  std::span<double> du() { return {tree_.du, at(tree_.rates)}; }
+  std::span<double> q() { return {tree_->q, at(tree_->positions)}; }
+  std::span<double> u() { return {tree_->u, at(tree_->rates)}; }
+  std::span<double> du() { return {tree_->du, at(tree_->rates)}; }
   /// Torques of the last step, in the order of u(), then the servos' part of them.
-  std::span<double> torques() { return {tree_.tau, 2 * at(tree_.rates)}; }
+  std::span<double> torques() { return {tree_->tau, 2 * at(tree_->rates)}; }
 
   /// Takes positions, rates, torques, and places and velocities of the bases from a state.
   void take(const model::State& state);
@@ -107,69 +102,43 @@ class Mechanism {
   void restore(ArchiveReader& in);
   /// Forgets which stops and torque limits were in force.
   void forget_contacts();
-  /// Copies constants and bases into a lane of a tree of its topology.
-  template <int N>
-  void lend_constants(LaneTree<N>& to, int lane) const;
-  /// Copies positions, rates, last torques and what is in force there, and bases that have moved.
-  template <int N>
-  void lend(LaneTree<N>& to, int lane) const;
-  /// Copies positions, rates, torques and what is in force from there; `kinematics` is to be found again.
-  template <int N>
-  void take_back(const LaneTree<N>& from, int lane);
   /// True for a node that `update_gyroscopic_torques` speaks of.
   bool is_lone(std::size_t node) const {
     return std::ranges::find(lone_, static_cast<int>(node)) != lone_.end();
   }
 
  private:
-  template <int W>
-  struct In;  ///< arrays of the tree
-  /// Calls f with the In of the tree's width.
+  /// Calls f with the tree as TreeOf its width.
   template <class F>
   decltype(auto) in_lanes(const F& f) const;
 
-  struct AlignedDelete {
-    void operator()(void* memory) const;
-  };
   /// A body that a node carries.
   struct Carried {
     int body = 0, node = 0;
     Quat q_LB = Quat::Identity();
   };
-  /// A coordinate that a torque or servo may act on.
-  struct Driven {
-    std::size_t dof = 0;
-    int batch = 0, axis = 0, lane = 0;
-    std::size_t q = 0, u = 0;  ///< as in LaneSlot
-  };
-
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
-  template <int N>
-  void lend_bases(LaneTree<N>& to, int lane) const;
-  template <int N, class Other, class Copy>
-  void exchange(Other& with, int lane, bool all_torques, const Copy& copy) const;
-  void* allocate(std::size_t bytes);
-  void place_nodes(const Settings& settings);
+  void place_nodes();
+  template <int W>
+  void make_tree(const Settings& settings);
   NodeView find_view(std::size_t node) const;
   template <int W>
-  void make_batch(Batch<W>& b, const std::vector<int>& nodes);
+  void make_batch(const TreeOf<W>& tree, Batch<W>& b, const std::vector<int>& nodes);
   template <int W>
-  void fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings);
+  void fill_lane(const TreeOf<W>& tree, int index, const Settings& settings);
   void take_node(const Node& node, const LaneSlot& slot, const model::State& state);
 
   const model::Model& model_;
   Vec3 gravity_;
   Topology topology_;
   const Kernel* kernel_;
-  std::vector<std::unique_ptr<void, AlignedDelete>> memory_;
-  Tree tree_;
+  std::shared_ptr<Tree> tree_;            ///< a TreeMemory
   std::vector<std::vector<int>> chunks_;  ///< nodes of each batch
-  int axes_ = 0, joints3_ = 0, base_frames_ = 0;
   std::vector<LaneSlot> slots_;
   std::vector<NodeView> views_;  ///< of each node
   std::vector<Carried> carried_;
-  std::vector<Driven> driven_;     ///< single coordinates
+  std::vector<int> singles_;       ///< nodes of one rate, whose coordinate a torque or servo may act on
   std::vector<int> balls_;         ///< nodes
   std::vector<int> outside_;       ///< joints that are no node's
   std::vector<int> lone_;          ///< nodes of free bodies without children

@@ -1,4 +1,5 @@
 // What acts on a mechanism's coordinates from step to step: torques, servos, stops in force; and its archive.
+#include <algorithm>
 #include <cmath>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"
@@ -8,26 +9,27 @@
 namespace handsim::engine::articulated {
 
 void Mechanism::set_torques(std::span<const double> torques) {
-  in_lanes([&](auto in) {
-    for (const Driven& each : driven_)
-      in.axis[each.axis].tau[each.lane] = torques.empty() ? 0 : torques[each.dof];
+  in_lanes([&](const auto& in) {
+    for (const int single : singles_) {
+      const LaneSlot& slot = slots_[at(single)];
+      in.axis[slot.axis].tau[slot.lane] = torques.empty() ? 0 : torques[slot.dof];
+    }
     for (const int ball : balls_) {
       const Node& node = topology_.nodes[at(ball)];
       const LaneSlot& slot = slots_[at(ball)];
       Vec3 tau = Vec3::Zero();
       if (!torques.empty()) {
-        const auto first = at(model_.joints[at(*node.joint)].first_dof);
-        tau = {torques[first], torques[first + 1], torques[first + 2]};
+        tau = {torques[slot.dof], torques[slot.dof + 1], torques[slot.dof + 2]};
       }
       for (std::size_t k = 0; k < 3; ++k)
-        tree_.tau[slot.u + k * stride()] = tau[static_cast<Eigen::Index>(k)];
+        tree_->tau[slot.u + k * stride()] = tau[static_cast<Eigen::Index>(k)];
       // The model's torque acts on its child, in its F.
       if (node.reversed) {
-        const double* q = tree_.q + slot.q;
+        const double* q = tree_->q + slot.q;
         const std::size_t n = stride();
         tau = -(Quat(q[3 * n], q[0], q[n], q[2 * n]) * tau);
       }
-      put3(in.joint3[in.batch[slot.batch].axis].tau, slot.lane, tau);
+      put3(in.joint3[slot.axis].tau, slot.lane, tau);
     }
   });
 }
@@ -35,12 +37,13 @@ void Mechanism::set_torques(std::span<const double> torques) {
 bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) {
   if (servos.empty() && servos_at_rest_) return true;
   servos_at_rest_ = servos.empty();
-  return in_lanes([&](auto in) {
+  return in_lanes([&](const auto& in) {
     bool sound = true;
-    for (const Driven& each : driven_) {
-      auto& a = in.axis[each.axis];
-      const int lane = each.lane;
-      const model::Servo servo = servos.empty() ? model::Servo{} : servos[each.dof];
+    for (const int single : singles_) {
+      const LaneSlot& slot = slots_[at(single)];
+      auto& a = in.axis[slot.axis];
+      const int lane = slot.lane;
+      const model::Servo servo = servos.empty() ? model::Servo{} : servos[slot.dof];
       const bool on = servo.limit != 0;
       a.servo_stiffness[lane] = on ? servo.stiffness : 0;
       a.servo_damping[lane] = on ? servo.damping : 0;
@@ -48,7 +51,7 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
       a.servo_feed[lane] = on ? servo.feed : 0;
       a.servo_limit[lane] = servo.limit;
       if (!on) a.saturated[lane] = 0;
-      if (absolute && on) a.servo_error[lane] += tree_.q[in.batch[each.batch].q + lane];
+      if (absolute && on) a.servo_error[lane] += tree_->q[slot.q];
       const double sum = servo.stiffness + servo.damping;
       // Written so that NaN fails.
       sound = sound && (!on || (servo.stiffness >= 0 && servo.damping >= 0 && sum > 0 && servo.limit > 0 &&
@@ -60,7 +63,7 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
 
 /// As bias forces: the wrench about the island's origin, taken from the velocity products'.
 void Mechanism::add_forces(std::span<const BodyForce> forces) {
-  in_lanes([&](auto in) {
+  in_lanes([&](const auto& in) {
     for (const BodyForce& each : forces) {
       const LaneSlot& slot = slots_[at(topology_.node_of_body[at(each.body)])];
       auto& b = in.batch[slot.batch];
@@ -77,30 +80,24 @@ void Mechanism::update_gyroscopic_torques(double step) {
   for (const int index : lone_) {
     const Node& node = topology_.nodes[at(index)];
     const LaneSlot& slot = slots_[at(index)];
-    const double *q = tree_.q + slot.q + 3 * n, *u = tree_.u + slot.u;
+    const double *q = tree_->q + slot.q + 3 * n, *u = tree_->u + slot.u;
     const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
     const std::optional<Vec3> torque = gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
     if (!torque) continue;
-    of_width(kernel_->width, [&](auto w) {
-      constexpr int W = w;
-      put3<W>(In<W>(*this).batch[slot.batch].pv, slot.lane, *torque);
-    });
+    in_lanes([&](const auto& in) { put3(in.batch[slot.batch].pv, slot.lane, *torque); });
   }
 }
 
 int Mechanism::stops_in_force() const {
-  return in_lanes([&](auto in) {
-    int count = 0;
-    for (int i = 0; i < axes_; ++i)
-      for (const double side : in.axis[i].side) count += side != 0 ? 1 : 0;
-    return count;
-  });
+  return static_cast<int>(
+      std::ranges::count_if(singles_, [&](int single) { return *views_[at(single)].side != 0; }));
 }
 
 void Mechanism::forget_contacts() {
-  in_lanes([&](auto in) {
-    for (const Driven& each : driven_)
-      in.axis[each.axis].side[each.lane] = in.axis[each.axis].saturated[each.lane] = 0;
+  in_lanes([&]<int W>(const TreeOf<W>& tree) {
+    for (const int single : singles_)
+      Axis<W>::each_kept(
+          [&](auto field) { (tree.axis[slots_[at(single)].axis].*field)[slots_[at(single)].lane] = 0; });
   });
 }
 
@@ -110,18 +107,18 @@ void Mechanism::carry(Archive& archive, Self& self) {
   for (std::size_t i = 0; i < self.slots_.size(); ++i) {
     const LaneSlot& slot = self.slots_[i];
     const NodeKind kind = self.topology_.nodes[i].kind;
-    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_.q[slot.q + k * n]);
-    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_.u[slot.u + k * n]);
+    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_->q[slot.q + k * n]);
+    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_->u[slot.u + k * n]);
   }
   for (auto& base : self.bases_) {
     archive(base.pose.p, base.pose.q);
     for (auto* v : {&base.v, &base.w, &base.dv, &base.dw}) archive(*v);
   }
-  of_width(self.kernel_->width, [&](auto w) {
-    const In<w> in(self);
-    for (const Driven& each : self.driven_) {
-      archive(in.axis[each.axis].side[each.lane], in.axis[each.axis].saturated[each.lane]);
-    }
+  self.in_lanes([&]<int W>(const TreeOf<W>& tree) {
+    for (const int single : self.singles_)
+      Axis<W>::each_kept([&](auto field) {
+        archive((tree.axis[self.slots_[at(single)].axis].*field)[self.slots_[at(single)].lane]);
+      });
   });
 }
 
@@ -130,11 +127,12 @@ void Mechanism::save(ArchiveWriter& out) const { carry(out, *this); }
 void Mechanism::restore(ArchiveReader& in) {
   carry(in, *this);
   // Values that no solution leaves would never be put right.
-  of_width(kernel_->width, [&](auto w) {
-    const In<w> of(*this);
-    for (const Driven& each : driven_)
-      for (const double value : {of.axis[each.axis].side[each.lane], of.axis[each.axis].saturated[each.lane]})
+  in_lanes([&]<int W>(const TreeOf<W>& tree) {
+    for (const int single : singles_)
+      Axis<W>::each_kept([&](auto field) {
+        const double value = (tree.axis[slots_[at(single)].axis].*field)[slots_[at(single)].lane];
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
+      });
   });
   update_bases();
   servos_at_rest_ = false;  // The tree holds what it was last told, not what the next step is told.

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <type_traits>
+#include <vector>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 
@@ -42,56 +43,46 @@ decltype(auto) of_width(int width, F&& f) {
   }
 }
 
-/// Typed views of a mechanism of width W.
-template <int W>
-struct Mechanism::In {
-  explicit In(const Mechanism& m)
-      : batch(static_cast<Batch<W>*>(m.tree_.batch)),
-        axis(static_cast<Axis<W>*>(m.tree_.axis)),
-        joint3(static_cast<Joint3<W>*>(m.tree_.joint3)),
-        base(static_cast<Frame<W>*>(m.tree_.base)) {}
-  static constexpr int kWidth = W;
-  Batch<W>* batch;
-  Axis<W>* axis;
-  Joint3<W>* joint3;
-  Frame<W>* base;
+/// Sizes of a tree's arrays, all lanes of positions and rates counted.
+struct TreeSizes {
+  std::size_t batches = 0, axes = 0, joints3 = 0, bases = 0, positions = 0, rates = 0;
+};
 
-  static void empty(Batch<W>& b) {
-    for (int lane = 0; lane < W; ++lane) {
-      put4<W>(b.before, lane, Quat::Identity());
-      put4<W>(b.turned, lane, Quat(0, 0, 0, 1));
-      put3<W>(b.direction, lane, Vec3::UnitZ());
-      b.mass[lane] = 1;
-      put3<W>(b.inertia, lane, Vec3::Ones());
+/// A tree with its memory, all zero.
+template <int W>
+struct TreeMemory : TreeOf<W> {
+  explicit TreeMemory(const TreeSizes& of)
+      : batches_(of.batches), axes_(of.axes), joints3_(of.joints3), bases_(of.bases) {
+    this->batches = static_cast<int>(of.batches);
+    this->positions = static_cast<int>(of.positions);
+    this->rates = static_cast<int>(of.rates);
+    this->batch = batches_.data();
+    this->axis = axes_.data();
+    this->joint3 = joints3_.data();
+    this->base = bases_.data();
+    double** const arrays[] = {&this->q, &this->u, &this->du, &this->tau, &this->spin};
+    const std::size_t sizes[] = {of.positions, of.rates, of.rates, 2 * of.rates, W};
+    for (std::size_t i = 0; i < std::size(sizes); ++i) {
+      numbers_[i].resize((sizes[i] + 7) / 8);
+      *arrays[i] = numbers_[i].empty() ? nullptr : numbers_[i][0].x;
     }
+    this->tau_servo = this->tau + of.rates;
   }
-  static void fill(Batch<W>& b, int lane, const Node& node) {
-    put4<W>(b.before, lane, node.before);
-    put4<W>(b.turned, lane, node.turned);
-    put3<W>(b.direction, lane, node.axis);
-    put3<W>(b.anchor, lane, node.anchor);
-    put3<W>(b.arm, lane, node.arm);
-    b.mass[lane] = node.mass;
-    put3<W>(b.inertia, lane, node.inertia);
-  }
-  static void fill(Axis<W>& a, int lane, const model::JointAxis& axis, const model::Effects& effects) {
-    a.present[lane] = 1;
-    if (axis.stop && effects.has(model::Effect::joint_stops)) {
-      a.low[lane] = axis.stop->low;
-      a.high[lane] = axis.stop->high;
-      a.restitution[lane] = axis.stop->restitution;
-    }
-    if (axis.tissue && effects.has(model::Effect::passive_tissue)) {
-      a.stiffness[lane] = axis.tissue->stiffness;
-      a.damping[lane] = axis.tissue->damping;
-      a.rest[lane] = axis.tissue->rest;
-    }
-  }
+
+ private:
+  struct alignas(64) Line {
+    double x[8];
+  };
+  std::vector<Batch<W>> batches_;
+  std::vector<Axis<W>> axes_;
+  std::vector<Joint3<W>> joints3_;
+  std::vector<Frame<W>> bases_;
+  std::vector<Line> numbers_[5];
 };
 
 template <class F>
 decltype(auto) Mechanism::in_lanes(const F& f) const {
-  return of_width(kernel_->width, [&](auto w) { return f(In<w>(*this)); });
+  return of_width(kernel_->width, [&](auto w) { return f(lanes_of<w>(*tree_)); });
 }
 
 }  // namespace handsim::engine::articulated

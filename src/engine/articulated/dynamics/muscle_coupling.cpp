@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "handsim/engine/articulated/kernels/kernels.h"
-
 namespace handsim::engine::articulated {
 
 namespace {
@@ -22,34 +20,8 @@ std::vector<int> dofs_of_model(const model::Model& model, const Mechanism& mecha
 
 }  // namespace
 
-void TendonMemory::make(std::vector<CoupledDof> of, std::vector<CoupledEntry> entries,
-                        std::vector<int> carrier, std::vector<int> from, std::size_t inertia,
-                        std::size_t width) {
-  dofs = std::move(of);
-  entries_ = std::move(entries);
-  carrier_ = std::move(carrier);
-  from_ = std::move(from);
-  const std::size_t sizes[] = {inertia,     entries_.size(), carrier_.size(), carrier_.size(),
-                               dofs.size(), dofs.size(),     dofs.size()};
-  double** const pointers[] = {&rows_.inertia, &rows_.slope, &rows_.A,      &rows_.L,
-                               &rows_.x,       &rows_.b,     &rows_.inverse};
-  std::size_t lines = 0;
-  for (const std::size_t size : sizes) lines += (size * width + 7) / 8;
-  memory_.assign(lines, {});
-  Line* next = memory_.data();
-  for (std::size_t i = 0; i < std::size(sizes); next += (sizes[i++] * width + 7) / 8) *pointers[i] = next->x;
-  rows_.dofs = static_cast<int>(dofs.size());
-  rows_.entries = static_cast<int>(entries_.size());
-  rows_.numbers = static_cast<int>(carrier_.size());
-  rows_.dof = dofs.data();
-  rows_.entry = entries_.data();
-  rows_.carrier = carrier_.data();
-  rows_.from = from_.data();
-}
-
 MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settings, Mechanism& mechanism)
     : mechanism_(mechanism),
-      scalar_(kernels().front()->lanes),
       space_(mechanism),
       space_dof_(dofs_of_model(model, mechanism, space_)),
       muscles_(model, settings, [this](int a, int b) { return on_one_branch(a, b); }) {
@@ -103,10 +75,10 @@ void MuscleCoupling::collect_trees() {
       if (!roots[at(root(dof))]) continue;
       with_tendons_[at(dof)] = 1;
       place[at(dof)] = static_cast<int>(rows_.size());
-      dofs_.push_back(dof);
-      nodes_.push_back(node);
       const int parent = space_.parent_dof(dof) == kNoDof ? kNoDof : place[at(space_.parent_dof(dof))];
-      CoupledDof& added = rows_.emplace_back();
+      Coupled& added = rows_.emplace_back();
+      added.dof = dof;
+      added.node = node;
       added.depth = parent == kNoDof ? 0 : rows_[at(parent)].depth + 1;
       added.row = static_cast<int>(carrier_.size());
       for (int k = 0; k < added.depth; ++k) carrier_.push_back(carrier_[at(rows_[at(parent)].row + k)]);
@@ -116,14 +88,15 @@ void MuscleCoupling::collect_trees() {
 }
 
 void MuscleCoupling::collect_entries() {
-  const auto place = [&](int dof) { return static_cast<int>(std::ranges::find(dofs_, dof) - dofs_.begin()); };
+  const auto place = [&](int dof) {
+    return static_cast<int>(std::ranges::find(rows_, dof, &Coupled::dof) - rows_.begin());
+  };
   for (std::size_t k = 0; k < muscles_.slopes().size(); ++k) {
     const Muscles::Slope& slope = muscles_.slopes()[k];
     const int a = space_dof_[at(slope.row)], b = space_dof_[at(slope.column)];
     if (a == kNoDof || b == kNoDof) continue;
     const int i = place(std::max(a, b)), j = place(std::min(a, b));
-    entries_.push_back({i, j, rows_[at(i)].row + rows_[at(j)].depth});
-    slopes_.push_back(k);
+    entries_.push_back({i, j, rows_[at(i)].row + rows_[at(j)].depth, k});
     space_dofs_.emplace_back(std::max(a, b), std::min(a, b));
   }
 }
@@ -141,36 +114,28 @@ void MuscleCoupling::collect_sources() {
     first[b] = end;
     end += width * depth[b];
   }
-  std::vector<int> from;
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    for (int k = 0; k <= rows_[i].depth; ++k) {
-      const LaneSlot& slot = mechanism_.slot(at(nodes_[i]));
-      const std::size_t row = first[at(slot.batch)] + at(rows_[i].depth - k) * width + at(slot.lane);
-      from.push_back(single_ ? static_cast<int>(row) : rows_[i].row + k);
-    }
-  memory_.make(rows_, entries_, carrier_, std::move(from), single_ ? end : carrier_.size(), 1);
   static const double none = 0;
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    CoupledDof& dof = memory_.dofs[i];
-    dof.du = &mechanism_.du()[space_.rate_index(dofs_[i])];
-    dof.tau = &mechanism_.torques()[space_.rate_index(dofs_[i])];
+  for (Coupled& dof : rows_) {
+    const LaneSlot& slot = mechanism_.slot(at(dof.node));
+    for (int k = 0; k <= dof.depth; ++k) {
+      const std::size_t row = first[at(slot.batch)] + at(dof.depth - k) * width + at(slot.lane);
+      from_.push_back(single_ ? static_cast<int>(row) : dof.row + k);
+    }
+    dof.du = &mechanism_.du()[space_.rate_index(dof.dof)];
+    dof.tau = &mechanism_.torques()[space_.rate_index(dof.dof)];
     dof.reaction = dof.force = &unused_;
     dof.weight = dof.side = &none;
-    if (rate_count(nodes[at(nodes_[i])].kind) != 1) continue;
-    const AxisView axis = mechanism_.axis_view(at(nodes_[i]));
+    if (rate_count(nodes[at(dof.node)].kind) != 1) continue;
+    const NodeView& axis = mechanism_.view(at(dof.node));
     dof.reaction = axis.reaction;
     dof.force = axis.force;
     dof.weight = axis.weight;
     dof.side = axis.side;
   }
-}
-
-void MuscleCoupling::make(TendonMemory& memory, std::size_t inertia, const std::vector<std::size_t>& first,
-                          std::size_t width) const {
-  std::vector<int> from;
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    for (int k = rows_[i].depth; k >= 0; --k) from.push_back(static_cast<int>(first[at(nodes_[i])]) + k);
-  memory.make(rows_, entries_, carrier_, std::move(from), inertia, width);
+  inertia_.resize(single_ ? end : carrier_.size());
+  slope_.resize(entries_.size());
+  for (auto* numbers : {&A_, &L_}) numbers->resize(carrier_.size());
+  for (auto* numbers : {&x_, &b_, &inverse_}) numbers->resize(rows_.size());
 }
 
 std::span<const double> MuscleCoupling::begin(const StepInput& input) {
@@ -189,25 +154,18 @@ std::span<const double> MuscleCoupling::begin(std::span<const double> q, std::sp
   const std::span<const double> own = muscles_.torques();
   for (std::size_t i = 0; i < given_.size(); ++i)
     given_[i] = own[i] + (input.torques.empty() ? 0 : input.torques[i]);
-  for (std::size_t k = 0; k < slopes_.size(); ++k)
-    memory_.rows().slope[k] = muscles_.slopes()[slopes_[k]].value;
+  for (std::size_t k = 0; k < entries_.size(); ++k) slope_[k] = muscles_.slopes()[entries_[k].slope].value;
   return given_;
 }
 
 void MuscleCoupling::compute_inertia() {
   if (have_inertia_) return;
   have_inertia_ = true;
-  const TendonRows& c = memory_.rows();
-  if (single_) return mechanism_.kernel().inertia(mechanism_.tree(), c.inertia);
+  if (single_) return mechanism_.kernel().inertia(mechanism_.tree(), inertia_.data());
   space_.compute_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    for (int k = rows_[i].row; k <= rows_[i].row + rows_[i].depth; ++k)
-      c.inertia[k] = space_.inertia(dofs_[i], dofs_[at(carrier_[at(k)])]);
-}
-
-void MuscleCoupling::correct(double step) {
-  compute_inertia();
-  scalar_.couple(memory_.rows(), step);
+  for (const Coupled& each : rows_)
+    for (int k = each.row; k <= each.row + each.depth; ++k)
+      inertia_[at(k)] = space_.inertia(each.dof, rows_[at(carrier_[at(k)])].dof);
 }
 
 }  // namespace handsim::engine::articulated

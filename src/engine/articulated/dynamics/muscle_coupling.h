@@ -1,7 +1,7 @@
 // Muscles and bands in the step of a mechanism. Their torques at the step's end couple the coordinates
 // that a tendon crosses (engine/muscles.h): H becomes H + h B. All coordinates of a tendon lie on one branch,
 // so that the factor of H + h B has the same zeros as that of H. The kernels' own solution knows of no B: it
-// is corrected by one factorisation of the trees that have tendons (kernels/kernel_coupling.h).
+// is corrected by one factorisation of the trees that have tendons (tendon_solution.cpp).
 #pragma once
 
 #include <span>
@@ -11,25 +11,6 @@
 #include "handsim/engine/muscles.h"
 
 namespace handsim::engine::articulated {
-
-/// TendonRows with all that they point to.
-class TendonMemory {
- public:
-  /// @param dofs without pointers yet. @param from places among `inertia` numbers of H. @param width of lanes
-  void make(std::vector<CoupledDof> dofs, std::vector<CoupledEntry> entries, std::vector<int> carrier,
-            std::vector<int> from, std::size_t inertia, std::size_t width);
-  const TendonRows& rows() const { return rows_; }
-  std::vector<CoupledDof> dofs;  ///< pointers to be set
-
- private:
-  struct alignas(64) Line {
-    double x[8];
-  };
-  TendonRows rows_;
-  std::vector<CoupledEntry> entries_;
-  std::vector<int> carrier_, from_;
-  std::vector<Line> memory_;
-};
 
 class MuscleCoupling {
  public:
@@ -43,7 +24,6 @@ class MuscleCoupling {
   std::span<const double> begin(const StepInput& input);
   /// As above, but from coordinates and rates, each of size Model::dof_count().
   std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
-  std::span<const double> given() const { return given_; }  ///< what `begin` returned
   /// Before a `begin` that `go_back` may undo, where the step is not made.
   void keep() { muscles_.keep(); }
   void go_back() { muscles_.go_back(); }
@@ -54,53 +34,61 @@ class MuscleCoupling {
   void add_to(JointSpace& space, double step, const Of& of) const {
     for (std::size_t k = 0; k < entries_.size(); ++k) {
       const auto [i, j] = space_dofs_[k];
-      if (of(i)) space.add(i, j, step * slopes()[k]);
+      if (of(i)) space.add(i, j, step * slope_[k]);
     }
   }
   /// Calls f(i, j, entry of B) with dofs of the joint space, j carries i or is i.
   template <class F>
   void each_slope(const F& f) const {
     for (std::size_t k = 0; k < entries_.size(); ++k)
-      f(space_dofs_[k].first, space_dofs_[k].second, slopes()[k]);
+      f(space_dofs_[k].first, space_dofs_[k].second, slope_[k]);
   }
   /// Whether a tendon crosses a coordinate of the model.
   bool pulls(std::size_t dof) const;
   /// Removes h B du from the torques that `compute_torques` wrote.
-  void compute_torques(double step) { scalar_.compute_torques(memory_.rows(), step); }
+  void compute_torques(double step);
   /// Writes activations, fibre lengths and tensions.
   void give(model::State& state) const { muscles_.end(state.q, state.u, state); }
 
-  /// True where trees with tendons have nodes of one rate only.
-  bool single() const { return single_; }
-  /// Makes `memory` for lanes. @param inertia count of Kernel::inertia's numbers. @param first index by node
-  void make(TendonMemory& memory, std::size_t inertia, const std::vector<std::size_t>& first,
-            std::size_t width) const;
-  int node(std::size_t dof) const { return nodes_[dof]; }
-  /// Entries of B, as `begin` found them.
-  std::span<const double> slopes() const { return {memory_.rows().slope, entries_.size()}; }
-
  private:
+  /// A coordinate of a tree with tendons. Its row of H has the coordinates that carry it, from the tree's
+  /// first one on, and itself.
+  struct Coupled {
+    int dof = 0, node = 0;  ///< of the joint space, of the topology
+    int depth = 0;          ///< coordinates that carry it
+    int row = 0;            ///< first number of its row of H
+    double *du = nullptr, *tau = nullptr, *force = nullptr, *reaction = nullptr;
+    const double *weight = nullptr, *side = nullptr;  ///< as in Axis
+    bool locked() const { return *side * *side > 0; }
+  };
+  /// An entry of B at coordinate i, carried by j, and its place in the rows of H.
+  struct Entry {
+    int i = 0, j = 0, at = 0;
+    std::size_t slope = 0;  ///< of muscles_
+  };
   void collect_trees();
   void collect_entries();
   void collect_sources();
   bool on_one_branch(int a, int b) const;
   void compute_inertia();
+  void assemble(double step);
+  void lock();
+  void solve(bool locks);
 
   Mechanism& mechanism_;
-  const LaneKernel& scalar_;
   JointSpace space_;
   std::vector<int> space_dof_;  ///< of the joint space, of each coordinate of the model, or kNoDof
   Muscles muscles_;
   std::vector<char> with_tendons_;  ///< by dof of the joint space: its tree has some
-  // By coordinate of a tree with tendons.
-  std::vector<CoupledDof> rows_;
-  std::vector<int> dofs_, nodes_;
-  std::vector<int> carrier_;
-  // By entry of B: slope of muscles_, and dofs of the joint space.
-  std::vector<CoupledEntry> entries_;
-  std::vector<std::size_t> slopes_;
-  std::vector<std::pair<int, int>> space_dofs_;
-  TendonMemory memory_;
+  std::vector<Coupled> rows_;
+  std::vector<Entry> entries_;
+  std::vector<std::pair<int, int>> space_dofs_;  ///< of each entry of B, in the joint space
+  std::vector<double> slope_;                    ///< B, by entry
+  std::vector<int> carrier_;                     ///< coordinate of each number of H
+  std::vector<int> from_;                        ///< its place in inertia_
+  std::vector<double> inertia_;                  ///< as Kernel::inertia writes it
+  std::vector<double> A_, L_;                    ///< numbers of H
+  std::vector<double> x_, b_, inverse_;          ///< by coordinate
   double unused_ = 0;  ///< force and reaction of coordinates of nodes of several rates
   bool single_ = true;
   bool have_inertia_ = false;

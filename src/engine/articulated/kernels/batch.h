@@ -37,6 +37,12 @@ struct alignas(64) Frame {
   Lane<W> p[3];     ///< centre of mass from O [m]
   Lane<W> v[6];     ///< spatial velocity
   Lane<W> a[6];     ///< spatial acceleration, less gravity's
+
+  /// Calls visit(&Frame::field) for each field.
+  template <class Visit>
+  static constexpr void each_field(const Visit& visit) {
+    (visit(&Frame::quat), visit(&Frame::R), visit(&Frame::p), visit(&Frame::v), visit(&Frame::a));
+  }
 };
 
 /// Forces across the single coordinate of each node of a batch.
@@ -59,6 +65,12 @@ struct alignas(64) Axis {
   Lane<W> given;     ///< [1/s^2 times the coordinate's unit]
   Lane<W> reaction;  ///< out: force of the lock
   Lane<W> work;      ///< out: done by all of these in a step, by Kernel::work [J]
+
+  /// Calls visit(&Axis::field) for each field that is kept from step to step.
+  template <class Visit>
+  static constexpr void each_kept(const Visit& visit) {
+    (visit(&Axis::side), visit(&Axis::saturated));
+  }
 };
 
 /// The servo law of a coordinate; V: a number, or numbers in lanes.
@@ -81,7 +93,7 @@ enum class ParentLink {
 
 /// Nodes of one kind and one depth. Lanes without a node are a unit inertia at rest.
 template <int W>
-struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding): the lanes have to come first
+struct alignas(64) Batch {
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
   // Functions of the position.
@@ -95,7 +107,6 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   Lane<W> spin;                 ///< square of the angular velocity
   Lane<W> momentum[6], energy;  ///< of the bodies: about O, and kinetic; by Kernel::momenta
   Frame<W> frame;
-  // Last, so that every Lane is aligned.
   NodeKind kind;
   ParentLink link;
   bool has_children;
@@ -109,18 +120,25 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   int axis;  ///< index of its Axis or Joint3
 };
 
+/// What children of a batch hand down: inertia by its angular block A (as I), coupling B (rows first) and
+/// linear block C, and force p.
+template <int W>
+struct alignas(64) Handed {
+  Lane<W> A[6], B[9], C[6], p[6];
+
+  /// Calls visit(&Handed::field) for each field.
+  template <class Visit>
+  static constexpr void each_field(const Visit& visit) {
+    (visit(&Handed::A), visit(&Handed::B), visit(&Handed::C), visit(&Handed::p));
+  }
+};
+
 /// What the articulated-body algorithm has of a batch while it works; shared by all trees of a thread.
 template <int W>
-struct alignas(64) Work {
-  // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
-  Lane<W> A[6], B[9], C[6], p[6];
+struct alignas(64) Work : Handed<W> {
   Lane<W> U[6], weighted, inverse, u_force,
       rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
 };
-
-enum class WorkOf { batches, joints3 };
-/// Memory of this thread, aligned to 64 bytes; its content stays until other trees work.
-void* thread_work(WorkOf of, std::size_t bytes);
 
 /// The larger blocks of ball and free nodes.
 template <int W>
@@ -137,13 +155,15 @@ struct alignas(64) Work3 {
   Lane<W> rate[6];
 };
 
-/// A tree in lanes of width W; arrays of Batch<W>, Axis<W>, Joint3<W>, Frame<W>.
+/// Memory of this thread for so many items; its content stays until other trees work.
+template <int W>
+Work<W>* thread_work(std::size_t count);
+template <int W>
+Work3<W>* thread_work3(std::size_t count);
+
+/// A tree in lanes: what does not depend on their width.
 struct Tree {
   int batches = 0;
-  void* batch = nullptr;
-  void* axis = nullptr;
-  void* joint3 = nullptr;
-  void* base = nullptr;
   int rates = 0, positions = 0;        ///< sizes of the arrays below, all lanes counted
   double* q = nullptr;                 ///< positions, [batch][component][lane]
   double* u = nullptr;                 ///< rates
@@ -155,86 +175,22 @@ struct Tree {
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
 };
 
-/// A body of each lane's model: of a node, or of a base.
+/// A tree in W lanes: its arrays.
 template <int W>
-struct alignas(64) LaneBody {
-  // Constant.
-  Lane<W> q_LB[4];
-  Lane<W> mass;
-  Lane<W> p[3], q[4], v[3], w[3];  // As model::BodyState; those of bases are set from outside.
-  Lane<W> moment[3];               ///< of all bodies distal to its joint: mass times position [kg m]
-  int batch = 0, island = 0;
-  bool of_node = false;
+struct TreeOf : Tree {
+  static constexpr int kWidth = W;
+  Batch<W>* batch = nullptr;
+  Axis<W>* axis = nullptr;
+  Joint3<W>* joint3 = nullptr;
+  Frame<W>* base = nullptr;
 };
-
-/// A joint of control::GravityLoad.
+/// @param tree that was made for W lanes
 template <int W>
-struct alignas(64) LaneWeight {
-  Lane<W> mass, frame[3], first_axis[3], second_axis[3];
-  int parent = 0, child = 0;  ///< bodies
-  int dof = 0;
-  bool adds_to_parent = false, turns = false, universal = false;
-};
+const TreeOf<W>& lanes_of(const Tree& tree) {
+  return static_cast<const TreeOf<W>&>(tree);
+}
 
-/// A driven axis of control::Controller, with implicit gains.
-template <int W>
-struct alignas(64) LaneServo {
-  // Constant.
-  Lane<W> proportional, derivative, integral_gain, limit, zone, smoothing, tissue_stiffness, tissue_rest;
-  Lane<W> target;
-  Lane<W> integral, filtered_rate, torque, at_limit;  // From step to step.
-  Lane<W> reached;                                    ///< target of the last step that is over
-  int batch = 0, dof = 0;
-};
-
-/// Bodies and controllers of the environments in the lanes of a Tree.
-struct LaneControl {
-  int bodies = 0, weights = 0, servos = 0, dofs = 0;
-  void* body = nullptr;
-  void* weight = nullptr;
-  void* servo = nullptr;
-  double* origin = nullptr;   ///< of each island, [island][3][lane]
-  double* gravity = nullptr;  ///< that is compensated, [3][lane]
-  double* load = nullptr;     ///< torque that balances the weight, [dof][lane]
-};
-
-/// A coordinate of a tree with tendons. Its row of H has the coordinates that carry it, from the tree's first
-/// one on, and itself. Every number is Kernel::width numbers side by side.
-struct CoupledDof {
-  int depth = 0, row = 0;
-  double *du = nullptr, *tau = nullptr, *force = nullptr, *reaction = nullptr;
-  const double *weight = nullptr, *side = nullptr;  ///< as in Axis
-};
-/// An entry of B (engine/muscles.h) at coordinate i, carried by j, and in the rows of H.
-struct CoupledEntry {
-  int i = 0, j = 0, at = 0;
-};
-/// What a TendonCoupling works on, and with.
-struct TendonRows {
-  int dofs = 0, entries = 0, numbers = 0;  ///< numbers: of the rows of H
-  const CoupledDof* dof = nullptr;
-  const CoupledEntry* entry = nullptr;
-  const int* carrier = nullptr;  ///< coordinate of each number of H
-  const int* from = nullptr;     ///< its place in `inertia`
-  double* inertia = nullptr;     ///< as Kernel::inertia writes it
-  double* slope = nullptr;       ///< B, by entry
-  double *A = nullptr, *L = nullptr, *x = nullptr, *b = nullptr, *inverse = nullptr;
-};
-
-/// For lanes that are environments; Kernel::width numbers at a time.
-struct LaneKernel {
-  /// Bodies of nodes to where kinematics found them.
-  void (*place_bodies)(const Tree&, const LaneControl&);
-  /// control::GravityLoad and Controller::command, into the servos of the axes.
-  void (*command)(const Tree&, const LaneControl&, double step);
-  void (*observe)(const Tree&, const LaneControl&);
-  /// Changes the accelerations that `solve` found, and the reactions of locks, to those with h B.
-  void (*couple)(const TendonRows&, double step);
-  /// Takes h B du from tau, and from the force whose work `Kernel::work` finds.
-  void (*compute_torques)(const TendonRows&, double step);
-};
-
-/// The algorithms for one width and instruction set. Same bits from every one of them.
+/// The algorithms for one width and instruction set, for trees of that width. Same bits from every one.
 struct Kernel {
   const char* name = "";
   int width = 1;
@@ -270,7 +226,6 @@ struct Kernel {
   bool (*accelerate)(const Tree&, double step);
   /// compute_torques, integrate and kinematics, in one pass. False as kinematics.
   bool (*advance)(const Tree&, double step);
-  LaneKernel lanes;  ///< For trees whose lanes are environments (lane_group.h).
 };
 
 }  // namespace handsim::engine::articulated

@@ -1,8 +1,6 @@
 // The kernel of a number type: one for each instruction set. Included by the kernel_*.cpp files only.
 #pragma once
 
-#include "handsim/engine/articulated/kernels/kernel_control.h"
-#include "handsim/engine/articulated/kernels/kernel_coupling.h"
 #include "handsim/engine/articulated/kernels/kernel_motion.h"
 #include "handsim/engine/articulated/kernels/kernel_solve.h"
 
@@ -13,8 +11,6 @@ constexpr Kernel make_kernel(const char* name) {
   using M = Motion<V>;
   using F = Forces<V>;
   using S = ArticulatedBodies<V>;
-  using C = LaneControls<V>;
-  using T = TendonCoupling<V>;
   return {.name = name,
           .width = static_cast<int>(Lanes<V>::W),
           .kinematics = M::kinematics,
@@ -31,8 +27,7 @@ constexpr Kernel make_kernel(const char* name) {
           .position_rates = M::position_rates,
           .normalise = M::normalise,
           .accelerate = S::accelerate,
-          .advance = M::advance,
-          .lanes = {C::place_bodies, C::command, C::observe, T::accelerate, T::compute_torques}};
+          .advance = M::advance};
 }
 
 }  // namespace handsim::engine::articulated

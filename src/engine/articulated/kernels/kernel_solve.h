@@ -14,12 +14,11 @@ struct ArticulatedBodies : Lanes<V> {
       L::times_rigid;
   using typename L::Batches, typename L::Axes, typename L::Joints3, typename L::Frames;
 
-  using Works = Work<W>*;                  ///< of each batch of a tree
-  static constexpr int kArticulated = 27;  ///< numbers of A, B, C, p
+  using Works = Work<W>*;  ///< of each batch of a tree
   /// The first call in a solution has the largest index.
   static Work3<W>& work3(const Batches& b) {
     const auto index = static_cast<std::size_t>(b.axis);
-    return static_cast<Work3<W>*>(thread_work(WorkOf::joints3, sizeof(Work3<W>) * (index + 1)))[index];
+    return thread_work3<W>(index + 1)[index];
   }
   static bool lone(const Batches& b) { return b.kind == NodeKind::free && !b.has_children; }
 
@@ -64,14 +63,20 @@ struct ArticulatedBodies : Lanes<V> {
       store6(to.p, load6(to.p) + p);
       return;
     }
-    alignas(64) Lane<W> sum[kArticulated];
-    store_sym(sum, I.A);
-    store_mat(sum + 6, I.B);
-    store_sym(sum + 15, I.C);
-    store6(sum + 21, p);
+    Handed<W> sum;
+    store_sym(sum.A, I.A);
+    store_mat(sum.B, I.B);
+    store_sym(sum.C, I.C);
+    store6(sum.p, p);
     for (int lane = b.used - 1; lane >= 0; --lane) {
-      double* to = &works[b.parent_batch[lane]].A[0][0] + b.parent_lane[lane];
-      for (int i = 0; i < kArticulated; ++i) to[i * W] += sum[i][lane];
+      Handed<W>& parent = works[b.parent_batch[lane]];
+      const int to_lane = b.parent_lane[lane];
+      Handed<W>::each_field([&](auto field) {
+        auto& to = parent.*field;
+        const auto& from = sum.*field;
+        for (std::size_t i = 0; i < std::extent_v<std::remove_reference_t<decltype(to)>>; ++i)
+          to[i][to_lane] += from[i][lane];
+      });
     }
   }
 
@@ -198,17 +203,18 @@ struct ArticulatedBodies : Lanes<V> {
     return sound;
   }
 
-  static Works works_of(const Tree& tree) {
-    return static_cast<Works>(
-        thread_work(WorkOf::batches, sizeof(Work<W>) * static_cast<std::size_t>(tree.batches)));
-  }
+  static Works works_of(const Tree& tree) { return thread_work<W>(static_cast<std::size_t>(tree.batches)); }
 
   static Works cleared(const Tree& tree) {
     const Works works = works_of(tree);
     const V zero = 0.0;
-    for (int i = 0; i < tree.batches; ++i)
-      for (int k = 0; k < kArticulated && batches(tree)[i].cleared; ++k)
-        store(&works[i].A[0][0] + k * W, zero);
+    for (int i = 0; i < tree.batches; ++i) {
+      if (!batches(tree)[i].cleared) continue;
+      Handed<W>* const to = works + i;
+      Handed<W>::each_field([to, &zero](auto field) {
+        for (auto& lanes : to->*field) store(lanes, zero);
+      });
+    }
     return works;
   }
 

@@ -1,4 +1,3 @@
-#include <cstddef>
 #include <vector>
 
 #include "handsim/engine/articulated/kernels/kernel_table.h"
@@ -7,21 +6,33 @@
 namespace handsim::engine::articulated {
 
 // Not in the kernels' own files: what the standard library instantiates there is of their instruction sets.
-void* thread_work(WorkOf of, std::size_t bytes) {
-  struct alignas(64) Line {
-    std::byte bytes[64];
-  };
-  thread_local std::vector<Line> works[2];
-  std::vector<Line>& work = works[static_cast<int>(of)];
-  if (work.size() * sizeof(Line) < bytes) work.resize((bytes + sizeof(Line) - 1) / sizeof(Line));
-  return work.data();
+template <int W>
+Work<W>* thread_work(std::size_t count) {
+  thread_local std::vector<Work<W>> works;
+  if (works.size() < count) works.resize(count);
+  return works.data();
 }
+template <int W>
+Work3<W>* thread_work3(std::size_t count) {
+  thread_local std::vector<Work3<W>> works;
+  if (works.size() < count) works.resize(count);
+  return works.data();
+}
+template Work<1>* thread_work<1>(std::size_t);
+template Work<2>* thread_work<2>(std::size_t);
+template Work<4>* thread_work<4>(std::size_t);
+template Work<8>* thread_work<8>(std::size_t);
+template Work3<1>* thread_work3<1>(std::size_t);
+template Work3<2>* thread_work3<2>(std::size_t);
+template Work3<4>* thread_work3<4>(std::size_t);
+template Work3<8>* thread_work3<8>(std::size_t);
 
 std::vector<const Kernel*> kernels() {
   std::vector<const Kernel*> out = {&kScalarKernel};
-  if (kBaselineKernel.width > 1) out.push_back(&kBaselineKernel);
 #if defined(HANDSIM_AVX2_KERNEL)
   if (__builtin_cpu_supports("avx2")) out.push_back(&kAvx2Kernel);
+#else
+  if (kBaselineKernel.width > 1) out.push_back(&kBaselineKernel);
 #endif
 #if defined(HANDSIM_AVX512_KERNEL)
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&

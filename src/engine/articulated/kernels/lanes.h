@@ -78,11 +78,9 @@ struct Lanes {
   }
   static void add(double* x, const V& v) { store(x, load(x) + v); }
 
-  static Batches* batches(const Tree& tree) { return static_cast<Batches*>(tree.batch); }
-  static Axes& axis(const Tree& tree, const Batches& b) { return static_cast<Axes*>(tree.axis)[b.axis]; }
-  static Joints3& joint3(const Tree& tree, const Batches& b) {
-    return static_cast<Joints3*>(tree.joint3)[b.axis];
-  }
+  static Batches* batches(const Tree& tree) { return lanes_of<W>(tree).batch; }
+  static Axes& axis(const Tree& tree, const Batches& b) { return lanes_of<W>(tree).axis[b.axis]; }
+  static Joints3& joint3(const Tree& tree, const Batches& b) { return lanes_of<W>(tree).joint3[b.axis]; }
   static ServoLaw<V> servo_law(const Axes& a) {
     return {load(a.servo_stiffness), load(a.servo_damping), load(a.servo_error), load(a.servo_feed)};
   }
@@ -92,17 +90,21 @@ struct Lanes {
 
   /// The parents' frame; `scratch` is filled where each lane has its own.
   static const Frames& parent(const Tree& tree, const Batches& b, Frames& scratch) {
-    if (b.link == ParentLink::base) return static_cast<Frames*>(tree.base)[b.parent];
+    if (b.link == ParentLink::base) return lanes_of<W>(tree).base[b.parent];
     if (b.link == ParentLink::aligned) return batches(tree)[b.parent].frame;
     gather(tree, b, scratch);
     return scratch;
   }
   static void gather(const Tree& tree, const Batches& b, Frames& scratch) {
-    constexpr int kNumbers = static_cast<int>(sizeof(Frames) / sizeof(Lane<W>));
-    double* out = &scratch.quat[0][0];
     for (int lane = 0; lane < W; ++lane) {
-      const double* in = &batches(tree)[b.parent_batch[lane]].frame.quat[0][0] + b.parent_lane[lane];
-      for (int i = 0; i < kNumbers; ++i) out[i * W + lane] = in[i * W];
+      const Frames& from = batches(tree)[b.parent_batch[lane]].frame;
+      const int from_lane = b.parent_lane[lane];
+      Frames::each_field([&](auto field) {
+        auto& out = scratch.*field;
+        const auto& in = from.*field;
+        for (std::size_t i = 0; i < std::extent_v<std::remove_reference_t<decltype(out)>>; ++i)
+          out[i][lane] = in[i][from_lane];
+      });
     }
   }
 

@@ -114,7 +114,7 @@ TEST(ContactProblem, WithABrokenRuleEndsADebugBuild) {
   check(solver.problem);
   const Problem sound = solver.problem;
   Problem bounds = sound, rows = sound, pattern = sound;
-  bounds.bounds[3] = {1, 0, LimitSide::within};
+  bounds.limits[3] = {.low = 1, .high = 0};
   EXPECT_DEBUG_DEATH(check(bounds), "low > ");
   rows.contacts[0].discs[1].row = 2;
   EXPECT_DEBUG_DEATH(check(rows), "row == row");

@@ -170,7 +170,7 @@ TEST(ContactSolver, KeepsItsUnknownsWhereNothingIsANumber) {
   for (std::size_t k = 0; k < 3; ++k) solver.problem.jacobian(rows)[k * 3 + k] = 1;
   EXPECT_FALSE(solver.solve(1e-9).solved);
   EXPECT_EQ(solver.problem.x.size(), 3U);
-  EXPECT_EQ(solver.problem.bounds.size(), 3U);
+  EXPECT_EQ(solver.problem.limits.size(), 3U);
 }
 
 // Oracle: each island solved alone.
