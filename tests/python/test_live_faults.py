@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+import tracemalloc
 import urllib.error
 import urllib.request
 import zlib
@@ -168,9 +169,11 @@ def test_wake_ups_without_a_step_keep_no_keyframe(balls_session):
     history = balls_session.history
     balls_session._steps(500)
     assert len(history.frames) == 3 and balls_session.course.tick == 500
+    last = history.frames[-1]
     for _ in range(300):
         balls_session.course.wake()
         assert len(history.advance(10, time.monotonic() + 60, 1.0)) == 0
+    assert len(history.frames) == 3 and history.frames[-1] is last
     do(balls_session, "reset")
     do(balls_session, "reset")
     assert len(history.frames) == 3
@@ -430,10 +433,16 @@ def test_spoilt_recordings_are_refused_with_their_line(tmp_path, text):
     str(found.value).encode()
 
 
-def test_a_replay_of_a_bomb_keeps_to_its_memory(tmp_path):
-    (tmp_path / "live.jsonl").write_bytes(head(files={"b": BOMB, "c": BOMB}))
-    done = command("--replay", tmp_path / "live.jsonl", preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (3 << 30, 3 << 30)))
-    assert done.returncode == 2 and "256 MB" in done.stderr and "Traceback" not in done.stderr
+def test_a_bomb_is_unpacked_no_further_than_its_bound(monkeypatch):
+    import handsim._live.replay as replay
+
+    monkeypatch.setattr(replay, "LARGEST_CONTENT", 100_000)
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="more than"):
+        replay.unpacked({"a": base64.b64encode(zlib.compress(bytes(60_000))), "b": BOMB})
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 2_000_000
 
 
 @needs_server
