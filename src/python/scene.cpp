@@ -1,6 +1,8 @@
 #include <map>
 
 #include "handsim/core/yaml.h"
+#include "handsim/engine/checks.h"
+#include "handsim/engine/muscles.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/python/arrays.h"
@@ -71,6 +73,40 @@ std::vector<std::string> objects(const SceneHandle& of) {
   return out;
 }
 
+/// Names of all objects, in the order of the scene's file, and whether each can move.
+std::vector<std::pair<std::string, bool>> all_objects(const SceneHandle& of) {
+  std::vector<std::pair<std::string, bool>> out;
+  for (const scene::ObjectSpec& object : of.scene->plans.objects)
+    out.emplace_back(object.name, !object.is_static);
+  return out;
+}
+
+/// What a step takes from outside: bodies on which forces act, poses of driven wrists, excitations.
+py::tuple takes(const SceneHandle& of) {
+  const model::Model& model = of.scene->model;
+  const engine::Settings& settings = of.scene->spec.solver;
+  const auto fits = [](const auto& require) {
+    try {
+      require();
+    } catch (const Error&) {
+      return false;
+    }
+    return true;
+  };
+  std::vector<std::string> bodies;
+  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+    engine::BodyForce force;
+    force.body = static_cast<int>(i);
+    if (fits([&] { engine::require_outside(model, settings, {.forces = std::span(&force, 1)}); }))
+      bodies.push_back(model.bodies[i].name);
+  }
+  const std::vector<Pose> wrists(model.drives.size());
+  const std::vector<double> excitations(model.muscles.size());
+  return py::make_tuple(
+      bodies, fits([&] { engine::require_outside(model, settings, {.drive_targets = wrists}); }),
+      fits([&] { engine::require_excitations(model, settings, excitations); }));
+}
+
 /// The fields of Muscle in _scene.py.
 py::list muscles(const SceneHandle& of) {
   py::list out;
@@ -102,6 +138,8 @@ void bind_scene(py::module_& module) {
       .def("driven_wrists", &driven_wrists)
       .def("poses", &named_poses)
       .def("objects", &objects)
+      .def("all_objects", &all_objects)
+      .def("takes", &takes)
       .def("muscles", &muscles)
       .def("standalone", &standalone)
       .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })

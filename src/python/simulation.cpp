@@ -318,18 +318,21 @@ void bind_simulation(py::module_& module) {
       .def("wrists",
            [](Self& self) {
              std::vector<double> out;
+             const auto bodies = self.read([](const auto& of) { return of.state().bodies; });
              for (const model::Drive& drive : self.simulation().model().drives) {
-               const Pose x = self.simulation().state().bodies[at(drive.body)].pose() * drive.frame;
+               const Pose x = bodies[at(drive.body)].pose() * drive.frame;
                out.insert(out.end(), {x.p.x(), x.p.y(), x.p.z(), x.q.w(), x.q.x(), x.q.y(), x.q.z()});
              }
              return array_of(out, 7);
            })
       .def("targets",
            [](Self& self) {
-             std::vector<double> out;
-             if (const auto* of = self.simulation().controller())
-               for (const control::AxisState& axis : of->axes()) out.push_back(axis.target);
-             return array_of(out);
+             return array_of(self.read([](const auto& of) {
+               std::vector<double> out;
+               if (const auto* controller = of.controller())
+                 for (const control::AxisState& axis : controller->axes()) out.push_back(axis.target);
+               return out;
+             }));
            })
       .def("step_with_derivatives", &Self::step_with_derivatives)
       .def("muscles", &Self::muscles)

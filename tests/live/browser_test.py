@@ -17,7 +17,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).parents[1] / 'report'))
 from chromium import DRAWN, browser  # noqa: E402
 
 import handsim as hs  # noqa: E402
-from handsim._live.log import Replay  # noqa: E402
+from handsim._live.replay import Replay  # noqa: E402
 
 PIXELS = """
 const from = document.querySelector('.screen canvas'), copy = document.createElement('canvas');
@@ -167,7 +167,7 @@ class Page(unittest.TestCase):
         self.click('play')
         self.until(lambda: not self.session.playing)
         tick, end = self.state()
-        found = Replay(self.session.call(lambda session: session.log.text(tick, end)).result(PATIENCE))
+        found = Replay(self.session.call(lambda session: session.history.recording()).result(PATIENCE))
         found.run()
         self.assertEqual((found.course.tick, found.course.state_hash()), (tick, end))
         self.assertEqual(self.problems(), [])

@@ -20,9 +20,11 @@ import handsim as hs
 from handsim._live.commands import READERS, Command, Facts, poses_of, read_command
 from handsim._live.course import Course, Files
 from handsim._live.frames import HEAD, encode
-from handsim._live.log import Log, Replay
-from handsim._live.session import KEPT, Session
+from handsim._live.history import KEPT
+from handsim._live.replay import Replay
+from handsim._live.session import Session
 from handsim._live.streams import PACKED, Follower, points_of, read_packed
+from handsim._live.views import look
 from handsim._live.tracker import DELAY, HandFilter, turned
 
 needs_server = pytest.mark.skipif(not hs.has_reports or not __import__("importlib").util.find_spec("aiohttp"),
@@ -40,20 +42,10 @@ class Hand:
         self.session._take()
 
     def run(self, steps):
-        session = self.session
-        session._go_on()
-        end = session.course.tick + steps
-        while session.course.tick < end and not session.course.failed:
-            before = session.course.tick
-            session.course.advance(min(end - before, session._until(0.25 / session.course.scene.step)))
-            if session.course.tick % round(0.25 / session.course.scene.step) == 0:
-                session._keep()
-            if session.course.tick % 1000 == 0:
-                session.log.add(session.course.tick, {"hash": session.course.state_hash()})
+        self.session._steps(steps)
 
     def replay(self):
-        course = self.session.course
-        found = Replay(self.session.log.text(course.tick, course.state_hash()))
+        found = Replay(self.session.history.recording())
         found.run()
         return found
 
@@ -214,7 +206,7 @@ def test_a_recording_repeats_every_input_to_the_bit(hands):
 def test_a_changed_recording_is_found(hands):
     busy(hands)
     course = hands.session.course
-    text = hands.session.log.text(course.tick, course.state_hash()).replace(b'"force":[0.0,3.0,0.0]', b'"force":[0.0,3.0,1e-9]')
+    text = hands.session.history.recording().replace(b'"force":[0.0,3.0,0.0]', b'"force":[0.0,3.0,1e-9]')
     with pytest.raises(hs.Error, match="hash") as found:
         Replay(text).run()
     assert found.value.kind == "physics"
@@ -233,7 +225,7 @@ def test_the_past_and_the_present_have_their_bits(hands):
         session.seek(at)
         assert session.course.state_hash() == hashes[at]
     session.seek(tick)
-    assert session.course.state_hash() == present and session._present is None
+    assert session.course.state_hash() == present and session.history.present is None
 
 
 def test_going_on_from_the_past_forgets_what_came_after(hands):
@@ -243,10 +235,10 @@ def test_going_on_from_the_past_forgets_what_came_after(hands):
     hands.run(100)
     hands.do("pose", name="flat")
     hands.run(400)
-    assert session.course.tick == 1000 and session._present is None
+    assert session.course.tick == 1000 and session.history.present is None
     assert hands.replay().end == session.course.state_hash()
     plain = Hand(session.files.compile({}))
-    assert b"stature" not in session.log.text(0, "").split(b"\n", 1)[1]
+    assert b"stature" not in session.history.recording().split(b"\n", 1)[1]
     del plain
 
 
@@ -254,9 +246,9 @@ def test_a_minute_is_kept_and_no_more():
     hand = Hand(hs.load(BALLS, {"solver.step": "10 ms"}))
     hand.run(9000)
     session = hand.session
-    first = session._frames[0][0]
+    first = session.history.frames[0][0]
     assert 9000 - KEPT / 0.01 - 30 <= first.tick <= 9000 - KEPT / 0.01
-    assert len(session._frames) <= KEPT / 0.25 + 2
+    assert len(session.history.frames) <= KEPT / 0.25 + 2
     session.seek(0)
     assert session.course.tick == first.tick
 
@@ -267,7 +259,6 @@ def test_a_motion_that_diverged_goes_back(balls_hand):
     session.input({"numbers": {"gravity": [0, 0, -1e9]}})
     balls_hand.run(2000)
     assert session.course.failed
-    session._after_steps()
     session.play(True)
     assert not session.playing
     session.seek(200)
@@ -297,13 +288,13 @@ def test_reset_is_the_start(hands):
 def test_wrong_lines_of_a_recording_end_with_a_reason(balls_hand, line):
     session = balls_hand.session
     balls_hand.run(5)
-    text = session.log.text(5, session.course.state_hash()).rsplit(b"\n", 2)[0] + b"\n" + line + b"\n" + b'{"at": 9, "end": "0"}\n'
+    text = session.history.recording().rsplit(b"\n", 2)[0] + b"\n" + line + b"\n" + b'{"at": 9, "end": "0"}\n'
     with pytest.raises(hs.Error):
         Replay(text).run()
 
 
 def test_a_recording_writes_no_file_outside_of_its_folder(balls_hand, tmp_path):
-    head = json.loads(balls_hand.session.log.text(0, "").split(b"\n")[0])
+    head = json.loads(balls_hand.session.history.recording().split(b"\n")[0])
     head["files"]["../../outside.yaml"] = head["files"]["resolved.yaml"]
     with pytest.raises(hs.Error, match="folder"):
         Replay(json.dumps(head).encode() + b"\n")
@@ -358,11 +349,11 @@ def test_commands_that_nobody_takes_are_bounded(hands):
 def test_frames_have_only_what_changed(balls_hand):
     session = balls_hand.session
     balls_hand.run(1)
-    first = session._look()
+    first = look(session, 0)
     assert HEAD.unpack_from(encode(first, None))[3] == len(session.facts.bodies)
     assert len(encode(first, first)) == HEAD.size
     balls_hand.run(10)
-    later = session._look()
+    later = look(session, 0)
     data = encode(later, first)
     _, tick, time_, bodies, contacts, angles, springs, _, flags = HEAD.unpack_from(data)
     moved = np.flatnonzero((later.poses != first.poses).any(axis=1))
@@ -623,7 +614,7 @@ def test_forged_frames_are_counted_and_do_nothing(can):
             spoilt[draw.integers(len(spoilt))] = draw.integers(256)
         follower.data(bytes(spoilt))
     session._take()
-    session._to(50)
+    session._steps(50)
     follower.close()
     assert not session.course.failed and np.isfinite(session.course.core.q).all()
 
@@ -686,7 +677,7 @@ class InStep:
 
     def run(self, steps):
         for _ in range(steps):
-            self.session._to(self.session.course.tick + 1)
+            self.session._steps(1)
             self.rates.append(np.abs(np.array(self.session.course.core.u)).max())
         self.session._publish(time.monotonic())
 

@@ -5,9 +5,10 @@ import html
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Sequence, Union
 
-from .._errors import input_error
+from .._errors import Error, input_error, whole
 from .._scene import Overrides, Scene, Source, load
-from .session import Session, View
+from .session import Session
+from .views import View
 
 if TYPE_CHECKING:
     from .server import Server
@@ -26,6 +27,7 @@ class Live:
 
     def __init__(self, session: Session, server: Optional["Server"], follower: Optional["Follower"]) -> None:
         self.session, self._server, self._follower = session, server, follower
+        self._raised = False
 
     @property
     def url(self) -> str:
@@ -64,26 +66,46 @@ class Live:
         self.session.on_step.append(function)
 
     def wait(self) -> None:
-        """Until Ctrl-C."""
+        """Until Ctrl-C. :raises: what a function of `on_step` has raised, or whatever else has stopped the session"""
         import contextlib
-        import threading
 
         with contextlib.suppress(KeyboardInterrupt):
-            threading.Event().wait()
+            self.session.trouble.wait()
+        self._raise()
 
     def close(self) -> None:
-        """Ends server and simulation."""
+        """Ends server and simulation. :raises: as `wait`; Error of kind output where the recording has ended before"""
+        self._end()
+        self._raise()
+
+    def _end(self) -> None:
         if self._follower is not None:
             self._follower.close()
         if self._server is not None:
             self._server.close()
         self.session.close()
 
+    def _raise(self) -> None:
+        """Once."""
+        problem = None if self._raised else self.failure()
+        if problem is not None:
+            self._raised = True
+            raise problem
+
+    def failure(self) -> Optional[BaseException]:
+        """What has stopped the session or its recording."""
+        log = self.session.log
+        if self.session.problem is None and log.lost and log.path is not None:
+            return Error(f"record: {log.path}: got a recording that has ended ({log.lost}), need a whole one", "output")
+        return self.session.problem
+
     def __enter__(self) -> "Live":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, _: object, error: object, __: object) -> None:
+        self._end()
+        if error is None:
+            self._raise()
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{html.escape(self.url)}" style="width: 100%; height: 720px; border: 1px solid #ccc"></iframe>'
@@ -113,27 +135,32 @@ def live(scene: Union[Scene, Source], overrides: Overrides = None, *, port: int 
     :param stream: where tracked hands come from: ``udp://127.0.0.1:PORT``, ``stdin``, ``ws`` (docs/live.md)
     :param record: a file for the recording; without one it is saved from the page
     :param page: False: no page, no server and no aiohttp
-    :raises Error: of kind input for a scene that does not run, a port that is taken, or without aiohttp
+    :raises Error: of kind input for a scene that does not run, a port that is taken, a recording that would replace another
+        file, or without aiohttp
     """
+    whole("port", port, 0, 65535)
     missing = needs_aiohttp() if page else None
     if missing:
         raise input_error("live", missing.partition(", need ")[0][4:], missing.partition(", need ")[2])
-    session = Session(scene if isinstance(scene, Scene) else load(scene, overrides), record)
-    follower = None
-    if stream:
-        from .streams import Follower
+    out = Live(Session(scene if isinstance(scene, Scene) else load(scene, overrides), record), None, None)
+    session = out.session
+    try:
+        if stream:
+            from .streams import Follower
 
-        follower = Follower(session, stream)
-    server = None
-    if page:
-        from .server import Server
+            out._follower = Follower(session, stream)
+        if page:
+            from .server import Server
 
-        server = Server(session, port, address, follower.message if follower and any(each.partition("?")[0] == "ws" for each in stream) else None)
-        server.start()
-    session.start()
-    if follower is not None:
-        follower.start()
-    out = Live(session, server, follower)
+            frames = out._follower.message if out._follower and any(each.partition("?")[0] == "ws" for each in stream) else None
+            out._server = Server(session, port, address, frames)
+            out._server.start()
+        session.start()
+        if out._follower is not None:
+            out._follower.start()
+    except BaseException:
+        out._end()
+        raise
     if play:
         out.do("play", on=True)
     return out

@@ -6,10 +6,13 @@ import contextlib
 import signal
 import sys
 import threading
-from typing import NoReturn, Optional, Sequence
+from typing import TYPE_CHECKING, NoReturn, Optional, Sequence
 
 from .._errors import Error, input_error
 from .._scene import find_file, load
+
+if TYPE_CHECKING:
+    from . import Live
 
 EXAMPLE = """Examples:
   python3 -m handsim live grasp_power_can --engine articulated
@@ -40,24 +43,26 @@ def parser() -> argparse.ArgumentParser:
                      help="tracked hands: udp://127.0.0.1:PORT, stdin, or ws (docs/live.md); may be repeated")
     out.add_argument("--replay", metavar="FILE", help="repeat a recording and compare the hashes of its states; no page")
     out.add_argument("--measure", action="store_true", help="measure time and latency of the scene; no browser")
-    out.add_argument("--seconds", type=float, default=10, help="of --measure (default 10)")
+    out.add_argument("--seconds", type=float, default=10, help="of --measure, 1 to 3600 (default 10)")
     return out
 
 
 def main(arguments: Sequence[str]) -> int:
-    """:returns: exit status: 0; 1 where a replay differs; 2 for wrong input"""
+    """:returns: exit status: 0; 1 where a replay differs, the motion has diverged, or the session or its recording has ended
+    by itself; 2 for wrong input"""
     options = parser().parse_args(arguments)
     try:
         if options.replay is not None:
-            if options.scene is not None:
-                raise input_error("live", "a scene beside --replay", "one of the two")
+            for name in ("scene", "record", "stream", "set", "engine", "play", "measure"):
+                if getattr(options, name):
+                    raise input_error("live", f"{name if name == 'scene' else '--' + name} beside --replay", "one of the two")
             return replay(options.replay)
         if options.scene is None:
             raise input_error("live", "no scene", "a scene, or --replay FILE")
         return run(options)
     except (Error, OSError) as error:
         print(f"error: {error}" if isinstance(error, OSError) else str(error), file=sys.stderr)
-        return 1 if isinstance(error, Error) and error.kind == "physics" else 2
+        return 1 if isinstance(error, Error) and error.kind != "input" else 2
 
 
 def overrides_of(words: Sequence[str]) -> dict[str, str]:
@@ -71,7 +76,7 @@ def overrides_of(words: Sequence[str]) -> dict[str, str]:
 
 
 def replay(path: str) -> int:
-    from .log import Replay
+    from .replay import Replay
 
     found = Replay(path)
     found.run()
@@ -88,6 +93,8 @@ def run(options: argparse.Namespace) -> int:
     if missing:
         print(f"live: {missing}", file=sys.stderr)
         return 2
+    if not 1 <= options.seconds <= 3600:
+        raise input_error("--seconds", f"{options.seconds:g}", "1 to 3600")
     one_thread()
     scene = load(find_file(options.scene), overrides_of(options.set), engine=options.engine)
     if options.measure:
@@ -96,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
         return measure(scene, options.seconds)
     sys.setswitchinterval(0.001)  # the session's thread waits less for the server's
     page = live(scene, port=options.port, address=options.address, play=options.play, stream=options.stream, record=options.record)
-    with page:
+    try:
         if options.address not in ("127.0.0.1", "::1", "localhost"):
             print(f"warning: {options.address} is open to other machines: who knows the address below can use the session, and what "
                   "they send is not encrypted", file=sys.stderr)
@@ -106,9 +113,21 @@ def run(options: argparse.Namespace) -> int:
 
             webbrowser.open(page.url)
         _wait()
-    if options.record:
-        print(f"recorded: {options.record}")
-    return 0
+    finally:
+        page._end()
+    return report(page)
+
+
+def report(page: "Live") -> int:
+    """What the command says at its end. :returns: exit status"""
+    problem, path, failed = page.failure(), page.session.log.path, page.session.course.failed
+    if path and page.session.log.lost is None:
+        print(f"recorded: {path}")
+    if problem is not None:
+        print(problem if isinstance(problem, Error) else f"error: {type(problem).__name__}: {problem}", file=sys.stderr)
+    elif failed:
+        print(f"error: {failed}", file=sys.stderr)
+    return 0 if problem is None and not failed else 1
 
 
 def one_thread() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .._errors import input_error
 from .._scene import Scene
-from .course import Course, Event
+from .course import Course, Event, spring_row
 
 Array = NDArray[np.float64]
 SPRINGS = 8
@@ -28,7 +28,7 @@ class Command(NamedTuple):
 
 
 class Facts(NamedTuple):
-    """Of a compiled scene, that checks need."""
+    """Of a compiled scene, that checks and pages need."""
 
     scene: Scene
     bodies: list[str]
@@ -36,18 +36,21 @@ class Facts(NamedTuple):
     coordinates: list[str]
     muscles: int
     objects: list[str]
+    """That can move."""
     driven: list[int]
     """Bodies of driven wrists."""
     masses: Array
     poses: dict[str, list[float]]
     """Named poses as values of `axes`."""
+    numbers: dict[str, Any]
+    """What can be changed while it runs, with the scene's own values."""
 
     @staticmethod
     def of(course: Course) -> "Facts":
         scene = course.scene
         bodies = scene.bodies
         return Facts(scene, bodies, scene.axes, scene.coordinates, len(scene.muscles), scene.objects,
-                     [bodies.index(name) for name in scene.wrists], scene.masses, poses_of(scene))
+                     [bodies.index(name) for name in scene.wrists], scene.masses, poses_of(scene), course.numbers)
 
 
 def poses_of(scene: Scene) -> dict[str, list[float]]:
@@ -65,31 +68,47 @@ def poses_of(scene: Scene) -> dict[str, list[float]]:
     return out
 
 
+def is_number(value: Any) -> bool:
+    """One that is finite as a float."""
+    try:
+        return type(value) in (int, float) and math.isfinite(value)
+    except OverflowError:
+        return False
+
+
+def shown(value: Any) -> str:
+    """A value in a message."""
+    try:
+        return repr(value)[:60]
+    except ValueError:
+        return "a number of too many digits"
+
+
 def number(of: Mapping[str, Any], key: str, low: float, high: float, default: Optional[float] = None) -> float:
-    value = of.get(key, default)
-    if type(value) not in (int, float) or not math.isfinite(value) or not low <= value <= high:
-        raise input_error(key, repr(value)[:60], f"a number, {low:g} to {high:g}")
+    value: Any = of.get(key, default)
+    if not is_number(value) or not low <= value <= high:
+        raise input_error(key, shown(value), f"a number, {low:g} to {high:g}")
     return float(value)
 
 
 def whole(of: Mapping[str, Any], key: str, low: int, high: int, default: Optional[int] = None) -> int:
     value = of.get(key, default)
     if type(value) is not int or not low <= value <= high:
-        raise input_error(key, repr(value)[:60], f"a whole number, {low} to {high}")
+        raise input_error(key, shown(value), f"a whole number, {low} to {high}")
     return value
 
 
 def vector(of: Mapping[str, Any], key: str, size: int, low: float, high: float) -> list[float]:
     values = of.get(key)
     if not isinstance(values, list) or len(values) != size:
-        raise input_error(key, repr(values)[:60], f"a list of {size} numbers")
+        raise input_error(key, shown(values), f"a list of {size} numbers")
     return [number({key: value}, key, low, high) for value in values]
 
 
 def word(of: Mapping[str, Any], key: str, known: list[str]) -> str:
     value = of.get(key)
     if not isinstance(value, str) or value not in known:
-        raise input_error(key, repr(value)[:60], "one of " + ", ".join(known[:40]))
+        raise input_error(key, shown(value), "one of " + ", ".join(known[:40]))
     return value
 
 
@@ -123,18 +142,14 @@ def _list(name: str, size: Callable[[Facts], int], low: float, high: float) -> C
     return read
 
 
+RANGES = {"mass": (1e-4, 1000.0), "friction": (0.0, 10.0), "gains": (0.01, 10.0), "torque_limits": (0.01, 10.0)}
+"""Of numbers, by the last word of their names."""
+
+
 def _number(of: Mapping[str, Any], facts: Facts) -> Command:
-    name = of.get("name")
-    if name == "gravity":
-        return Command("numbers", {name: vector(of, "value", 3, -100, 100)}, "number gravity")
-    keys = {"mass": (1e-4, 1000.0), "friction": (0.0, 10.0)}
-    for i in range(len(facts.objects)):
-        for key, (low, high) in keys.items():
-            if name == f"objects.{i}.{key}":
-                return Command("numbers", {name: number(of, "value", low, high)}, f"number {name}")
-    if name in ("gains", "torque_limits"):
-        return Command("numbers", {name: number(of, "value", 0.01, 10)}, f"number {name}")
-    raise input_error("name", repr(name)[:60], "gravity, gains, torque_limits, objects.I.mass or objects.I.friction")
+    name = word(of, "name", list(facts.numbers))
+    value = vector(of, "value", 3, -100, 100) if name == "gravity" else number(of, "value", *RANGES[name.rpartition(".")[2]])
+    return Command("numbers", {name: value}, f"number {name}")
 
 
 def _push(of: Mapping[str, Any], facts: Facts) -> Command:
@@ -163,7 +178,7 @@ def _seek(of: Mapping[str, Any], _: Facts) -> Command:
 
 def _play(of: Mapping[str, Any], _: Facts) -> Command:
     if type(of.get("on")) is not bool:
-        raise input_error("on", repr(of.get("on"))[:60], "true or false")
+        raise input_error("on", shown(of.get("on")), "true or false")
     return Command("play", {"on": of["on"]})
 
 
@@ -221,12 +236,7 @@ def _spring_event(values: Mapping[str, Any], course: Course, facts: Facts) -> Ev
     body = row[0]
     if body in facts.driven:
         return _wrist_event(body, row, course, facts)
-    # A finger's last segment turns about its joint: at its tip a third of its mass counts. Explicit forces are stable for
-    # stiffness * step^2 and damping * step small against that.
-    mass, step = float(facts.masses[body]) / 3, course.scene.step
-    stiffness = min(row[7], 0.1 * mass / step**2)
-    damping = min(1.4 * math.sqrt(stiffness * mass), 0.3 * mass / step)
-    springs[key] = [*row[:8], damping, row[8]]
+    springs[key] = spring_row(row, course.mass_of(body), course.scene.step)
     return {"springs": springs}
 
 

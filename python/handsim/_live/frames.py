@@ -6,7 +6,7 @@ from typing import Optional
 
 import numpy as np
 
-from .session import View
+from .views import View
 
 HEAD = struct.Struct("<IIdHHHHII")
 """Number of the view, step, time [s]; counts of bodies, contacts, coordinates, springs; build; flags (1: contacts are sent)."""

@@ -372,7 +372,7 @@
   let said = 0;
   function tellNotices() {
     const list = [...(state.failed ? [`Diverged: ${state.failed}`] : []), ...(state.said > said && state.notices.length ? [state.notices[state.notices.length - 1]] : []), ...(problem ? [problem] : []),
-      ...(state.recording_full ? ['The recording is full and has ended.'] : [])];
+      ...(state.recording_full ? [`The recording has ended: ${state.recording_full}.`] : [])];
     notice.hidden = !list.length;
     notice.textContent = list.join('\n');
   }
@@ -435,7 +435,7 @@
       data.coordinates.length ? part('Torques on joints', false, ...vector(data.coordinates, () => -1, () => 1, 'N m', 1, torques, (i, v) => set('torques', torques, i, v)),
         button('none', () => { state.torques = null; send('torques', {release: true}); })) : null,
       part('Scene', true, gravity() === undefined ? null : range('gravity, z', -20, 20, 'm/s²', gravity, v => setNumber('gravity', [0, 0, v])),
-        ...data.objects.flatMap((name, i) => [['mass', 'kg'], ['friction', '']].filter(([key]) => data.numbers[`objects.${i}.${key}`] !== undefined)
+        ...data.all_objects.flatMap((name, i) => [['mass', 'kg'], ['friction', '']].filter(([key]) => data.numbers[`objects.${i}.${key}`] !== undefined)
           .map(([key, unit]) => box(`${name}: ${key}`, unit, () => number(`objects.${i}.${key}`), v => setNumber(`objects.${i}.${key}`, v)))),
         element('div', {class: 'row'}, element('span', {}, 'engine'), engine, element('output')),
         element('div', {class: 'row'}, element('span', {}, 'step'), stepBox, element('output', {}, 'ms'))),

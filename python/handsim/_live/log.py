@@ -1,58 +1,130 @@
 """The recording of a live session: each input with its step, and hashes of the state between them.
 
 A file of lines of JSON. The first has the scene's files; each other one is an event ``{"at": step, ...}`` of `Course.apply`
-or a check ``{"at": step, "hash": ...}``. Going back in time takes the lines after that step away: a recording has what led
+or a check ``{"at": step, "hash": ...}``. Going on from a past moment takes the lines after it away: a recording has what led
 to the present, and no other thing.
 """
 from __future__ import annotations
 
 import base64
-import io
 import json
+import os
 import zlib
 from collections import deque
 from os import PathLike
 from pathlib import Path
-from typing import Any, BinaryIO, Iterator, Mapping, Optional, Union
+from typing import Any, BinaryIO, Mapping, NamedTuple, Optional, Union
 
 from .. import _core
 from .._errors import Error, input_error
-from .course import Course, Event, Files
+from .course import Event, Files
 
 FORMAT = 1
+BEGIN = b'{"handsim_live":'
+"""Of each recording."""
 LARGEST_FILE = 1 << 30
 """Bytes; a recording ends there."""
-LARGEST_LINE = 1 << 26
+LARGEST_HEAD = 1 << 28
+"""Bytes of the line with the scene's files."""
 CHECK_EVERY = 1000
 """Steps between two hashes."""
 
 
+class Line(NamedTuple):
+    tick: int
+    place: int
+    """First byte in the file."""
+    number: int
+    """Of the line, from 0 after the head."""
+    event: Event
+
+
+def check_place(path: Union[str, "PathLike[str]"]) -> Path:
+    """:raises Error: of kind input for a place that is no recording's: only an empty file or a recording is replaced"""
+    out = Path(path)
+    try:
+        if out.exists():
+            if not out.is_file():
+                raise input_error("record", str(path), "a file")
+            with out.open("rb") as of:
+                begin = of.read(len(BEGIN))
+            if begin not in (b"", BEGIN):
+                raise input_error("record", f"{path}, which is another file", "a new file, an empty one or a recording")
+        elif not out.parent.is_dir():
+            raise input_error("record", f"{path}, whose folder is missing", "a file in a folder that is there")
+        if not os.access(out if out.exists() else out.parent, os.W_OK):
+            raise input_error("record", f"{path}, which cannot be written", "a place that can be written")
+    except (OSError, ValueError) as error:
+        raise input_error("record", f"{path!r} ({error})", "a file") from None
+    return out
+
+
 class Log:
-    """Written as the session goes on. The last seconds of events stay in memory, to repeat them."""
+    """Written as the session goes on. The last minute of events stays in memory, to repeat them.
+
+    :param path: of the recording, from `begin` on; None: a temporary file
+    """
 
     def __init__(self, files: Files, overrides: Mapping[str, Any], path: Union[str, "PathLike[str]", None] = None) -> None:
         import tempfile
 
-        self._file: BinaryIO
-        if path is None:
-            self._file = tempfile.TemporaryFile(prefix="handsim_live_")  # type: ignore[assignment]
-        else:
-            self._file = open(path, "w+b")  # closed by `close`
-        self._recent: deque[tuple[int, int, int, Event]] = deque()
+        self.path = None if path is None else check_place(path)
+        self._file: BinaryIO = tempfile.TemporaryFile(prefix="handsim_live_", buffering=0)  # type: ignore[assignment]
+        self._size, self._written = 0, 0
+        self._recent: deque[Line] = deque()
         self._waiting: list[tuple[int, Event]] = []
-        self._written = 0
-        self.full = False
+        self._first_lost: Optional[int] = None
+        self.lost: Optional[str] = None
+        """Why the recording has ended before the session."""
         content = {name: base64.b64encode(zlib.compress(data)).decode() for name, data in files.content.items()}
         self._line({"handsim_live": FORMAT, "version": _core.version, "commit": _core.commit, "overrides": dict(overrides),
-                    "files": content})
+                    "files": content}, LARGEST_HEAD)
 
-    def _line(self, of: Mapping[str, Any]) -> int:
-        place = self._file.tell()
+    def begin(self) -> None:
+        """From now on the file of `path` has the recording. :raises Error: of kind input where it cannot"""
+        if self.path is None:
+            return
+        check_place(self.path)
+        self.flush()
+        self._file.seek(0)
+        content = self._file.read()
+        try:
+            out = open(self.path, "w+b", buffering=0)  # closed by `close`
+        except OSError as error:
+            raise input_error("record", f"{self.path} ({error.strerror or error})", "a file that can be written") from None
+        self._file.close()
+        self._file, self._size = out, 0  # type: ignore[assignment]
+        self._put(content)
+
+    def _put(self, text: bytes) -> None:
+        """Whole, or not at all."""
+        if self.lost is not None:
+            return
+        rest = memoryview(text)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest):]
+            self._size += len(text)
+        except OSError as error:
+            self._lose(f"the disk: {error.strerror or error}")
+            self._rewind(self._size)
+
+    def _rewind(self, size: int) -> None:
+        try:
+            self._file.seek(size)
+            self._file.truncate()
+        except OSError as error:
+            self._lose(f"the disk: {error.strerror or error}")
+
+    def _lose(self, why: str) -> None:
+        self.lost, self._first_lost = why, self._written
+
+    def _line(self, of: Mapping[str, Any], largest: int = LARGEST_FILE) -> int:
+        place = self._size
         text = json.dumps(of, separators=(",", ":"), allow_nan=False).encode() + b"\n"
-        if place + len(text) > LARGEST_FILE:
-            self.full = True
-        if not self.full:
-            self._file.write(text)
+        if self.lost is None and place + len(text) > largest:
+            self._lose(f"it is full, at {largest >> 20} MB")
+        self._put(text)
         return place
 
     def add(self, tick: int, event: Event) -> None:
@@ -60,118 +132,64 @@ class Log:
         self._waiting.append((tick, event))
 
     def flush(self) -> None:
-        for tick, event in self._waiting:
+        waiting, self._waiting = self._waiting, []
+        for tick, event in waiting:
             place = self._line({"at": tick, **event})
-            self._recent.append((tick, place, self._written, event))
+            self._recent.append(Line(tick, place, self._written, event))
             self._written += 1
-        self._waiting.clear()
 
     @property
     def count(self) -> int:
-        """Of events."""
+        """Of lines."""
         return self._written + len(self._waiting)
 
-    def forget(self, tick: int) -> None:
-        """Events before this step are no longer repeated by the session; the file keeps them."""
+    def forget(self, count: int) -> None:
+        """Lines before this one are no longer repeated by the session; the file keeps them."""
         self.flush()
-        while self._recent and self._recent[0][0] < tick:
+        while self._recent and self._recent[0].number < count:
             self._recent.popleft()
 
     def since(self, count: int, end: int) -> list[tuple[int, Event]]:
-        """Events from the one of this number on, of steps before `end`, without checks."""
+        """Events from the line of this number on, of steps before `end`, without checks."""
         self.flush()
-        return [(at, event) for at, _, number, event in self._recent
-                if number >= count and at < end and not event.keys() & {"hash", "failed"}]
+        return [(line.tick, line.event) for line in self._recent
+                if line.number >= count and line.tick < end and not line.event.keys() & {"hash", "failed"}]
 
-    def cut(self, tick: int) -> None:
-        """Takes away all from this step on."""
+    def reach(self, count: int, end: int) -> int:
+        """Lines that led to a step: those before `count`, and those after it of steps before `end`."""
         self.flush()
-        place = None
-        while self._recent and self._recent[-1][0] >= tick:
+        return next((line.number for line in self._recent if line.number >= count and line.tick >= end), self._written)
+
+    def cut(self, count: int) -> None:
+        """Takes away all from this line on."""
+        self.flush()
+        if self._first_lost is not None and self._first_lost >= count and self._size:
+            self.lost = self._first_lost = None
+        place = self._size
+        while self._recent and self._recent[-1].number >= count:
             _, place, self._written, _ = self._recent.pop()
-        if place is not None and place < self._file.tell():
-            self._file.seek(place)
-            self._file.truncate()
-            self.full = False
+        if place < self._size:
+            self._size = place
+            self._rewind(place)
 
-    def text(self, tick: int, state_hash: str) -> bytes:
-        """The recording up to now, with the state's hash at its end."""
+    def text(self, count: int, tick: int, state_hash: Optional[str]) -> bytes:
+        """The recording up to a line, with the state's hash at its end. :raises Error: of kind output where it has ended"""
         self.flush()
-        here = self._file.tell()
+        if self._first_lost is not None and self._first_lost < count:
+            raise Error(f"recording: got one that has ended ({self.lost}), need a whole one", "output")
+        place = next((line.place for line in self._recent if line.number >= count), self._size)
         self._file.seek(0)
-        out = self._file.read()
-        self._file.seek(here)
-        return out + json.dumps({"at": tick, "end": state_hash}).encode() + b"\n"
+        out = b""
+        while len(out) < place:
+            out += self._file.read(place - len(out))
+        self._file.seek(self._size)
+        return out + (b"" if state_hash is None else json.dumps({"at": tick, "end": state_hash}).encode() + b"\n")
 
     def close(self, tick: int, state_hash: Optional[str]) -> None:
         self.flush()
         if state_hash is not None:
             self._line({"at": tick, "end": state_hash})
-        self._file.close()
-
-
-def lines_of(source: BinaryIO, name: str) -> Iterator[tuple[int, dict[str, Any]]]:
-    number = 0
-    while True:
-        line = source.readline(LARGEST_LINE)
-        if not line:
-            return
-        number += 1
         try:
-            value = json.loads(line)
-        except (ValueError, RecursionError):
-            value = None
-        if not isinstance(value, dict):
-            raise Error(f"{name}:{number}:1: got {line[:40]!r}, need a JSON object on each line", "input")
-        yield number, value
-
-
-class Replay:
-    """Repeats a recording and compares its hashes."""
-
-    def __init__(self, path: Union[str, "PathLike[str]", bytes]) -> None:
-        self.name = "recording" if isinstance(path, bytes) else str(path)
-        source: BinaryIO = io.BytesIO(path) if isinstance(path, bytes) else Path(path).open("rb")
-        self._lines = lines_of(source, self.name)
-        head: dict[str, Any] = next((line for _, line in self._lines), {})
-        if head.get("handsim_live") != FORMAT or not isinstance(head.get("files"), dict) or "resolved.yaml" not in head["files"]:
-            raise input_error(self.name, "another file", "a recording of handsim live")
-        self.version = f"{head.get('version')} ({head.get('commit')})"
-        try:
-            files = {name: zlib.decompress(base64.b64decode(data)) for name, data in head["files"].items()}
-        except (ValueError, TypeError, zlib.error):
-            raise input_error(self.name, "files that cannot be read", "a recording of handsim live") from None
-        self.course = Course(Files(files), head.get("overrides") or {})
-        self.checks = 0
-        self.end: Optional[str] = None
-        """The hash that the recording has of its end."""
-
-    def run(self) -> None:
-        """:raises Error: of kind physics at the first hash that differs, of kind input for a line that does not fit"""
-        for number, event in self._lines:
-            at = event.pop("at", None)
-            if type(at) is not int or not self.course.tick <= at:
-                raise Error(f"{self.name}:{number}:1: at: got {at!r}, need a step from {self.course.tick} on", "input")
-            while self.course.tick < at and not self.course.failed:
-                self.course.advance(at - self.course.tick)
-            if "hash" in event or "end" in event:
-                self.end = event.get("end")
-                self._check(event.get("hash") or event.get("end"), at)
-                continue
-            if "failed" in event:
-                if not self.course.failed:
-                    raise Error(f"{self.name}:{number}: the motion did not diverge at step {at}, as recorded", "physics")
-                self.course.tick = at
-                continue
-            try:
-                self.course.apply(event)
-            except (KeyError, TypeError, ValueError, AttributeError) as error:
-                raise Error(f"{self.name}:{number}:1: got an input that does not fit ({error}), need one of this scene",
-                            "input") from None
-
-    def _check(self, wanted: Any, at: int) -> None:
-        found = self.course.state_hash()
-        if found != wanted:
-            raise Error(f"{self.name}: step {at}, {self.course.time:.6g} s: the state's hash is {found}, recorded: {wanted}; "
-                        f"recorded by handsim {self.version}", "physics")
-        self.checks += 1
+            self._file.close()
+        except OSError as error:
+            self._lose(f"the disk: {error.strerror or error}")

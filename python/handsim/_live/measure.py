@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from .._errors import Error
 from .._scene import Scene
 from .frames import HEAD
 
@@ -44,6 +45,8 @@ def measure(scene: Scene, seconds: float) -> int:
             if sender is not None:
                 sender.wait()
             changes = built(page.session, scene)
+    if client.returncode:
+        raise Error(f"--measure: got a page's process that has ended with status {client.returncode}, need its figures", "output")
     shown = json.loads(out)
     print(f"{scene.title}: {scene.engine}, step {1e3 * scene.step:g} ms, {seconds:g} s; load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     row("simulated by real time", f"{quiet['factor']:.3f}")

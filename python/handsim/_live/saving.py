@@ -12,7 +12,7 @@ from .session import Session
 def save(session: Session, what: str) -> tuple[str, bytes]:
     """:returns: name and content of the file: ``recording``, ``snapshot`` or ``scene``. In the session's thread"""
     if what == "recording":
-        return "live.jsonl", session.log.text(session.course.tick, session.course.state_hash())
+        return "live.jsonl", session.history.recording()
     if what == "snapshot":
         text: bytes = session.course.core.snapshot().__reduce__()[1][0]
         return "snapshot.bin", text
@@ -44,9 +44,10 @@ def scene_text(session: Session) -> str:
             changes[f"hands.{i}.pose"] = joints[hand]
     bodies = scene.bodies
     position, quaternion, _, _ = course.core.bodies()
-    for i, name in enumerate(scene.objects):
-        body = bodies.index(name)
-        changes.update(object_place(i, position[body], quaternion[body]))
+    for i, (name, moves) in enumerate(scene._core.all_objects()):
+        if moves:
+            body = bodies.index(name)
+            changes.update(object_place(i, position[body], quaternion[body]))
     return course.files.compile(changes).resolved
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import hmac
 import json
+import logging
 import re
 import secrets
 import threading
@@ -18,10 +19,11 @@ from typing import Any, Callable, Optional
 from aiohttp import WSMsgType, web
 
 from .._errors import Error, input_error
-from .commands import Command, poses_of, read_command
+from .commands import Command, read_command
 from .frames import encode
 from .page import Parts, page_text
-from .session import Session, View
+from .session import Session
+from .views import View
 
 PAGES = 8
 """Open at most."""
@@ -70,7 +72,7 @@ class Server:
         self._built, self._coming = 0, 0
         self._loop = asyncio.new_event_loop()
         self._ready: "threading.Event" = threading.Event()
-        self._failure: Optional[OSError] = None
+        self._failure: Optional[Exception] = None
         self._thread = threading.Thread(target=self._run, name="handsim live server", daemon=True)
 
     @property
@@ -85,8 +87,8 @@ class Server:
         self._ready.wait()
         if self._failure is not None:
             self._thread.join()
-            raise input_error("port", f"{self.address}:{self.port} ({self._failure.strerror or self._failure})",
-                              "a free port of an address of this machine")
+            reason = getattr(self._failure, "strerror", None) or self._failure
+            raise input_error("port", f"{self.address}:{self.port} ({reason})", "a free port of an address of this machine")
         self.session.on_view = self._announce
 
     def close(self) -> None:
@@ -107,25 +109,38 @@ class Server:
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
-        self._loop.run_until_complete(self._serve())
-        self._loop.run_until_complete(self._loop.shutdown_asyncgens())
-        self._loop.close()
+        self._loop.set_exception_handler(lambda _, found: self._report(found.get("exception") or RuntimeError(found["message"])))
+        try:
+            self._loop.run_until_complete(self._serve())
+            self._loop.run_until_complete(self._loop.shutdown_asyncgens())
+        except Exception as error:
+            if self._ready.is_set():
+                self.session.report(error)
+            self._failure = error
+        finally:
+            self._ready.set()
+            self._loop.close()
+
+    def _report(self, error: BaseException) -> None:
+        """What went wrong with one page or request: the others go on."""
+        self.session.notice(f"the page's server: {type(error).__name__}: {error}")
 
     async def _serve(self) -> None:
         self._stop = asyncio.Event()
         app = web.Application(middlewares=[self._guard], client_max_size=LARGEST_MESSAGE)
         app.add_routes([web.get("/", self._page), web.get("/socket", self._socket), web.get("/save/{what}", self._save)])
-        runner = web.AppRunner(app, access_log=None, handle_signals=False, keepalive_timeout=5)
+        # Requests that are none are answered and said nowhere: who reaches the port could fill the terminal. `_guard` reports.
+        quiet = logging.Logger("handsim live")
+        quiet.addHandler(logging.NullHandler())
+        runner = web.AppRunner(app, access_log=None, logger=quiet, handle_signals=False, keepalive_timeout=5)
         await runner.setup()
         assert runner.server is not None
         self._handlers = runner.server
         try:
             listening = await self._loop.create_server(self._connection, self.address, self.port, backlog=64)
-        except OSError as error:
-            self._failure = error
-            self._ready.set()
+        except Exception:  # no such port or address; `_run` says it
             await runner.cleanup()
-            return
+            raise
         self.port = listening.sockets[0].getsockname()[1]
         self._ready.set()
         await self._stop.wait()
@@ -160,16 +175,25 @@ class Server:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Any) -> web.StreamResponse:
         """Token, Host and Origin: a page of another site has none of them, even if its name leads here."""
+        if not request.raw_path.isascii():
+            self.refused += 1
+            return web.Response(status=400, text="An address has no byte above 0x7f.\n", headers={**HEADERS, "Connection": "close"})
         token = request.query.get("token", "")
         origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
-        ok = hmac.compare_digest(token.encode(), self.token.encode()) and host in self._hosts()
+        ok = hmac.compare_digest(token.encode("utf-8", "backslashreplace"), self.token.encode()) and host in self._hosts()
         if origin is not None or request.path == "/socket":
             ok = ok and origin == f"http://{host}"
         if not ok:
             self.refused += 1
             return web.Response(status=403, text="The address with its token is needed, as the program has printed it.\n",
                                 headers={**HEADERS, "Connection": "close"})
-        response: web.StreamResponse = await handler(request)
+        try:
+            response: web.StreamResponse = await handler(request)
+        except (web.HTTPException, ConnectionError):
+            raise
+        except Exception as error:
+            self._report(error)
+            return web.Response(status=500, text=f"{type(error).__name__}: {error}\n", headers={**HEADERS, "Connection": "close"})
         if not response.prepared:
             response.headers.update(HEADERS)
         return response
@@ -190,23 +214,11 @@ class Server:
         limits = scene.limits.tolist()
         return {"built": self._built, "axes": facts.axes, "axis_coordinates": scene.axis_coordinates.tolist(),
                 "coordinates": facts.coordinates, "limits": [[_bound(x) for x in row] for row in limits],
-                "poses": poses_of(scene), "objects": facts.objects, "driven": facts.driven,
+                "poses": facts.poses, "objects": facts.objects, "all_objects": [name for name, _ in scene._core.all_objects()], "driven": facts.driven,
                 "masses": facts.masses.tolist(), "muscles": [each.name for each in scene.muscles],
                 "muscle_groups": {name: of.tolist() for name, of in scene.muscle_groups.items()},
                 "hands": scene.hands, "persons": _persons(scene.resolved), "effects": scene.effects, "duration": scene.duration,
-                "numbers": self._numbers(scene)}
-
-    def _numbers(self, scene: Any) -> dict[str, Any]:
-        """Values of what can be changed: those of the scene, as far as it has them."""
-        out: dict[str, Any] = {}
-        names = ["gravity"] + [f"objects.{i}.{key}" for i in range(len(scene.objects)) for key in ("mass", "friction")]
-        for name in names:
-            try:
-                values = self.session.course.core.get(name).tolist()
-            except Error:
-                continue
-            out[name] = values if name == "gravity" else values[0]
-        return out
+                "numbers": facts.numbers}
 
     async def _save(self, request: web.Request) -> web.Response:
         """The moment or the recording, as a file."""
@@ -263,6 +275,8 @@ class Server:
             problem = "got a text that is no JSON"
         except Error as error:
             problem = str(error)
+        except Exception as error:  # of a frame, whose numbers may be any
+            problem = f"{type(error).__name__}: {error}"
         page.faults += 1
         if page.faults >= FAULTS:
             return False
@@ -285,7 +299,9 @@ class Server:
                 await page.news.wait()
                 page.news.clear()
                 await asyncio.wait_for(self._tell(page), PATIENCE)
-        except (asyncio.TimeoutError, ConnectionError, RuntimeError):
+        except Exception as error:
+            if not isinstance(error, (asyncio.TimeoutError, ConnectionError, RuntimeError)):
+                self._report(error)
             if request.transport is not None:
                 request.transport.abort()
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._errors import Error, input_error
-from .commands import Command
+from .commands import Command, is_number, shown
 from .session import Session
 from .tracker import LONGEST_GAP, HandFilter
 
@@ -80,8 +80,8 @@ def points_of(joints: Any) -> Array:
         if point is None:
             continue
         if not isinstance(point, (list, tuple)) or len(point) != 3 or any(type(x) not in (int, float) for x in point):
-            raise input_error(f"joints.{i}", repr(point)[:60], "x, y, z [m], or null for a point that was not seen")
-        if all(math.isfinite(x) and abs(x) < 1e3 for x in point):
+            raise input_error(f"joints.{i}", shown(point), "x, y, z [m], or null for a point that was not seen")
+        if all(is_number(x) and abs(x) < 1e3 for x in point):
             out[row] = point
     return out
 
@@ -143,8 +143,13 @@ class Follower:
         self._targets: Optional[Array] = None
         self._wrists: Optional[Array] = None
         self._sockets: list[socket.socket] = []
-        for each in streams:
-            self._open(each)
+        try:
+            for each in streams:
+                self._open(each)
+        except BaseException:
+            for heard in self._sockets:
+                heard.close()
+            raise
         self._watch = threading.Thread(target=self._keep_watch, name="handsim live gaps", daemon=True)
         self._watch.start()
 
@@ -238,7 +243,7 @@ class Follower:
                 self.message(read_packed(data), born)
             else:
                 self.message(json.loads(data), born)
-        except (Error, ValueError, RecursionError) as error:
+        except Exception as error:  # whatever a stranger's frame does, the next one is read
             self.faults += 1
             self.last_fault = str(error)[:300]
 
@@ -247,12 +252,12 @@ class Follower:
         born = time.monotonic() if born is None else born
         hands = message.get("hands") if isinstance(message, Mapping) else None
         if not isinstance(hands, Mapping) or not hands or not set(hands) <= set(SIDES):
-            raise input_error("hands", repr(hands)[:60], "an object with right, left or both")
+            raise input_error("hands", shown(hands), "an object with right, left or both")
         moment = message.get("t")
         if moment is None:
             moment = born
-        if type(moment) not in (int, float) or not math.isfinite(moment):
-            raise input_error("t", repr(moment)[:60], "seconds")
+        if not is_number(moment):
+            raise input_error("t", shown(moment), "seconds")
         read = {side: points_of(hand.get("joints") if isinstance(hand, Mapping) else None) for side, hand in hands.items()}
         with self._lock:
             self._refresh()
@@ -334,25 +339,28 @@ class Follower:
             if self._fresh.wait(0.008):
                 self._fresh.clear()
                 self._closed.wait(FINISH_AFTER)
-            now = time.monotonic()
-            with self._lock:
-                for tracked in self._hands.values():
-                    tracked.filter.finish()
-                    gap = now - tracked.heard
-                    if tracked.lost or gap < 2.5 * tracked.period:
-                        continue
-                    if gap < LONGEST_GAP:
-                        pose = tracked.filter.predicted(gap)
-                        pose[7:] += tracked.share * self.press * tracked.press
-                        self._use(tracked, pose)
-                        self._send(now, 0.01)
-                    else:
-                        tracked.lost = True
-                        tracked.filter.lose()
-                        if self._targets is not None:
-                            self._targets[tracked.axes] = tracked.rest[tracked.angles]
-                        self._wrists = None
-                        tracked.share = 0.0
-                        self._send(now, RELAX)
+            try:
+                with self._lock:
+                    self._bridge(time.monotonic())
+            except Exception as error:
+                self.session.report(error)
 
-
+    def _bridge(self, now: float) -> None:
+        for tracked in self._hands.values():
+            tracked.filter.finish()
+            gap = now - tracked.heard
+            if tracked.lost or gap < 2.5 * tracked.period:
+                continue
+            if gap < LONGEST_GAP:
+                pose = tracked.filter.predicted(gap)
+                pose[7:] += tracked.share * self.press * tracked.press
+                self._use(tracked, pose)
+                self._send(now, 0.01)
+            else:
+                tracked.lost = True
+                tracked.filter.lose()
+                if self._targets is not None:
+                    self._targets[tracked.axes] = tracked.rest[tracked.angles]
+                self._wrists = None
+                tracked.share = 0.0
+                self._send(now, RELAX)
