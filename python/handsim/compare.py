@@ -2,9 +2,11 @@
 from __future__ import annotations
 
 import html
+import importlib.util
 import json
 import os
 import re
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple, Optional, Sequence
@@ -161,6 +163,9 @@ class Measured(NamedTuple):
 def measured(hands: Sequence[Hand], rows: Sequence[tuple[str, str, float, float]]) -> dict[str, Measured]:
     """People's values by the name of a row: forces of whole hands, and shares where B has lost what theirs had (config/clinic.yaml)."""
     of_rows, out = {row[0]: row[2:] for row in rows}, dict[str, Measured]()
+    if importlib.util.find_spec("yaml") is None:
+        print("without PyYAML (pip install pyyaml) nothing is said of people's values, and no row is marked", file=sys.stderr)
+        return {}
     specs = [_hand_spec(hand) for hand in hands]
     changes = [{key: spec.pop(key) for key in WHAT_IF if key in spec} for spec in specs]
     for plane in PLANES:
