@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._core import Frame, Motion
-from ._errors import Error, flag, input_error, real, seed_of, whole
+from ._errors import Error, flag, input_error, numbers, one_of, real, seed_of, whole
 from ._gradients import Product, Rollout, each
 from ._pictures import Picture
 from ._scene import Camera, Scene, Source, load
@@ -133,7 +133,7 @@ class Batch:
         :raises Error: of kind input where bodies, joints, driven axes, muscles, wrists, observed numbers, engine or step
             differ from the batch's
         """
-        self._core.replace(self._index(environment), scene._core)
+        self._core.replace(self._index(environment), one_of("scene", scene, Scene)._core)
         self._others[environment] = scene
 
     def scene_of(self, environment: int) -> Scene:
@@ -170,8 +170,8 @@ class Batch:
 
     def _rollouts(self, actions: ArrayLike, kind: str, every: Optional[int], work: Any,
                   smoothing: Any) -> list[Any]:
-        all_actions: Array = np.asarray(actions, dtype=float)
-        if all_actions.ndim != 3 or len(all_actions) != len(self):
+        all_actions: Array = numbers("actions", actions, f"shape ({len(self)}, steps, numbers)", 3)
+        if len(all_actions) != len(self):
             raise input_error("actions", f"shape {all_actions.shape}", f"shape ({len(self)}, steps, numbers)")
 
         def one(i: int) -> Any:
@@ -191,8 +191,8 @@ class Batch:
         :param every: steps from one kept motion to the next; None: the root of their number
         :param smoothing: as in `Rollout`
         """
-        rows: Array = np.asarray(end, dtype=float)
-        if rows.ndim != 2 or len(rows) != len(self):
+        rows: Array = numbers("end", end, f"shape ({len(self)}, s)", 2)
+        if len(rows) != len(self):
             raise input_error("end", f"shape {rows.shape}", f"shape ({len(self)}, s)")
         return self._rollouts(actions, kind, every, lambda i, run: run.vjp(rows[i]), smoothing)
 
@@ -200,10 +200,13 @@ class Batch:
             kind: str = "torques", *, smoothing: Union[Smoothing, float, None] = None) -> Array:
         """Changes of the states after each step, shape (n, steps, s), with changes of the starts, shape (n, s), and of the
         actions, as these; smoothing as in `Rollout`."""
-        def change(of: Optional[ArrayLike], i: int) -> Any:
-            return None if of is None else np.asarray(of)[i]
-        return np.array(self._rollouts(actions, kind, None, lambda i, run: run.jvp(change(start, i), change(changes, i)),
-                                       smoothing))
+        def rows(key: str, of: Optional[ArrayLike], shape: str, axes: int) -> Any:
+            out = [None] * len(self) if of is None else numbers(key, of, f"shape ({len(self)}, {shape})", axes)
+            if len(out) != len(self):
+                raise input_error(key, f"shape {out.shape}", f"shape ({len(self)}, {shape})")
+            return out
+        starts, changed = rows("start", start, "s", 2), rows("changes", changes, "steps, numbers", 3)
+        return np.array(self._rollouts(actions, kind, None, lambda i, run: run.jvp(starts[i], changed[i]), smoothing))
 
     def frame(self, environment: int) -> Frame:
         """The state of one environment for `Scene.draw_frames`."""

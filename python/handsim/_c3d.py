@@ -4,21 +4,25 @@ ezc3d reads the file (pip install ezc3d); it is needed for this alone.
 """
 from __future__ import annotations
 
+import importlib.util
+import json
 import os
 import struct
+import subprocess
 import sys
 import tempfile
 import threading
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
-from typing import Any, Iterator, Optional, Sequence, Union
+from typing import Iterator, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
+from ._files import ended
 
 UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
 WITH_FILES = ("--out", "--person", "--model", "--markers", "--truth", "--names")
@@ -56,17 +60,76 @@ def read_names(path: Union[str, "PathLike[str]"]) -> dict[str, str]:
     return out
 
 
-def _parameter(point: Any, name: str, default: Any) -> Any:
-    value = point[name]["value"] if name in point else []
-    return value[0] if len(value) else default
+READ = """
+import json, sys
+sys.path[:], path, out, limit = json.loads(sys.argv[1]), sys.argv[2], sys.argv[3], int(sys.argv[4])
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+except (ImportError, ValueError, OSError):
+    pass
+import numpy as np
+import ezc3d
+try:
+    file = ezc3d.c3d(path)
+    point, data = file["parameters"]["POINT"], np.asarray(file["data"]["points"], dtype=float)
+    def text(name):
+        value = point[name]["value"] if name in point else []
+        return [str(each).strip() for each in value]
+    labels = [each for name in ["LABELS", *(f"LABELS{i}" for i in range(2, 10))] for each in text(name)]
+    rate = point["RATE"]["value"] if "RATE" in point else [0.0]
+    found = {"rate": float(rate[0]), "first": int(file["header"]["points"]["first_frame"]), "labels": labels, "units": text("UNITS"), "screen": text("Y_SCREEN")}
+    np.savez(out, data=data, residuals=np.asarray(file["data"]["meta_points"]["residuals"], dtype=float)[0], found=json.dumps(found))
+except (RuntimeError, OSError, ValueError, KeyError, IndexError, TypeError, MemoryError) as error:
+    sys.exit((str(error).splitlines() or [type(error).__name__])[0][:200])
+"""
+"""What reads a file, in a process of its own: a spoilt one can end the process within ezc3d, or keep it busy for ever."""
+SECONDS, BYTES = 20.0, 4e9
+"""Limits of that process: each megabyte of the file adds a second and fifty megabytes."""
 
 
-def _labels(point: Any, count: int) -> list[str]:
-    """Of all points; more than 255 stand in LABELS2, LABELS3, ..."""
-    out: list[str] = []
-    for name in ["LABELS", *(f"LABELS{i}" for i in range(2, 10))]:
-        out += [str(each).strip() for each in point[name]["value"]] if name in point else []
-    return (out + [""] * count)[:count]
+class Read(NamedTuple):
+    """Of a file."""
+
+    data: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+    rate: float
+    first: int
+    labels: list[str]
+    units: str
+    screen: str
+
+
+def _read(path: str) -> Read:
+    """:raises Error: of kind input for a file that ezc3d cannot read within the limits"""
+    size = 1e-6 * os.path.getsize(path)
+    with tempfile.TemporaryDirectory(prefix="handsim_c3d_") as folder:
+        out = os.path.join(folder, "read.npz")
+        words = [sys.executable, "-c", READ, json.dumps(sys.path), path, out, str(int(BYTES + 50e6 * size))]
+        try:
+            done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, timeout=SECONDS + size)
+        except subprocess.TimeoutExpired:
+            raise input_error(path, f"a file that ezc3d does not end to read within {SECONDS + size:.0f} s", "a whole C3D file") from None
+        if done.returncode:
+            said = done.stderr.decode(errors="replace").strip().splitlines() or [f"it ended with {done.returncode}"]
+            reason = f"signal {-done.returncode}" if done.returncode < 0 else said[-1][:200]
+            raise input_error(path, f"a file that ezc3d cannot read ({reason})", "a whole C3D file")
+        if not os.path.isfile(out):
+            raise input_error(path, "a file that ezc3d cannot read (it gave nothing)", "a whole C3D file")
+        with np.load(out) as arrays:
+            data, residuals, found = arrays["data"], arrays["residuals"], json.loads(str(arrays["found"]))
+    labels = [_text(each) for each in found["labels"]]
+    return Read(data, residuals, found["rate"], found["first"], (labels + [""] * data.shape[1])[:data.shape[1]], "".join(found["units"][:1]),
+                "".join(found["screen"][:1]))
+
+
+def _text(label: str) -> str:
+    """Older programs write labels in Latin-1; ezc3d gives their bytes as surrogates."""
+    data = label.encode("utf-8", "surrogateescape")
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def _channels(labels: Sequence[str], names: Optional[dict[str, str]], path: str) -> dict[str, int]:
@@ -92,17 +155,16 @@ def _channels(labels: Sequence[str], names: Optional[dict[str, str]], path: str)
     return out
 
 
-def _unit_of(file: Any, path: str) -> str:
-    text = str(_parameter(file["parameters"]["POINT"], "UNITS", "")).strip()
+def _unit_of(text: str, path: str) -> str:
     if text.lower() not in UNITS:
         raise input_error(path, f"POINT:UNITS {text!r}", "mm, cm or m")
     return UNITS[text.lower()]
 
 
-def _up_of(file: Any, up: Optional[str], path: str) -> str:
+def _up_of(said: str, up: Optional[str], path: str) -> str:
     if up not in (None, "y", "z"):
         raise input_error("--up", up, "y or z")
-    said = str(_parameter(file["parameters"]["POINT"], "Y_SCREEN", "+Z")).strip().upper()
+    said = said.upper()
     if up is None and said not in ("+Z", "Z", "+Y", "Y", ""):
         raise input_error(path, f"POINT:Y_SCREEN {said}", "+Y or +Z, or --up y or z for files that mean it otherwise")
     return up or ("y" if said.endswith("Y") else "z")
@@ -110,40 +172,36 @@ def _up_of(file: Any, up: Optional[str], path: str) -> str:
 
 def _stated_frames(path: str) -> int:
     """As the head says; of longer files 65535. ezc3d itself takes a file that was cut for a shorter one."""
-    with open(path, "rb") as file:
-        head = file.read(10)
-        if len(head) < 10 or head[1] != 0x50:
-            raise input_error(path, "a file that is no C3D", "one whose second byte is 0x50")
-        file.seek(512 * (max(1, head[0]) - 1) + 3)
-        first, last = struct.unpack("<HH" if file.read(1) != b"\x56" else ">HH", head[6:])
+    try:
+        with open(path, "rb") as file:
+            head = file.read(10)
+            if len(head) < 10 or head[1] != 0x50:
+                raise input_error(path, "a file that is no C3D", "one whose second byte is 0x50")
+            file.seek(512 * (max(1, head[0]) - 1) + 3)
+            first, last = struct.unpack("<HH" if file.read(1) != b"\x56" else ">HH", head[6:])
+    except OSError as error:
+        raise input_error(path, f"a file that cannot be read ({error.strerror})", "a recording") from None
     return int(last) - int(first) + 1
 
 
 def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str] = None) -> tuple[list[str], NDArray[np.float64]]:
     """Columns and rows as `handsim track` reads them from CSV. :raises Error: of kind input"""
-    try:
-        import ezc3d
-    except ImportError as error:
-        raise input_error(path, f"a Python without ezc3d ({error})", "it to read C3D: pip install ezc3d") from None
+    if importlib.util.find_spec("ezc3d") is None:
+        raise input_error(path, "a Python without ezc3d", "it to read C3D: pip install ezc3d")
     if not Path(path).is_file():
         raise input_error(path, "no file", "a recording")
     stated = _stated_frames(path)
-    try:
-        file = ezc3d.c3d(str(path))
-        point, data = file["parameters"]["POINT"], np.asarray(file["data"]["points"], dtype=float)
-        rate, first = float(_parameter(point, "RATE", 0.0)), int(file["header"]["points"]["first_frame"])
-        residuals = np.asarray(file["data"]["meta_points"]["residuals"])[0]
-    except (RuntimeError, OSError, ValueError, KeyError, IndexError, MemoryError) as error:
-        raise input_error(path, f"a file that ezc3d cannot read ({str(error).splitlines()[0][:200] if str(error) else type(error).__name__})",
-                          "a whole C3D file") from None
+    data, residuals, rate, first, labels, units, screen = _read(path)
+    if data.ndim != 3 or data.shape[0] < 3 or residuals.shape != data.shape[1:]:
+        raise input_error(path, f"points of shape {data.shape}", "x, y and z of each point and frame")
     if data.shape[2] < stated:
         raise input_error(path, f"{data.shape[2]} frames", f"{stated}, as its head says: is the file complete?")
     if not (np.isfinite(rate) and rate > 0):
         raise input_error(path, f"POINT:RATE {rate:g}", "frames in a second, above 0")
     if data.shape[1] == 0 or data.shape[2] == 0:
         raise input_error(path, f"{data.shape[1]} points in {data.shape[2]} frames", "one point and one frame at least")
-    unit, up = _unit_of(file, path), _up_of(file, up, path)
-    channels = _channels(_labels(point, data.shape[1]), names, path)
+    unit, up = _unit_of(units, path), _up_of(screen, up, path)
+    channels = _channels(labels, names, path)
     if not channels:
         raise input_error(path, "no label of a point", "labels in POINT:LABELS")
     places = data[:3].transpose(2, 1, 0)
@@ -164,7 +222,7 @@ def as_csv(path: Union[str, "PathLike[str]"], names: Union[None, str, "PathLike[
     """The recording as a CSV file, while it is needed. :raises Error: of kind input"""
     columns, rows = table_of(str(path), None if names is None else read_names(names), up)
     with tempfile.TemporaryDirectory(prefix="handsim_c3d_") as folder:
-        out = Path(folder) / f"{Path(path).name}.csv"
+        out = Path(folder) / f"{Path(path).name[-60:]}.csv"
         np.savetxt(out, rows, "%.17g", ",", header=",".join(columns), comments="", encoding="utf-8")
         try:
             yield out
@@ -201,14 +259,15 @@ def main(words: Sequence[str]) -> int:
     recording = next((word for word, before in zip(words, ["", *words])
                       if is_c3d(word) and not word.startswith("-") and before not in WITH_FILES), None)
     rest, options = [], dict[str, Optional[str]](names=None, up=None)
-    try:
-        waiting = iter(words)
-        for word in waiting:
-            name, equals, value = word.partition("=")
-            if recording is not None and name in ("--names", "--up"):
-                options[name[2:]] = value if equals else next(waiting, "")
-            else:
-                rest.append(word)
+    waiting = iter(words)
+    for word in waiting:
+        name, equals, value = word.partition("=")
+        if recording is not None and name in ("--names", "--up"):
+            options[name[2:]] = value if equals else next(waiting, "")
+        else:
+            rest.append(word)
+
+    def work() -> int:
         if recording is None or "--help" in rest or "-h" in rest:
             status: int = _core.command_line(["track", *rest])
             if "--help" in rest or "-h" in rest:
@@ -216,6 +275,4 @@ def main(words: Sequence[str]) -> int:
             return status
         with as_csv(recording, options["names"], options["up"]) as table:
             return _track(rest, table, recording)
-    except Error as error:
-        print(error, file=sys.stderr)
-        return 2 if error.kind == "input" else 1
+    return ended(work)

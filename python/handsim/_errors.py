@@ -93,6 +93,28 @@ def seed_of(value: Any) -> int:
     return whole("seed", value, 0, 2**64 - 1)
 
 
+def numbers(key: str, value: Any, shape: str, axes: Optional[int] = None, finite: bool = True) -> Any:
+    """A copy as an array of float64. :raises Error: of kind input for anything else, and for another number of axes"""
+    import numpy as np
+
+    try:
+        out = np.array(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise input_error(key, type(value).__name__, f"numbers, {shape}") from None
+    if axes is not None and out.ndim != axes:
+        raise input_error(key, f"shape {out.shape}", shape)
+    if finite and not np.isfinite(out).all():
+        raise input_error(key, "a number that is not finite", f"finite numbers, {shape}")
+    return out
+
+
+def one_of(key: str, value: Any, kind: type) -> Any:
+    """An object of a class. :raises Error: of kind input for anything else"""
+    if not isinstance(value, kind):
+        raise input_error(key, type(value).__name__, f"a {kind.__name__}")
+    return value
+
+
 def real(key: str, value: Any) -> float:
     """A finite number. :raises Error: of kind input for anything else"""
     try:

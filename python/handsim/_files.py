@@ -1,15 +1,115 @@
-"""What commands in Python share: their options, and files that get their names when they are complete."""
+"""How Python writes files, and what its commands share: their options and how they end.
+
+A file gets its name when it is complete, and what is the user's stays: docs/outputs.md, "How files are written". The rules are the
+program's own (src/output/atomic_file.h, output_folder.h).
+"""
 from __future__ import annotations
 
+import glob
 import os
 import sys
+from contextlib import suppress
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Sequence
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping, Sequence, Union
 
+from . import _core
 from ._errors import Error, Problem, input_error
 
 if TYPE_CHECKING:
     from ._scene import Scene
+
+PathText = Union[str, "PathLike[str]"]
+KINDS: dict[str, tuple[str, bytes]] = {
+    "glb": ("a binary glTF file", b"glTF"), "usda": ("a USD text file", b"#usda"), "obj": ("an OBJ file of handsim", b"# handsim: metres"),
+    "stl": ("an STL file of handsim", b"handsim: millimetres"), "mcap": ("an MCAP file", b"MCAP0"), "png": ("a PNG picture", b"\x89PNG"),
+    "mp4": ("an MP4 video", b"ftyp"), "html": ("a page of handsim", _core.page_mark)}
+"""What a file of an ending may replace: its name, and what the first 1000 bytes have."""
+
+
+def path_of(key: str, path: Any) -> Path:
+    """A path from an argument. :raises Error: of kind input for anything else"""
+    try:
+        text = os.fsdecode(os.fsencode(path))
+    except (TypeError, ValueError):
+        text = ""
+    if isinstance(path, bytes) or not text or "\0" in text:
+        raise input_error(key, repr(path)[:200], "a path")
+    return Path(text)
+
+
+def files_of(scene: "Scene") -> list[Path]:
+    """All that a scene was read from."""
+    return _core.files_read(scene._core)
+
+
+def check_target(option: str, path: PathText, kind: str, inputs: Iterable[PathText] = ()) -> Path:
+    """Before the work. :raises Error: of kind input where the file may not be written: it is an input, or none of its kind"""
+    target = path_of(option, path)
+    _core.check_target(option, target, *KINDS[kind], [Path(each) for each in inputs])
+    return target
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """:raises Error: of kind output on a full disk, of kind input where there can be no such file"""
+    _core.write_file(path, content)
+
+
+class OutputFolder:
+    """The folder of a command's files, from before its work to the end of ``with``. Other commands cannot use it meanwhile.
+
+    A folder that was made for it goes away with an error that comes before its files.
+    """
+
+    def __init__(self, out: PathText, own: str, mark: bytes, names: Iterable[str], inputs: Iterable[PathText]) -> None:
+        """
+        :param own: the file by which an earlier output of the command is known: it begins with `mark`
+        :param names: of the other files
+        :param inputs: files that stay
+        :raises Error: of kind input for a folder that cannot be written or is in use, and where a file of these names is a folder,
+            device or link, an input, or of anybody but this command
+        """
+        self.path = path_of("--out", out)
+        self._made = [each for each in (self.path, *self.path.parents) if not os.path.lexists(each)]
+        every = [own, *names]
+        try:
+            self._core = _core.output_folder(self.path, [glob.escape(name) for name in every], [Path(each) for each in inputs])
+            foreign = [name for name in every if os.path.lexists(self.path / name)]
+            if foreign and not self._begins(own, mark):
+                raise input_error("--out", f"{self.path}, whose {', '.join(foreign)} this command did not write", "another folder, or one without them")
+        except Error:
+            self._remove()
+            raise
+
+    def _begins(self, name: str, mark: bytes) -> bool:
+        with suppress(OSError), open(self.path / name, "rb") as file:
+            return file.read(len(mark)) == mark
+        return False
+
+    def _remove(self) -> None:
+        for each in self._made:
+            with suppress(OSError):  # there are files in it
+                each.rmdir()
+
+    def write(self, files: Mapping[str, bytes]) -> None:
+        """Replaces those of an earlier output; the first is `own`. :raises Error: of kind output on a full disk"""
+        self._core.clear()
+        for name, content in files.items():
+            try:
+                (self.path / name).parent.mkdir(exist_ok=True)
+            except OSError as error:
+                raise Error(f"{self.path / name}: {error.strerror}", "output") from None
+            write_file(self.path / name, content)
+
+    def told(self, files: Iterable[str]) -> str:
+        return f"wrote {', '.join(str(self.path / name) for name in files)}"
+
+    def __enter__(self) -> "OutputFolder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        del self._core  # ends the lock
+        self._remove()
 
 
 def standing_alone(scene: "Scene") -> dict[str, bytes]:
@@ -18,15 +118,23 @@ def standing_alone(scene: "Scene") -> dict[str, bytes]:
     return {"scene.yaml" if name == "resolved.yaml" else name: content for name, content in files.items()}
 
 
-def write(out: Path, files: dict[str, bytes], quiet: bool = False) -> None:
-    for name, content in files.items():
-        path = out / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_name(f".{path.name}.part")
-        part.write_bytes(content)
-        os.replace(part, path)
-    if not quiet:
-        print(f"wrote {', '.join(str(out / name) for name in files)}", file=sys.stderr)
+def ended(work: Callable[[], int]) -> int:
+    """The exit status of a command's work. What goes wrong is a sentence on stderr."""
+    try:
+        status = work()
+        sys.stdout.flush()
+        return status
+    except Error as error:
+        message, status = str(error), 2 if error.kind == "input" else 1
+    except MemoryError:
+        message, status = "not enough memory", 1
+    except OSError as error:
+        message, status = f"output was lost: {error.strerror or error}", 1
+        with suppress(OSError, ValueError):  # else Python itself writes to it again at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    with suppress(OSError):
+        print(message, file=sys.stderr)
+    return status
 
 
 def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequence[str], values: Sequence[str],

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._errors import input_error, real, whole
+from ._errors import flag, input_error, numbers as numbers_of, one_of, real, whole
 
 if TYPE_CHECKING:
     from ._core import Motion
@@ -164,7 +164,9 @@ class Parameters:
         from ._scene import with_value
         from ._simulation import Simulation
 
-        self.simulation = simulation
+        self.simulation = one_of("simulation", simulation, Simulation)
+        if not isinstance(numbers, Mapping):
+            raise input_error("numbers", type(numbers).__name__, "a mapping: dotted key to its value, or to None")
         self.free = _free(simulation)
         self.names: list[str] = []
         """One for each column."""
@@ -177,9 +179,11 @@ class Parameters:
 
         for key, value in numbers.items():
             if value is not None:
-                number = real(key, value)
+                number = real(str(key), value)
                 add(key, number, lambda by: Simulation(with_value(simulation.scene, key, number + by)))
                 continue
+            if not isinstance(key, str):
+                raise input_error("numbers", repr(key)[:80], "dotted keys")
             if not key.endswith(SET):
                 raise input_error(key, "no value", "the value that the scene has")
             now = simulation.get(key)
@@ -206,10 +210,7 @@ class Parameters:
 
 
 def _shaped(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    try:
-        out: Array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise input_error(name, type(values).__name__, f"numbers of shape {shape}") from None
+    out: Array = numbers_of(name, values, f"shape {shape}")
     if out.shape != shape:
         raise input_error(name, f"shape {out.shape}", f"shape {shape}")
     return out
@@ -245,16 +246,15 @@ class Rollout:
         :param keep: `states` after each step are kept
         :param smoothing: of the products' Jacobians, as in `Simulation.derivatives`; the run is not disturbed
         """
-        if kind not in ACTIONS:
-            raise input_error("kind", repr(kind), ", ".join(ACTIONS))
+        if not isinstance(kind, str) or kind not in ACTIONS:
+            raise input_error("kind", repr(kind)[:80], ", ".join(ACTIONS))
+        from ._simulation import Simulation
         from ._smoothing import smoothing_of
 
+        one_of("simulation", simulation, Simulation), flag("keep", keep)
         self.simulation, self.kind, self.smoothing = simulation, kind, smoothing_of(smoothing)
-        try:
-            self.actions: Array = np.array(actions, dtype=float)
-        except (TypeError, ValueError):
-            raise input_error("actions", type(actions).__name__, "numbers, shape (steps, numbers)") from None
-        if self.actions.ndim != 2 or len(self.actions) == 0:
+        self.actions: Array = numbers_of("actions", actions, "shape (steps, numbers), one step or more", 2)
+        if len(self.actions) == 0:
             raise input_error("actions", f"shape {self.actions.shape}", "shape (steps, numbers), one step or more")
         self.every = math.isqrt(len(self.actions) - 1) + 1 if every is None else whole("every", every, 1)
         self.motions: list[Motion] = []
@@ -346,6 +346,8 @@ class Rollout:
 
         :param parameters: of this simulation
         """
+        if one_of("parameters", parameters, Parameters).simulation is not self.simulation:
+            raise input_error("parameters", "those of another simulation", "Parameters of this one")
         self.simulation.reset(self.motions[0])
         out: list[Array] = []
         for action in self.actions:

@@ -17,6 +17,7 @@ from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
 from ._table import Quantities, Table, rows_table
 
+MOST_PERSONS = 1_000_000
 PERSON = "hands.0.person."
 WHAT_IF = ("without", "transfers", "pulleys", "strength", "fused", "range_limits")
 
@@ -29,7 +30,7 @@ def draw_persons(count: int, *, population: str = "ansur2", seed: int = 0) -> li
 
     :param population: ``ansur2``: the US Army's of 2012, women and men with equal chances
     """
-    drawn = _core.draw_persons(population, whole("count", count, 1), seed_of(seed))
+    drawn = _core.draw_persons(str(population), whole("count", count, 1, MOST_PERSONS), seed_of(seed))
     return [{"stature": stature, "mass": mass, "sex": sex} for stature, mass, sex in drawn]
 
 

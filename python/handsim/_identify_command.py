@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import nullcontext
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any, Optional, Sequence
@@ -11,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import Error, Problem, input_error
-from ._files import read_options, standing_alone, write
+from ._files import OutputFolder, ended, files_of, path_of, read_options, standing_alone
 from ._scene import Scene, find_file, load
 from ._table import UNIT
 from ._yaml import UNITS, number_of, scene_number
-from .identify import Identified, identify
-from .study import read_csv
+from .identify import NO_NUMBERS, Identified, identify
+from .study import at, read_csv
 
 USAGE = """handsim identify RECORDING --scene SCENE --free KEY[=VALUE],... [--out DIR]
 
@@ -38,6 +39,7 @@ Example: handsim identify out/run --scene slide.yaml --free objects.0.mass,objec
 """
 DEVIATIONS = {"m": 1e-3, "rad": 0.01, "N": 0.05, "m/s": 0.02, "rad/s": 0.1}
 BASE = {"mm": "m", "cm": "m", "um": "m", "deg": "rad", "mN": "N", "mm/s": "m/s", "deg/s": "rad/s"}
+MOST_STEPS = 1_000_000
 Array = NDArray[np.float64]
 
 
@@ -47,7 +49,9 @@ def _numbers(text: str, scene: Scene) -> dict[str, float]:
     for each in text.split(","):
         key, equals, value = each.strip().partition("=")
         found = number_of(value if not value.replace(".", "").isdigit() else float(value)) if equals else scene_number(scene.resolved, key)
-        if found is None or not np.isfinite(found):
+        if key.partition(".")[0] in NO_NUMBERS:
+            problems.append(f"--free: got {each.strip()}, which says how the scene is run, need a number of what is in it")
+        elif found is None or not np.isfinite(found):
             problems.append(f"--free: got {each.strip()}, need " + (f"{key}=NUMBER" if equals else f"a key with a number in the resolved scene, or {key}=VALUE"))
         else:
             out[key] = found
@@ -73,20 +77,34 @@ def _deviations(text: Optional[str]) -> dict[str, float]:
 def _read(path: Path) -> tuple[Path, dict[str, Array]]:
     """Columns by their heads; forces of a folder's contacts are summed by shape."""
     file = path / "trajectory.csv" if path.is_dir() else path
-    try:
-        table = read_csv(file)
-        columns: dict[str, Any] = {table.with_unit(name): values for name, values in table.items()}
-        if path.is_dir() and (path / "contacts.csv").exists():
-            columns.update(_forces(read_csv(path / "contacts.csv"), np.asarray(columns.get("time[s]", []), dtype=float)))
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        raise input_error(str(file), str(error), "a CSV table") from None
+    table = read_csv(file)
+    columns: dict[str, Any] = {table.with_unit(name): values for name, values in table.items()}
     for name, values in columns.items():
         if not isinstance(values, np.ndarray) or values.dtype.kind != "f":
-            raise Error(f"{file}:1:1: {name}: got texts, need numbers", "input", [Problem(str(file), 1, 1, name, "texts", "numbers")])
+            raise at(file, 1, name, "texts" if len(values) else "no row", "numbers")
+    if path.is_dir() and (path / "contacts.csv").exists():
+        columns.update(_forces(path / "contacts.csv", np.asarray(columns.get("time[s]", []), dtype=float)))
     return file, columns
 
 
-def _forces(contacts: Any, times: Array) -> dict[str, Array]:
+def _seen(file: Path, head: str, values: Array) -> None:
+    """:raises Error: of kind input for a column in which nothing was seen, and for a number that is none"""
+    infinite = np.flatnonzero(np.isinf(values))
+    if len(infinite):
+        raise at(file, 2 + int(infinite[0]), head, f"{values[infinite[0]]:g}", "a finite number, or nothing where it was not seen")
+    if np.isnan(values).all():
+        raise at(file, 1, head, "no number", "one at least: --columns leaves columns out")
+
+
+def _forces(file: Path, times: Array) -> dict[str, Array]:
+    contacts = read_csv(file)
+    texts, numbers = ("a", "b"), ("time", "normal_force", *(f"{of}.{axis}" for of in ("normal", "friction") for axis in "xyz"))
+    for name in (*texts, *numbers):
+        column: Any = contacts.get(name)
+        if column is None or isinstance(column, np.ndarray) == (name in texts) and len(column):
+            raise at(file, 1, name, "no such column" if column is None else "other values", "the contacts.csv of a run")
+    if contacts.rows and not contacts["time"].max() <= times.max(initial=-np.inf) + 1e-9:
+        raise at(file, 1, "time[s]", f"contacts until {contacts['time'].max():g} s", "the contacts.csv of the trajectory.csv beside it")
     rows = np.searchsorted(times, contacts["time"] - 1e-9)
     out = {f"{shape}.force.{axis}[N]": np.zeros(len(times)) for shape in {*contacts["a"], *contacts["b"]} for axis in "xyz"}
     for i, (row, a, b) in enumerate(zip(rows, contacts["a"], contacts["b"])):
@@ -116,7 +134,7 @@ def _recorded(file: Path, columns: dict[str, Array], scene: Scene, wanted: Optio
     """Times, values and units of the names that are used, and the columns that are not."""
     patterns = [each.strip() for each in wanted.split(",")] if wanted else []
     if "time[s]" not in columns:
-        raise Error(f"{file}:1:1: time[s]: got no such column, need one", "input", [Problem(str(file), 1, 1, "time[s]", "none", "one")])
+        raise at(file, 1, "time[s]", "no such column", "one")
     used, units, left = dict[str, Array](), dict[str, str](), list[str]()
     for head, values in columns.items():
         match = UNIT.fullmatch(head)
@@ -127,39 +145,72 @@ def _recorded(file: Path, columns: dict[str, Array], scene: Scene, wanted: Optio
         # Of a run's folder: coordinates, objects and forces; all the rest follows from them.
         if known and name and (any(fnmatch(stem, p) or stem == p for p in patterns) if patterns
                                else not folder or ".place." not in name and not name.startswith("d(")):
+            _seen(file, head, values)
             used[name], units[name] = values * UNITS[unit], base
         elif head != "time[s]" and (not folder or patterns):
             left.append(head)
     missing = [p for p in patterns if not any(fnmatch((UNIT.fullmatch(h) or [h, h])[1], p) for h in columns)]
     if missing or not used:
-        got = ", ".join(missing) or ", ".join(left[:5])
-        raise Error(f"{file}:1:1: columns: got {got}, need columns of the scene's coordinates, bodies or forces with their units", "input",
-                    [Problem(str(file), 1, 1, "columns", got, "columns of the scene")])
+        got = ", ".join(missing) or ", ".join(left[:5]) or "no other one"
+        raise at(file, 1, "columns", got, "columns of the scene's coordinates, bodies or forces with their units")
     return columns["time[s]"], used, units, left
 
 
-def _fit(options: dict[str, Any]) -> tuple[Identified, Scene, list[str], dict[str, Any]]:
+def _steps(file: Path, times: Array, scene: Scene) -> int:
+    """Of the run that the recording is compared with. :raises Error: of kind input, with the line of a time that is wrong"""
+    late = np.flatnonzero(~(times <= scene.duration + scene.step / 2))
+    early = np.flatnonzero(np.diff(times) <= 0)
+    if len(early):
+        raise at(file, 3 + int(early[0]), "time[s]", f"{times[early[0] + 1]:g} after {times[early[0]]:g}", "times that increase")
+    if len(late):
+        raise at(file, 2 + int(late[0]), "time[s]", f"{times[late[0]]:g} s", f"times to the scene's duration of {scene.duration:g} s (--set duration=T)")
+    if not len(times) or not times[-1] > scene.step * (1 - 1e-9):
+        raise at(file, 2, "time[s]", f"{len(times)} times", f"one at least from the end of the first step on, {scene.step:g} s")
+    steps = int(np.ceil(times[-1] / scene.step - 1e-6))
+    if steps > MOST_STEPS:
+        raise at(file, 1 + len(times), "time[s]", f"{times[-1]:g} s, {steps} steps of {scene.step:g} s", f"at most {MOST_STEPS} steps")
+    return steps
+
+
+def _work(options: dict[str, Any]) -> int:
     changes = dict(each.partition("=")[::2] for each in options["--set"])
     scene = load(find_file(options["--scene"]), changes)
     numbers = _numbers(options["--free"], scene)
     deviations = _deviations(options.get("--deviation"))
-    path = Path(options["RECORDING"])
+    path = path_of("RECORDING", options["RECORDING"])
     file, columns = _read(path)
     times, used, units, left = _recorded(file, columns, scene, options.get("--columns"), path.is_dir())
-    rows = times > scene.step * (1 - 1e-9)
-    if not rows.any() or times[rows].max() > 1e4 or (np.diff(times) <= 0).any() or np.isnan(times).any():
-        raise Error(f"{file}:2:1: time[s]: got {len(times)} times, need times that increase, after 0", "input",
-                    [Problem(str(file), 2, 1, "time[s]", f"{len(times)} times", "times that increase")])
-    steps = int(np.ceil(times[-1] / scene.step - 1e-6))
-    found = identify(scene, numbers, np.zeros((steps, len(scene.coordinates))), {name: values[rows] for name, values in used.items()},
-                     deviation={name: deviations[unit] for name, unit in units.items()}, kind="torques", times=times[rows])
-    result = {"values": dict(zip(found.names, found.values.tolist())),
-              "intervals": {name: value if np.isfinite(value) else None for name, value in zip(found.names, found.interval.tolist())},
-              "residual": found.residual, "iterations": found.iterations, "steps": steps, "columns": list(used),
-              "deviations": {unit: deviations[unit] for unit in sorted(set(units.values()))},
-              "set": " ".join(f"--set {name}={value!r}" for name, value in zip(found.names, found.values.tolist()))}
-    fitted = load(find_file(options["--scene"]), {**changes, **{name: repr(value) for name, value in zip(found.names, found.values.tolist())}})
-    return found, fitted, left, result
+    steps, rows = _steps(file, times, scene), times > scene.step * (1 - 1e-9)
+    inputs = [*files_of(scene), file, path / "contacts.csv"]
+    folder = OutputFolder(options["--out"], "identified.json", b'{\n "values"', standing_alone(scene), inputs) if "--out" in options else None
+    with folder or nullcontext():
+        found = identify(scene, numbers, np.zeros((steps, len(scene.coordinates))), {name: values[rows] for name, values in used.items()},
+                         deviation={name: deviations[unit] for name, unit in units.items()}, kind="torques", times=times[rows])
+        values = dict(zip(found.names, found.values.tolist()))
+        result = {"values": values, "intervals": {name: value if np.isfinite(value) else None for name, value in zip(found.names, found.interval.tolist())},
+                  "residual": found.residual, "iterations": found.iterations, "steps": steps, "columns": list(used),
+                  "deviations": {unit: deviations[unit] for unit in sorted(set(units.values()))},
+                  "set": " ".join(f"--set {name}={value!r}" for name, value in values.items())}
+        if folder is not None:
+            fitted = load(find_file(options["--scene"]), {**changes, **{name: repr(value) for name, value in values.items()}})
+            files = {"identified.json": json.dumps(result, indent=1).encode(), **standing_alone(fitted)}
+            folder.write(files)
+    _show(found, result, "--json" in options)
+    if left:
+        print(f"columns that are not used: {', '.join(left)}", file=sys.stderr)
+    if folder is not None:
+        print(folder.told(files), file=sys.stderr)
+    return 0
+
+
+def _show(found: Identified, result: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(result, indent=1))
+        return
+    print(f"{'number':44}{'value':>12}{'95 %':>12}")
+    for name, value, half in zip(found.names, found.values, found.interval):
+        print(f"{name:44}{value:12.5g}" + (f"{'+-' + format(half, '.2g'):>12}" if np.isfinite(half) else "  not in the recording"))
+    print(f"residual {found.residual:.3g} deviations (near 1 where scene and deviations fit), {found.iterations} iterations\n{result['set']}")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -167,25 +218,5 @@ def main(arguments: Sequence[str]) -> int:
     if not arguments or any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
         return 0 if arguments else 2
-    try:
-        options = read_options("identify", arguments, "RECORDING", ("--json",),
-                               ("--scene", "--free", "--columns", "--deviation", "--set", "--out"), ("--scene", "--free"))
-        out = Path(options["--out"]) if "--out" in options else None
-        if out is not None and out.exists() and not out.is_dir():
-            raise input_error("--out", f"{out}, which is a file", "a folder")
-        found, scene, left, result = _fit(options)
-    except Error as error:
-        print(error, file=sys.stderr)
-        return 2 if error.kind == "input" else 1
-    if options.get("--json"):
-        print(json.dumps(result, indent=1))
-    else:
-        print(f"{'number':44}{'value':>12}{'95 %':>12}")
-        for name, value, half in zip(found.names, found.values, found.interval):
-            print(f"{name:44}{value:12.5g}" + (f"{'+-' + format(half, '.2g'):>12}" if np.isfinite(half) else "  not in the recording"))
-        print(f"residual {found.residual:.3g} deviations (near 1 where scene and deviations fit), {found.iterations} iterations\n{result['set']}")
-    if left:
-        print(f"columns that are not used: {', '.join(left)}", file=sys.stderr)
-    if out is not None:
-        write(out, {"identified.json": json.dumps(result, indent=1).encode(), **standing_alone(scene)})
-    return 0
+    return ended(lambda: _work(read_options("identify", arguments, "RECORDING", ("--json",), ("--scene", "--free", "--columns", "--deviation", "--set", "--out"),
+                                            ("--scene", "--free"))))

@@ -2,17 +2,20 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from fnmatch import fnmatch
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import optimise
-from ._errors import Error, input_error
-from ._files import read_options, standing_alone, write
+from ._core import has_reports
+from ._errors import input_error
+from ._files import OutputFolder, ended, files_of, read_options, standing_alone
 from ._gradients import ACTIONS, exact_step
 from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, find_file, load
@@ -38,6 +41,7 @@ Example: handsim optimise reach --goal config/goals/reach.yaml --out out/reach
 """
 KEYS = ("title", "actions", "of", "hold", "duration", "effort", "rate", "limits", "first", "window", "costs", "touch", "touch_from")
 COSTS: dict[str, tuple[str, ...]] = {"angle": ("is",), "point": ("is", "path", "offset", "relative"), "turn": ("is",), "still": ()}
+MOST_KNOTS = 10_000
 STIFFNESS = 50.0
 """Of the servos that play torques: the target lies a torque's share of it beside the angle [N m/rad]."""
 Array = NDArray[np.float64]
@@ -57,7 +61,7 @@ class Goal:
         self.step = scene.step
         self.hold = max(1, self._whole("hold", 10 * self.step, self.step))
         self.period = self.hold * self.step
-        self.knots = max(1, self._whole("duration", scene.duration, self.period))
+        self.knots = self._knots()
         self.window = self._whole("window", 0, self.period) if of.get("window") is not None else 0
         names = {"torques": scene.coordinates, "targets": scene.axes, "excitations": [each.name for each in scene.muscles]}[self.kind]
         if not names:
@@ -66,13 +70,21 @@ class Goal:
         self.columns = self._matching("of", names, ["*"]) if names else []
         if not isinstance(of.get("costs"), list) or not of.get("costs"):
             of.wrong("costs", "nothing" if of.get("costs") is None else repr(of.get("costs"))[:60], "a list of costs")
-        self.touch = [[str(word) for word in pair] if isinstance(pair, list) and len(pair) == 2 else [] for pair in of.get("touch", [])]
+        touch = of.get("touch", [])
+        self.touch = [pair for pair in touch if _is_pair(pair)] if isinstance(touch, list) else []
         self.touch_from = of.real("touch_from", 0, 0, self.knots * self.period * 0.999)
-        if [] in self.touch:
-            of.wrong("touch", repr(of.get("touch")), "a list of pairs of shapes")
+        if not isinstance(touch, list) or len(touch) > len(self.touch):
+            of.wrong("touch", "nothing" if touch is None else repr(touch)[:60], "a list of pairs of shapes: [[right.index_distal, ball]]")
         # Without actions and costs nothing else can be read; other problems wait for theirs.
         if of.get("actions") != self.kind or not self.columns or not isinstance(of.get("costs"), list) or not of.get("costs"):
             of.finish()
+
+    def _knots(self) -> int:
+        knots = max(1, self._whole("duration", self.scene.duration, self.period))
+        if knots > MOST_KNOTS:
+            self.file.wrong("duration", f"{knots} times {self.period:g} s", f"at most {MOST_KNOTS} actions: a longer hold")
+            return 1
+        return knots
 
     def _whole(self, key: str, default: float, unit: float) -> int:
         value = self.file.real(key, default, unit * (1 - 1e-9), 1e4)
@@ -84,6 +96,8 @@ class Goal:
     def _matching(self, key: str, names: Sequence[str], default: list[str]) -> list[int]:
         given = self.file.get(key, default)
         patterns = [str(each) for each in (given if isinstance(given, list) else [given])]
+        if not patterns:
+            self.file.wrong(key, "an empty list", "a name or pattern of " + ", ".join(names[:6]) + ", ...")
         for pattern in patterns:
             if not any(fnmatch(name, pattern) for name in names):
                 self.file.wrong(key, pattern, "a name or pattern of " + ", ".join(names[:6]) + ", ...")
@@ -181,7 +195,10 @@ class Goal:
         body, offset = tips.get(name) or (scene.bodies.index(name) if name in scene.bodies else 0, np.zeros(3))
         if of.get(f"{key}.offset") is not None:
             offset = offset + np.array(of.reals(f"{key}.offset", 3))
-        start = problem.places.point(problem.simulation.bodies, body, offset)[0] if of.get(f"{key}.relative") is True else np.zeros(3)
+        relative = of.get(f"{key}.relative", False)
+        if not isinstance(relative, bool):
+            of.wrong(f"{key}.relative", repr(relative), "true or false")
+        start = problem.places.point(problem.simulation.bodies, body, offset)[0] if relative is True else np.zeros(3)
         if of.get(f"{key}.path") is None:
             path = np.tile(start + np.array(of.reals(f"{key}.is", 3, free=True)), (self.knots + 1, 1))
         else:
@@ -219,6 +236,10 @@ class Goal:
             of.wrong(f"{key}.at", f"{when:g} s", f"a multiple of hold, {self.period:g} s")
         out[min(knot, self.knots)] = weight
         return out
+
+
+def _is_pair(pair: object) -> bool:
+    return isinstance(pair, list) and len(pair) == 2 and all(isinstance(each, str) for each in pair)
 
 
 def _quaternion(of: Document, key: str) -> Array:
@@ -331,10 +352,8 @@ def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
 def _options(arguments: Sequence[str]) -> dict[str, Any]:
     out = read_options("optimise", arguments, "SCENE", ("--no-run", "--quiet"), ("--goal", "--out", "--set", "--iterations"), ("--goal", "--out"))
     out.setdefault("--iterations", "100")
-    if not out["--iterations"].isdigit() or not 0 < int(out["--iterations"]) < 100000:
+    if not out["--iterations"].isdecimal() or not 0 < int(out["--iterations"][:10]) < 100000:
         raise input_error("--iterations", out["--iterations"], "a whole number from 1")
-    if Path(out["--out"]).exists() and not Path(out["--out"]).is_dir():
-        raise input_error("--out", f"{out['--out']}, which is a file", "a folder")
     return out
 
 
@@ -343,38 +362,52 @@ def main(arguments: Sequence[str]) -> int:
     if not arguments or any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
         return 0 if arguments else 2
-    try:
-        return _work(_options(arguments))
-    except Error as error:
-        print(error, file=sys.stderr)
-        return 2 if error.kind == "input" else 1
+    return ended(lambda: _work(_options(arguments)))
+
+
+def _run_folder(path: Path) -> None:
+    """Before the work: where the played run goes."""
+    if os.path.lexists(path) and (path.is_symlink() or not path.is_dir() or (any(path.iterdir()) and not (path / "resolved.yaml").is_file())):
+        raise input_error("--out", f"{path}, which no run wrote", "another folder, or --no-run")
 
 
 def _work(options: dict[str, Any]) -> int:
-    path, out = find_file(options["SCENE"]), Path(options["--out"])
+    path = find_file(options["SCENE"])
     changes: dict[str, Any] = dict(each.partition("=")[::2] for each in options["--set"])
     scene = load(path, changes)
     goal = Goal(Path(options["--goal"]), scene)
     problem = goal.problem(Simulation(scene))
+    names = ["actions.csv", "optimise.svg", "inputs/actions.csv", *standing_alone(scene)]
+    with OutputFolder(options["--out"], "optimise.json", b'{\n "cost"', names, [*files_of(scene), options["--goal"]]) as folder:
+        if "--no-run" not in options:
+            _run_folder(folder.path / "run")
+        return _solved(goal, problem, options, changes, folder)
+
+
+def _solved(goal: Goal, problem: Problem, options: dict[str, Any], changes: dict[str, Any], folder: OutputFolder) -> int:
     quiet = "--quiet" in options
     if goal.window:
         problem.first = optimise.receded(problem, goal.window)
     found = optimise.solve(problem, int(options["--iterations"]), told=None if quiet else lambda i, cost: print(f"{i:4}  {cost:.6g}"))
     text = table_of(goal, problem, found)
-    write(out, {"actions.csv": text.encode()}, quiet=True)
-    played = load(path, {**changes, **changes_of(goal, problem, str((out / "actions.csv").resolve()))})
+    with TemporaryDirectory() as own:
+        table = Path(own) / "actions.csv"
+        table.write_text(text, encoding="utf-8")
+        played = load(find_file(options["SCENE"]), {**changes, **changes_of(goal, problem, str(table))})
     touches = touching(goal, problem, found)
     difference = _played(goal, found, played)
     result = {"cost": found.trajectory.cost, "costs": found.trajectory.costs, "iterations": found.iterations, "seconds": found.seconds,
               "converged": found.converged, "history": found.history, "touch": touches, "played_difference": difference}
-    write(out, {"optimise.json": json.dumps(result, indent=1).encode(), "optimise.svg": picture(goal, problem, found).encode(), **standing_alone(played)})
+    folder.write({"optimise.json": json.dumps(result, indent=1).encode(), "actions.csv": text.encode(), "optimise.svg": picture(goal, problem, found).encode(),
+                  **standing_alone(played)})
     print(f"cost {found.trajectory.cost:.6g} after {found.iterations} iterations in {found.seconds:.3g} s, " + ("converged" if found.converged else "not converged"))
     for name, cost in found.trajectory.costs.items():
         print(f"  {name:40} {cost:.4g}")
     for name, share in touches.items():
         print(f"  touch {name:34} {100 * share:.4g} % of the steps")
     print(f"  played by scene.yaml: largest difference of a coordinate at the end {difference:.2g}")
+    print(folder.told(["optimise.json", "actions.csv", "optimise.svg", "scene.yaml"]), file=sys.stderr)
     if "--no-run" not in options:
-        load(out / "scene.yaml").run(out / "run", report=True, frames=8)
-        print(f"wrote {out / 'run' / 'report.html'}", file=sys.stderr)
+        load(folder.path / "scene.yaml").run(folder.path / "run", report=has_reports, frames=8)
+        print(f"wrote {folder.path / 'run' / ('report.html' if has_reports else 'summary.json')}", file=sys.stderr)
     return 0 if found.converged and all(share == 1 for share in touches.values()) else 1

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import struct
-from os import PathLike, fspath
+from os import PathLike
 from typing import Any, Sequence, Union
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import input_error, whole
+from ._files import check_target, write_file
 
 Picture = NDArray[np.uint8]
 
@@ -40,9 +41,9 @@ def png(picture: Picture) -> bytes:
 
 
 def save_png(picture: Picture, path: Union[str, "PathLike[str]"]) -> None:
-    """Writes a picture as a PNG file."""
-    with open(fspath(path), "wb") as file:
-        file.write(png(picture))
+    """Writes a picture as a PNG file. :raises Error: of kind input where the path is that of another file; of kind output on a full disk"""
+    content = png(picture)
+    write_file(check_target("path", path, "png"), content)
 
 
 def contact_sheet(pictures: Sequence[Picture], captions: Sequence[str], title: str = "",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Fault, input_error
+from ._files import check_target, write_file
 from ._pictures import Picture, contact_sheet, html_picture
 from ._table import Quantities, Table, rows_table
 
@@ -126,9 +127,9 @@ class Result:
         with TemporaryDirectory() as parent:
             page = Path(parent) / "page.html"
             _core.report([self.folder or self._write_files(Path(parent) / "run_in_memory")], page)
-            text = page.read_text().replace(f"{parent}/", "")
+            text = page.read_text(encoding="utf-8").replace(f"{parent}/", "")
         if path is not None:
-            Path(path).write_text(text)
+            write_file(check_target("path", path, "html"), text.encode())
         return text
 
     def _write_files(self, folder: Path) -> Path:

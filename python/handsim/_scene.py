@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import flags, input_error, real, whole
+from ._files import path_of
 from ._model import Model
 from ._pictures import Picture, html_picture
 from ._progress import Progress, bar
@@ -43,8 +44,9 @@ def find_file(name: Union[str, "PathLike[str]"]) -> Path:
 
     :raises Error: of kind input, with the nearest name, where there is none
     """
-    shipped = data_path() / "config" / f"{fspath(name)}.yaml"
-    for path in (Path(fspath(name)), shipped):
+    name = str(path_of("scene", name))
+    shipped = data_path() / "config" / f"{name}.yaml"
+    for path in (Path(name), shipped):
         try:
             if path.exists():
                 return path
@@ -52,8 +54,8 @@ def find_file(name: Union[str, "PathLike[str]"]) -> Path:
             raise input_error("scene", repr(name), f"a path or a name ({error})") from None
     import difflib
 
-    near = difflib.get_close_matches(fspath(name), scenes(), 1, 0.5)
-    raise input_error("scene", fspath(name), "a path, or the name of a shipped file (handsim.scenes())"
+    near = difflib.get_close_matches(name, scenes(), 1, 0.5)
+    raise input_error("scene", name, "a path, or the name of a shipped file (handsim.scenes())"
                       + (f"; nearest: {near[0]}" if near else ""))
 
 

@@ -11,18 +11,18 @@ from ._errors import Error, Problem, input_error
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "kg": 1.0, "g": 1e-3, "mg": 1e-6, "s": 1.0, "ms": 1e-3, "us": 1e-6, "rad": 1.0,
          "deg": math.pi / 180, "N": 1.0, "mN": 1e-3, "N m": 1.0, "mN m": 1e-3, "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": math.pi / 180,
          "N/m": 1.0, "N/mm": 1e3, "": 1.0}
+DEEPEST, MOST_PLACES = 50, 100_000
+"""Of a file: levels and values, with those of its aliases."""
 
 
 def number_of(value: Any) -> Optional[float]:
     """SI of 0.2, ``"5 mm"``; None for anything else."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return float(value)
-    if not isinstance(value, str):
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
-    digits, _, unit = value.strip().partition(" ")
+    digits, _, unit = value.strip().partition(" ") if isinstance(value, str) else (value, "", "")
     try:
         return float(digits) * UNITS[unit.strip()]
-    except (ValueError, KeyError):
+    except (ValueError, KeyError, OverflowError):
         return None
 
 
@@ -41,27 +41,41 @@ class Document:
         self.path, self.problems = path, list[Problem]()
         self.places: dict[str, tuple[int, int]] = {}
         yaml = parser()
+        self.data: Any = None
+        if not path.is_file():
+            raise input_error(str(path), "no regular file" if path.exists() else "no file of this name", "a file that can be read")
         try:
-            text = path.read_text()
-            node = yaml.compose(text)
-            self.data: Any = yaml.safe_load(text)
+            text = path.read_text(encoding="utf-8-sig")
+            self._note(yaml.compose(text, Loader=yaml.SafeLoader), "", [])
+            if not self.problems:
+                self.data = yaml.safe_load(text)
         except (OSError, UnicodeDecodeError) as error:
             raise input_error(str(path), str(error), "a file that can be read") from None
         except yaml.YAMLError as error:
             mark = getattr(error, "problem_mark", None)
             self.problems = [Problem(str(path), mark.line + 1 if mark else 1, mark.column + 1 if mark else 1, "yaml",
                                      str(getattr(error, "problem", error)), "YAML")]
-            self.finish()
-        self._note(node, "")
+        except RecursionError:
+            self.problems = [Problem(str(path), 1, 1, "yaml", "lists within lists within lists", f"at most {DEEPEST} levels")]
+        except (ValueError, TypeError, OverflowError) as error:  # of a value that looks like a date
+            self.problems = [Problem(str(path), 1, 1, "yaml", str(error), "numbers, texts, lists and mappings")]
+        self.finish()
 
-    def _note(self, node: Any, key: str) -> None:
-        if node is None:
+    def _note(self, node: Any, key: str, within: list[Any]) -> None:
+        """Places of all keys; an alias has those of its anchor."""
+        if node is None or self.problems:
             return
-        self.places[key] = node.start_mark.line + 1, node.start_mark.column + 1
-        pairs = ([(name.value, child) for name, child in node.value] if node.id == "mapping" else
+        at = node.start_mark.line + 1, node.start_mark.column + 1
+        self.places[key] = at
+        wrong = ("an alias of itself" if any(node is each for each in within) else "lists within lists within lists" if len(within) > DEEPEST
+                 else "aliases of aliases" if len(self.places) > MOST_PLACES else "")
+        if wrong:
+            self.problems.append(Problem(str(self.path), *at, key[:80] or "file", wrong, f"at most {DEEPEST} levels and {MOST_PLACES} values"))
+            return
+        pairs = ([(str(name.value), child) for name, child in node.value] if node.id == "mapping" else
                  [(str(i), child) for i, child in enumerate(node.value)] if node.id == "sequence" else [])
         for name, child in pairs:
-            self._note(child, f"{key}.{name}" if key else name)
+            self._note(child, f"{key}.{name}" if key else name, [*within, node])
 
     def get(self, key: str, default: Any = None) -> Any:
         found = self.data
@@ -102,7 +116,7 @@ class Document:
 
     def choice(self, key: str, known: Sequence[str], default: Optional[str] = None) -> str:
         value = self.get(key, default)
-        if value not in known:
+        if not isinstance(value, str) or value not in known:
             near = difflib.get_close_matches(str(value), known, 1)
             self.wrong(key, "nothing" if value is None else repr(value), (f"{near[0]}, or another of " if near else "one of ") + _few(known))
             return known[0] if known else ""

@@ -2,32 +2,39 @@
 from __future__ import annotations
 
 import html
+import importlib.util
 import json
 import os
+import re
 import sys
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any, Optional, Sequence
+from typing import Any, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._errors import Error, input_error
-from ._hand import Hand
+from ._errors import input_error
+from ._files import OutputFolder, ended, files_of
+from ._hand import WHAT_IF, Hand
 from ._plot import COLORS, axes, line, sheet_of
-from ._scene import Scene, find_file
+from ._scene import Scene, data_path, find_file
 from ._statics import Statics, grip, key_pinch, polytope, thumb_workspace, tip_pinch
+from ._yaml import parser
 
 USAGE = """handsim compare A [B] [--set KEY=VALUE] [--out DIR]
 
 Two hands side by side: strength of grip and pinches, largest forces of index and thumb in all directions beside people's, reach of the
-thumb, and where fingers rest at each angle of the wrist (tenodesis). A and B are scenes, by file or shipped name, or folders of runs;
-the first hand of each counts, at rest and as it is built, with its wrist. Without B, B is A with what is set.
+thumb, and where fingers rest at each angle of the wrist (tenodesis). A and B are persons or scenes, by file or shipped name, or folders
+of runs; the first hand of each counts, at rest and as it is built, with its wrist. Without B, B is A with what is set. Where people were
+measured, their values stand beside, and a row that lies outside of them is marked.
 
   --set KEY=VALUE   a change of B, such as hands.0.without=[ulnar_nerve_at_wrist]; may be repeated
   --out DIR   also writes compare.html, a page with pictures, compare.svg, the pictures alone, and compare.json
 
-Example: handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/compare
+Example: handsim compare median_man median_woman --out out/compare
+         handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/compare
 """
 PRESS = {"index_mcp.flexion": 45.0, "index_pip.flexion": 45.0, "index_dip.flexion": 10.0}
 THUMB = {"thumb_mcp.flexion": 15.0, "thumb_ip.flexion": -15.0}
@@ -41,17 +48,21 @@ PLANES: list[dict[str, Any]] = [
      "pose": THUMB, "across": 0, "labels": ("ulnar", "palmar"), "source": "Li & Harkness 2004",
      "points": [(0, 104.1, 13.7), (0, -69.4, 9.2), (-57.7, 0, 7.6), (67.4, 0, 8.9)]}]
 WRIST = (-60, -40, -20, 0, 20, 40, 60)
+EFFECTS = ["joint_stops", "passive_tissue", "muscles", "tendon_coupling"]
 JOINTS = ("index_mcp", "index_pip", "middle_mcp", "middle_pip", "thumb_mcp", "thumb_ip")
 
 
 def hand_of(source: str, changes: Sequence[str] = ()) -> Hand:
-    """The first hand of a scene or of a run's folder, with muscles and a wrist that turns.
+    """The first hand of a scene or of a run's folder, or a person's right one, with muscles and a wrist that turns.
 
     :param changes: as ``--set``
     :raises Error: of kind input for another source, and for a hand without muscles
     """
-    run = Path(source) / "resolved.yaml"
-    path = run if run.is_file() else find_file(source)
+    path = file_of(source)
+    if _is_person(path):
+        hand = {"model": str(data_path() / "handmodels/anatomical.yaml"), "person": str(path.resolve()), "side": "right"}
+        text = json.dumps({"title": "a person", "hands": [hand], "effects": EFFECTS, "duration": 1})
+        return _alone(Scene(_core.Scene.parse(text, source, list(changes))), source)
     scene = Scene(_core.Scene.load(path, [each for each in changes if not each.startswith("hands.0.")]))
     missing = [each for each in ("muscles", "tendon_coupling") if each not in scene.effects]
     effects = [f"effects=[{', '.join([*scene.effects, *missing])}]"] if missing else []
@@ -61,13 +72,29 @@ def hand_of(source: str, changes: Sequence[str] = ()) -> Hand:
     return _alone(scene, source)
 
 
+def file_of(source: str) -> Path:
+    run, person = Path(source) / "resolved.yaml", data_path() / "config/persons" / f"{source}.yaml"
+    if not os.path.lexists(source) and person.is_file():
+        return person
+    return run if run.is_file() else find_file(source)
+
+
+def _is_person(path: Path) -> bool:
+    try:
+        text = path.read_text(encoding="utf-8-sig") if path.is_file() else ""
+    except (OSError, UnicodeDecodeError):
+        return False  # what reads scenes says what is wrong
+    keys = set(re.findall(r"""^[\s{]*["']?(\w+)["']?\s*:""", text, re.MULTILINE))
+    return bool(keys & {"stature", "mass", "sex", "hand_length"}) and not keys & {"hands", "objects", "bodies", "effects"}
+
+
 def _alone(scene: Scene, source: str) -> Hand:
     """A hand built from the resolved scene's first one alone."""
     lines = scene.resolved.splitlines()
     first = lines.index("hands:") + 1
     end = next((i for i in range(first + 1, len(lines)) if not lines[i].startswith("   ")), len(lines))
     text = "\n".join(["title: a hand", "hands:", *lines[first:end],
-                      "effects: [joint_stops, passive_tissue, muscles, tendon_coupling]", "duration: 1"])
+                      f"effects: [{', '.join(EFFECTS)}]", "duration: 1"])
     hand = Hand.__new__(Hand)
     hand.scene = Scene(_core.Scene.parse(text, source, ["hands.0.wrist={mount: universal}", "hands.0.pose={}"]))
     hand.side = "left" if hand.scene.hands[0].startswith("left") else "right"
@@ -124,6 +151,54 @@ def table(names: Sequence[str], both: Sequence[dict[str, Any]]) -> list[tuple[st
     return list(unique.values())
 
 
+class Measured(NamedTuple):
+    """What people had, beside a row."""
+
+    text: str
+    outside: bool
+    """A or B lies outside of all of it by more than its spread."""
+    source: str
+
+
+def measured(hands: Sequence[Hand], rows: Sequence[tuple[str, str, float, float]]) -> dict[str, Measured]:
+    """People's values by the name of a row: forces of whole hands, and shares where B has lost what theirs had (config/clinic.yaml)."""
+    of_rows, out = {row[0]: row[2:] for row in rows}, dict[str, Measured]()
+    if importlib.util.find_spec("yaml") is None:
+        print("without PyYAML (pip install pyyaml) nothing is said of people's values, and no row is marked", file=sys.stderr)
+        return {}
+    specs = [_hand_spec(hand) for hand in hands]
+    changes = [{key: spec.pop(key) for key in WHAT_IF if key in spec} for spec in specs]
+    for plane in PLANES:
+        for x, y, spread in plane["points"]:
+            label = plane["labels"][0] if x > 0 else plane["labels"][1] if y > 0 else "dorsal" if y < 0 else ""
+            name, value = f"{plane['title'].split(',')[0]}, {label}", abs(x + y)
+            ours = [force for force, lost in zip(of_rows.get(name, ()), changes) if not lost]
+            if ours:
+                out[name] = Measured(f"{value:g} ± {spread:g} N", any(abs(force - value) > spread for force in ours), plane["source"])
+    if specs[0] == specs[1] and not changes[0] and changes[1]:
+        for name, people in _shares(changes[1]).items():
+            share = of_rows[name][1] / of_rows[name][0]
+            outside = all(abs(share - value) > spread for value, spread, _ in people)
+            out[name] = Measured(", ".join(f"{value:.2f} ± {spread:.2f}" for value, spread, _ in people), outside, "; ".join(source for _, _, source in people))
+    return out
+
+
+def _hand_spec(hand: Hand) -> dict[str, Any]:
+    out: dict[str, Any] = parser().safe_load(hand.scene.resolved)["hands"][0]
+    return out
+
+
+def _shares(change: dict[str, Any]) -> dict[str, list[tuple[float, float, str]]]:
+    """Of whole people's forces that people with this change have: value, spread and source, by the name of a row."""
+    clinic, out = parser().safe_load((data_path() / "config/clinic.yaml").read_text(encoding="utf-8")), dict[str, list[tuple[float, float, str]]]()
+    for row in clinic["measurements"]:
+        pairs = [each.partition("=")[::2] for each in row.get("set", [])]
+        of = {key.replace("hands.0.", ""): parser().safe_load(value) for key, value in pairs} or clinic["variants"].get(row.get("hand"), {})
+        if row.get("relative_to") in ("grip", "key pinch", "tip pinch") and of == change:
+            out.setdefault(row["relative_to"], []).append((row["measured"], row["spread"], row["source"]))
+    return out
+
+
 def _runs(cells: Sequence[Sequence[float]]) -> list[list[float]]:
     """Neighbouring cells of 3 mm as one: x of the first, y, and width."""
     out: list[list[float]] = []
@@ -170,16 +245,21 @@ def pictures(both: Sequence[dict[str, Any]]) -> list[str]:
     return out
 
 
-def page(names: Sequence[str], both: Sequence[dict[str, Any]]) -> str:
+def page(names: Sequence[str], both: Sequence[dict[str, Any]], people: dict[str, Measured]) -> str:
     """The whole page."""
-    cells = "".join(f"<tr><td>{html.escape(name)}</td><td>{a:.1f}</td><td>{b:.1f}</td><td>{_share(a, b)}</td><td>{unit}</td></tr>"
-                    for name, unit, a, b in table(names, both))
+    def cell(name: str) -> str:
+        of = people.get(name, Measured("", False, ""))
+        return f'<td title="{html.escape(of.source)}">{html.escape(of.text)}{", outside" if of.outside else ""}</td>'
+    cells = "".join(f"<tr{' class=outside' if name in people and people[name].outside else ''}><td>{html.escape(name)}</td><td>{a:.1f}</td><td>{b:.1f}</td>"
+                    f"<td>{_share(a, b)}</td><td>{unit}</td>{cell(name)}</tr>" for name, unit, a, b in table(names, both))
     legend = " ".join(f'<b style="color:{color}">{letter}: {html.escape(name)}</b>' for letter, name, color in zip("AB", names, COLORS))
     return ('<!doctype html><html lang="en"><meta charset="utf-8"><title>handsim compare</title><style>body{font:14px sans-serif;margin:2em;'
             "max-width:1320px}svg{font:11px sans-serif;margin:6px}td,th{padding:2px 10px;text-align:right}td:first-child{text-align:left}"
+            "tr.outside{background:#fde2e2;color:#9b1c1c;font-weight:bold}"
             f"</style><h1>Two hands</h1><p>{legend}. Black: people, with one standard deviation.</p>{''.join(pictures(both))}"
-            f"<table><tr><th></th><th>A</th><th>B</th><th>B over A</th><th></th></tr>{cells}</table>"
-            "<p>Largest forces: nothing moves, each muscle gives 0 to all of its isometric force, moments of the fingers that press balance; "
+            f"<table><tr><th></th><th>A</th><th>B</th><th>B over A</th><th></th><th>people</th></tr>{cells}</table>"
+            "<p>Red rows lie outside the values of people by more than the spread of each: do not rely on them. People's values are forces of whole hands, "
+            "or shares of them where B has lost what theirs had; the mouse on one shows its source (config/clinic.yaml).</p><p>Largest forces: nothing moves, each muscle gives 0 to all of its isometric force, moments of the fingers that press balance; "
             "the wrist is held, or balances, too. handsim is a research tool and gives no medical advice.</p></html>")
 
 
@@ -199,43 +279,46 @@ def main(arguments: Sequence[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help"):
         print(USAGE, end="")
         return 0 if arguments else 2
-    given: list[str] = []
-    changes: list[str] = []
-    out: Optional[Path] = None
-    try:
-        rest = iter(arguments)
-        for each in rest:
-            if each in ("--out", "--set"):
-                value = next(rest, None)
-                if value is None:
-                    raise input_error(each, "nothing", "a folder" if each == "--out" else "KEY=VALUE")
-                if each == "--out":
-                    out = Path(value)
-                else:
-                    changes.append(value)
-            elif each.startswith("-"):
-                raise input_error(each, "an unknown option", "--set KEY=VALUE or --out DIR")
-            else:
-                given.append(each)
-        if len(given) not in (1, 2) or len(given) == 1 and not changes:
-            raise input_error("compare", f"{len(given)} scenes and {len(changes)} changes", "two scenes, or one and --set KEY=VALUE")
-        if out is not None and out.exists() and not out.is_dir():
-            raise input_error("--out", f"{out}, which is a file", "a folder")
-        both = [measure(hand_of(given[0])), measure(hand_of(given[-1], changes))]
-    except Error as error:
-        print(error, file=sys.stderr)
-        return 2
-    given = [given[0], " ".join([*given[1:], *changes])]
-    if out is not None:  # before the table, whose reader may close the pipe
-        out.mkdir(parents=True, exist_ok=True)
-        files = {"compare.html": page(given, both), "compare.svg": sheet(given, both), "compare.json": json.dumps(dict(zip("AB", both)))}
-        for name, text in files.items():
-            part = out / f".{name}.part"
-            part.write_text(text)
-            os.replace(part, out / name)
-    print(f"A  {given[0]}\nB  {given[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
-    for name, unit, a, b in table(given, both):
-        print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit}")
-    if out is not None:
-        print(f"\nwrote {', '.join(str(out / name) for name in files)}")
+    return ended(lambda: _work(arguments))
+
+
+def _work(arguments: Sequence[str]) -> int:
+    given, changes, out = _options(arguments)
+    hands = [hand_of(given[0]), hand_of(given[-1], changes)]
+    inputs = [*map(file_of, given), *(file for hand in hands for file in files_of(hand.scene))]
+    names = [given[0], " ".join([*given[1:], *changes])]
+    folder = None if out is None else OutputFolder(out, "compare.json", b'{"A": {"strength"', ["compare.html", "compare.svg"], inputs)
+    with folder or nullcontext():
+        both = [measure(hand) for hand in hands]
+        people = measured(hands, table(names, both))
+        if folder is not None:  # before the table, whose reader may close the pipe
+            files = {"compare.json": json.dumps(dict(zip("AB", both))), "compare.html": page(names, both, people), "compare.svg": sheet(names, both)}
+            folder.write({name: text.encode() for name, text in files.items()})
+    print(f"A  {names[0]}\nB  {names[1]}\n\n{'':42}{'A':>9}{'B':>9}{'B/A':>8}")
+    for name, unit, a, b in table(names, both):
+        of = people.get(name)
+        print(f"{name:42}{a:9.1f}{b:9.1f}{_share(a, b):>8}  {unit:3}" + (f"  people {of.text}{': OUTSIDE' if of.outside else ''}" if of else "").rstrip())
+    if folder is not None:
+        print(f"\n{folder.told(files)}")
     return 0
+
+
+def _options(arguments: Sequence[str]) -> tuple[list[str], list[str], Optional[str]]:
+    given, changes, out, rest = list[str](), list[str](), None, iter(arguments)
+    for each in rest:
+        name, equals, value = each.partition("=") if each.startswith("--") else (each, "", "")
+        if name in ("--out", "--set"):
+            value = value if equals else next(rest, "")
+            if not value:
+                raise input_error(name, "nothing", "a folder" if name == "--out" else "KEY=VALUE")
+            if name == "--out":
+                out = value
+            else:
+                changes.append(value)
+        elif each.startswith("-"):
+            raise input_error(each, "an unknown option", "--set KEY=VALUE or --out DIR")
+        else:
+            given.append(each)
+    if len(given) not in (1, 2) or len(given) == 1 and not changes:
+        raise input_error("compare", f"{len(given)} hands and {len(changes)} changes", "two persons or scenes, or one and --set KEY=VALUE")
+    return given, changes, out

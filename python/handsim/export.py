@@ -6,7 +6,6 @@ moment. Other formats (MJCF, URDF, OpenSim) are the program's.
 from __future__ import annotations
 
 import argparse
-import os
 import struct
 import sys
 from pathlib import Path
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
+from ._files import check_target, ended, files_of, write_file
 from ._glb import Y_UP, glb_of_model, shown_shapes
 from ._model import Model, SkinParts, bent, compose, matrices, normals_of, skins_of, surface, turned
 from ._progress import bar
@@ -217,30 +217,21 @@ def _messages(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[f
     return mcap_of(scene, motion)
 
 
-def _write(out: Path, content: bytes) -> None:
-    """Under its name when it is complete."""
-    part = out.with_name(f".{out.name}.{os.getpid()}")
-    try:
-        part.write_bytes(content)
-        part.replace(out)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise Error(f"{out}: {error.strerror}", "output") from None
-
-
 def run(arguments: argparse.Namespace) -> str:
     """Writes the file. :returns: what it has"""
     kind = _format(arguments.out, arguments.format)
     if not (np.isfinite(arguments.fps) and 1 <= arguments.fps <= 1000):
         raise input_error("--fps", arguments.fps, "1 to 1000")
     scene, motion = _scene_of(arguments)
+    own = [] if motion is None else [Path(arguments.source) / "trajectory.csv"]
+    out = check_target("--out", arguments.out, kind, [*files_of(scene), *own])
     show = sys.stderr.isatty() and not arguments.quiet
     still = arguments.source is None
     if kind == "mcap":
         if still:
             raise input_error("export", "a person", "a scene or a run for the motion of an mcap file")
         content = _messages(scene, motion, arguments.time, arguments.fps, show)
-        _write(Path(arguments.out), content)
+        write_file(out, content)
         return f"{arguments.out}: joint states, transforms and contact wrenches of {scene.title} as mcap, {len(content) / 1e6:.2f} MB"
     whole = kind == "glb" or kind == "usda" and arguments.time is None
     times, poses = _motion(scene, motion, arguments.time, whole and not still, arguments.fps, show)
@@ -255,7 +246,7 @@ def run(arguments: argparse.Namespace) -> str:
     else:
         parts = pieces(model, skins, poses[0], arguments.hands)
         content = obj_of(parts) if kind == "obj" else stl_of(parts)
-    _write(Path(arguments.out), content)
+    write_file(out, content)
     moved = f", {times[-1]:g} s of motion" if times is not None and len(times) > 1 else ""
     return f"{arguments.out}: {len(model.bodies) - 1} bodies, {len(model.hands)} hands as {kind}{moved}, {len(content) / 1e6:.2f} MB"
 
@@ -274,9 +265,8 @@ def main(words: Sequence[str]) -> int:
     """``export`` of the command line. :returns: the exit status"""
     if not _ours(words):
         return _core.command_line(["export", *words])
-    try:
+
+    def work() -> int:
         print(run(_parser().parse_args(list(words))))
-    except Error as error:
-        print(error, file=sys.stderr)
-        return 2 if error.kind == "input" else 1
-    return 0
+        return 0
+    return ended(work)

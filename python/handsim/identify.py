@@ -10,7 +10,7 @@ from typing import Callable, Mapping, NamedTuple, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._errors import input_error, whole
+from ._errors import input_error, numbers as numbers_of, real, whole
 from ._gradients import Parameters, Rollout, exact_step, state_names
 from ._scene import Scene, Source, load, with_value
 from ._simulation import Simulation
@@ -20,6 +20,8 @@ PARTS = (0.25, 0.5, 1.0)
 """Of a recording, fitted one after the other."""
 FAR = 3.0
 """Deviations from which a difference counts linearly: the force of an impact a step too early says little."""
+NO_NUMBERS = ("solver", "duration", "record", "pictures", "criteria")
+"""Keys of a scene that say how it is run."""
 CHANGE = 1e-3
 """Of whole runs, from which derivatives of forces and of places of joined bodies are differences: share of a number."""
 
@@ -54,21 +56,22 @@ def identify(scene: Union[Scene, Source], numbers: Mapping[str, float], actions:
     :param most: iterations at most; they end where no value changes by more than 1e-6 of its size
     :param times: of the recording after its start [s], within the steps; None: the end of each step
     """
-    actions = np.asarray(actions, dtype=float)
-    data = {name: np.asarray(values, dtype=float) for name, values in recorded.items()}
-    count = len(actions) if times is None else len(np.asarray(times))
-    for name, values in data.items():
-        if values.shape != (count,):
-            raise input_error(f"recorded.{name}", f"shape {values.shape}", f"shape ({count},)")
-    of_names = deviation if isinstance(deviation, Mapping) else {name: deviation for name in data}
-    spread = np.repeat([of_names[name] for name in data], count)
+    whole("most", most, 1)
+    scene = scene if isinstance(scene, Scene) else load(scene)
+    actions = _array("actions", actions, 2)
+    if times is not None:
+        times = _times(times, scene.step, len(actions))
+    count = len(actions) if times is None else len(times)
+    data = _recorded(recorded, count)
+    spread = np.repeat(_spread(deviation, data), count)
     given = np.concatenate(list(data.values()))
-    ends = np.arange(1, count + 1) / count if times is None else np.asarray(times, dtype=float) / np.max(times)
-    _check_times(scene, times, len(actions))
-    values, iteration = np.array(list(numbers.values()), dtype=float), 0
+    ends = np.arange(1, count + 1) / count if times is None else times / np.max(times)
+    values, iteration = np.array(list(_numbers(numbers).values())), 0
     # Through impacts a whole run is far from linear: the first part of the recording comes first.
     for share in PARTS:
         seen = np.isfinite(given) & np.tile(ends <= share + 1e-9, len(data))
+        if not seen.any():
+            continue
         part = actions[:max(1, int(np.ceil(share * len(actions) - 1e-9)))]
         model = _Model(scene, list(numbers), part, kind, list(data), begin, times, count)
 
@@ -77,7 +80,7 @@ def identify(scene: Union[Scene, Source], numbers: Mapping[str, float], actions:
             return out
 
         error = errors(model.run(values))
-        for _ in range(whole("most", most, 1)):
+        for _ in range(most):
             iteration += 1
             scale = np.maximum(np.abs(values), 1e-12)
             slope = (model.slopes(values) / spread[:, None])[seen] * scale
@@ -101,12 +104,53 @@ def _size(error: Array) -> float:
     return float(np.where(far < FAR, far**2, FAR * (2 * far - FAR)).sum())
 
 
-def _check_times(scene: Union[Scene, Source], times: Optional[ArrayLike], steps: int) -> None:
-    if times is None:
-        return
-    step, given = (scene if isinstance(scene, Scene) else load(scene)).step, np.asarray(times, dtype=float)
-    if not step * (1 - 1e-9) <= given.min() <= given.max() <= step * (steps + 1e-6):
-        raise input_error("times", f"{given.min():g} to {given.max():g} s", f"times of the steps, {step:g} to {step * steps:g} s")
+def _array(key: str, given: object, axes: int) -> Array:
+    """Of finite numbers, or NaN, and of one number at least."""
+    out: Array = numbers_of(key, given, f"an array of {axes} axes", axes, finite=False)
+    if len(out) == 0 or np.isinf(out).any():
+        raise input_error(key, "an infinite number" if len(out) else "none", f"an array of finite numbers of {axes} axes")
+    return out
+
+
+def _times(given: ArrayLike, step: float, steps: int) -> Array:
+    out = _array("times", given, 1)
+    if not step * (1 - 1e-9) <= out.min() <= out.max() <= step * (steps + 1e-6):
+        raise input_error("times", f"{out.min():g} to {out.max():g} s", f"times of the steps, {step:g} to {step * steps:g} s")
+    return out
+
+
+def _recorded(recorded: Mapping[str, ArrayLike], count: int) -> dict[str, Array]:
+    if not isinstance(recorded, Mapping) or not recorded:
+        raise input_error("recorded", repr(recorded)[:80], "a mapping: name to values")
+    out = {}
+    for name, values in recorded.items():
+        out[str(name)] = column = _array(f"recorded.{name}", values, 1)
+        if column.shape != (count,):
+            raise input_error(f"recorded.{name}", f"shape {column.shape}", f"shape ({count},)")
+        if np.isnan(column).all():
+            raise input_error(f"recorded.{name}", "no number", "one at least that is not NaN")
+    return out
+
+
+def _spread(deviation: Union[float, Mapping[str, float]], names: Mapping[str, Array]) -> list[float]:
+    of_names = deviation if isinstance(deviation, Mapping) else {name: deviation for name in names}
+    missing = [name for name in names if name not in of_names]
+    if missing:
+        raise input_error("deviation", f"none of {', '.join(missing)}", "one of each name")
+    out = [real("deviation", of_names[name]) for name in names]
+    if min(out) <= 0:
+        raise input_error("deviation", f"{min(out):g}", "numbers above 0")
+    return out
+
+
+def _numbers(numbers: Mapping[str, float]) -> dict[str, float]:
+    """With a key that is no number of the model."""
+    if not isinstance(numbers, Mapping) or not numbers:
+        raise input_error("numbers", repr(numbers)[:80], "a mapping: dotted key to the value to start from")
+    for key in numbers:
+        if not isinstance(key, str) or key.partition(".")[0] in NO_NUMBERS:
+            raise input_error("numbers", repr(key), f"a number of hands, objects, contacts or control: the recording says nothing of {', '.join(NO_NUMBERS)}")
+    return {key: real(key, value) for key, value in numbers.items()}
 
 
 def _deviations(slope: Array) -> Array:

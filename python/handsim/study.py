@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from contextlib import contextmanager, nullcontext
 from functools import cached_property
-from os import PathLike, fspath
+from os import PathLike
 from pathlib import Path
-from typing import Any, Iterator, Optional, Sequence, Union
+from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
 from . import _core
-from ._errors import flags, input_error, real, whole
+from ._errors import Error, Problem, flags, input_error, real, whole
+from ._files import PathText, path_of
 from ._progress import Progress, bar
 from ._scene import Overrides, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
-PathText = Union[str, "PathLike[str]"]
 Out = Optional[PathText]
 MOST_THREADS = 1024
 
@@ -84,24 +84,64 @@ def _value(text: str) -> Union[float, str, None]:
         return text
 
 
-def read_csv(path: PathText) -> Table:
-    """A CSV file of handsim as a table: columns of numbers as arrays, in which an empty field is nan."""
-    import csv
+def at(path: Path, line: int, key: str, got: str, need: str) -> Error:
+    """An input error with its line."""
+    return Error(f"{path}:{line}:1: {key}: got {got}, need {need}", "input", [Problem(str(path), line, 1, key, got, need)])
 
-    with open(fspath(path), newline="") as file:
-        head, *rows = csv.reader(file)
-    return rows_table(head, [[_value(text) for text in row] for row in rows])
+
+def _text(path: PathText) -> tuple[Path, str]:
+    where = path_of("path", path)
+    try:
+        return where, where.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise input_error(str(where), str(getattr(error, "strerror", None) or "a file that is not text in UTF-8"), "a table") from None
+
+
+def _rows(path: Path, names: Sequence[str], lines: Iterable[tuple[int, list[Any]]]) -> Table:
+    """:raises Error: of kind input, with its line, for a row of another length and for a name that stands twice"""
+    rows = []
+    twice = [name for i, name in enumerate(names) if name in names[:i]]
+    if not names or twice:
+        raise at(path, 1, "columns", f"{twice[0]} twice" if twice else "none", "names, each once")
+    for number, row in lines:
+        if len(row) != len(names):
+            raise at(path, number, "row", f"{len(row)} fields", f"{len(names)}, one for each column")
+        rows.append(row)
+    return rows_table(names, rows)
+
+
+def read_csv(path: PathText) -> Table:
+    """A CSV file of handsim as a table: columns of numbers as arrays, in which an empty field is nan.
+
+    :raises Error: of kind input for a file that cannot be read, and with its line for a row that is longer or shorter than the head
+    """
+    import csv
+    import io
+
+    where, text = _text(path)
+    reader = csv.reader(io.StringIO(text, newline=""))
+    try:
+        head: list[str] = next(reader, [])
+        return _rows(where, head, ((reader.line_num, [_value(field) for field in row]) for row in reader if row))
+    except csv.Error as error:
+        raise at(where, reader.line_num, "row", str(error), "fields with commas between them") from None
 
 
 def read_sto(path: PathText) -> Table:
-    """A ``.sto`` or ``.mot`` file as a table of numbers; names are those of the file, angles in its unit."""
-    with open(fspath(path)) as file:
-        for line in file:
-            if line.strip() == "endheader":
-                break
-        names = file.readline().rstrip("\n").split("\t")
-        rows = [[float(text) for text in line.split("\t")] for line in file if line.strip()]
-    return rows_table(names, rows)
+    """A ``.sto`` or ``.mot`` file as a table of numbers; names are those of the file, angles in its unit. :raises Error: as `read_csv`"""
+    where, text = _text(path)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    first = next((i for i, (_, line) in enumerate(lines) if line.strip() == "endheader"), None)
+    if first is None or first + 1 == len(lines):
+        raise at(where, 1, "endheader", "no such line before a line of names", "a table of motion")
+
+    def numbers(of: tuple[int, str]) -> tuple[int, list[Any]]:
+        number, line = of
+        try:
+            return number, [float(field) for field in line.split("\t")]
+        except ValueError as error:
+            raise at(where, number, "row", str(error), "numbers") from None
+    return _rows(where, lines[first + 1][1].rstrip("\n").split("\t"), map(numbers, lines[first + 2:]))
 
 
 def read_h5(path: PathText, name: str = "rollouts") -> Table:
@@ -112,10 +152,18 @@ def read_h5(path: PathText, name: str = "rollouts") -> Table:
     """
     import h5py
 
+    where = path_of("path", path)
+    if not isinstance(name, str):
+        raise input_error("name", repr(name), "rollouts, or trajectories/K of a recorded rollout K")
+
     def column(data: Any) -> Any:
         return list(data.asstr()[:]) if h5py.check_string_dtype(data.dtype) else data[:]
 
-    with h5py.File(fspath(path)) as file:
+    try:
+        opened = h5py.File(where)
+    except OSError as error:
+        raise input_error(str(where), str(error), "an HDF5 file") from None
+    with opened as file:
         if name == "rollouts" and name in file:
             return Table({key: column(data) for key, data in file[name].items()})
         if f"{name}.columns" not in file:
@@ -123,14 +171,23 @@ def read_h5(path: PathText, name: str = "rollouts") -> Table:
         return Table(dict(zip(column(file[f"{name}.columns"]), file[name][:].T)))
 
 
-def _path(path: Optional[PathText]) -> Optional[Path]:
-    return None if path is None else Path(path)
+def _path(key: str, path: Optional[PathText]) -> Optional[Path]:
+    return None if path is None else path_of(key, path)
+
+
+def _listed(key: str, given: Any) -> list[Any]:
+    """One path or several."""
+    if isinstance(given, (str, PathLike)):
+        return [given]
+    if not isinstance(given, Iterable) or isinstance(given, (bytes, bytearray, memoryview)):
+        raise input_error(key, repr(given)[:200], "a path, or a list of them")
+    return list(given)
 
 
 @contextmanager
 def _folder(out: Out) -> Iterator[Path]:
     if out is not None:
-        yield Path(out)
+        yield path_of("out", out)
         return
     import tempfile
 
@@ -177,7 +234,7 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
         whole("uncertain", uncertain, 2), whole("threads", threads, 0, MOST_THREADS)
         if friction is not None or friction_search or margin or confirm or pictures:
             raise input_error("uncertain", "options of one run of each scene", "scenes, overrides, sides and out alone")
-    listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
+    listed = _listed("scenes", scenes)
     with _folder(out) as folder, bar(progress, "grasps") as told:
         text = _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
                             friction_search, margin, confirm, pictures, uncertain, threads, told)
@@ -225,9 +282,9 @@ def merge(folders: Union[PathText, Sequence[PathText]], *, out: Out = None) -> S
 
     :param folders: of the shards, or the folder that has them
     """
-    listed = [folders] if isinstance(folders, (str, PathLike)) else folders
+    listed = [path_of("folders", each) for each in _listed("folders", folders)]
     with _folder(out) as folder:
-        return Study("rollouts", folder, _core.merge([Path(each) for each in listed], folder))
+        return Study("rollouts", folder, _core.merge(listed, folder))
 
 
 def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion: Optional[PathText] = None,
@@ -262,7 +319,7 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
         file = find_file(scene)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder, bar(progress, "inverse") as told:
-        text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check,
+        text = _core.inverse(of._core, folder, _path("motion", motion), _path("names", names), _path("loads", loads), cutoff, clamp, check,
                              float(co_contraction) if muscles else None, file, override_list(overrides), uncertain, threads,
                              told)
         return Study("rollouts" if uncertain else "inverse", folder, text)
@@ -287,13 +344,14 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     """
     from ._c3d import as_csv, is_c3d
 
+    recording = path_of("recording", recording)
     flags(fit_bones=fit_bones, smooth=smooth)
     real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
     if not is_c3d(recording) and (names is not None or up is not None):
         raise input_error("names" if names is not None else "up", str(recording), "a recording in C3D with it")
-    table = as_csv(recording, names, up) if is_c3d(recording) else nullcontext(Path(recording))
+    table = as_csv(recording, names, up) if is_c3d(recording) else nullcontext(recording)
     with table as path, _folder(out) as folder, bar(progress, "track") as told:
-        _core.track(path, folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
+        _core.track(path, folder, _path("person", person), _path("model", model), _path("markers", markers), _path("truth", truth), fit_bones, smooth,
                     noise, seed, told)
         return Study("track", folder, "")
 
@@ -305,7 +363,7 @@ def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int
     :param uncertain: as many hands are drawn within what is uncertain: columns ``percentile_5``, ``percentile_95``
     """
     with _folder(out) as folder:
-        return Study("validate", folder, _core.validate(_path(measurements), folder,
+        return Study("validate", folder, _core.validate(_path("measurements", measurements), folder,
                                                          None if uncertain is None else whole("uncertain", uncertain, 2)))
 
 

@@ -208,7 +208,8 @@ int inverse_command(const InverseArguments& arguments) {
   if (result.reserve_share)
     end.text +=
         fmt::format("muscles leave {:.2g} % of the torques undone (RMS over all axes): reserves.sto\n",
-                    100 * *result.reserve_share);
+                    100 * *result.reserve_share) +
+        (result.undone ? study::undone_text(*result.undone) : "");
   if (result.rms_error)
     end.text += fmt::format(
         "a simulation with these {}: RMS error {:.3g} deg over all axes\n",

@@ -2,7 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <sstream>
 #include <string_view>
+
+#include <fmt/format.h>
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
@@ -35,25 +41,44 @@ constexpr std::array<OtherCommand, 5> kOtherCommands = {
 constexpr std::array<std::string_view, 6> kPythonFormats = {"glb", "usda", "obj", "stl", "mcap", "c3d"};
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
-/// finds it.
-constexpr const char* kStart = R"(import os, sys
-own = sys.argv.pop(1)
+/// finds it. An interpreter that has no package or no NumPy goes on to the next one.
+constexpr const char* kStart = R"py(import os, sys
+start, own, tried, other = sys.argv[1:5]
+del sys.argv[1:5]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices
+before = os.environ.get("PYTHONPATH", "")
 sys.path[0:1] = [own + "/../python", own + "/../lib/python3/dist-packages"]
-os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
+os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], before]).rstrip(os.pathsep)
 try:
     from handsim.__main__ import main
 except ImportError as error:
-    print(f"handsim {sys.argv[1]}: got no Python package handsim ({error.__cause__ or error}), need it and NumPy for this command: "
+    tried += (", " if tried else "") + f"{sys.executable} ({error.__cause__ or error})"
+    if other:
+        os.environ["PYTHONPATH"] = before
+        try:
+            os.execvp(other, [other, "-c", start, start, own, tried, "", *sys.argv[1:]])
+        except OSError as failure:
+            tried += f", {other} ({failure.strerror})"
+    print(f"handsim {sys.argv[1]}: got no Python package handsim (tried {tried}), need it and NumPy for this command: "
           "pip install handsim, or ./dev python in its source", file=sys.stderr)
     sys.exit(2)
 sys.argv[0] = "handsim"
-sys.exit(main()))";
+sys.exit(main()))py";
 
 /// True for `glb`, `--format=glb` and `out/hand.glb`.
 bool names_format(std::string_view argument) {
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   return std::ranges::find(kPythonFormats, lower_case(argument)) != kPythonFormats.end();
+}
+
+/// The interpreter that the package was built for, then the path's; or HANDSIM_PYTHON, parted by colons.
+std::vector<std::string> interpreters() {
+  const char* own = std::getenv("HANDSIM_PYTHON");
+  std::istringstream words(own && *own ? own : HANDSIM_PYTHON_PROGRAM ":python3");
+  std::vector<std::string> out;
+  for (std::string word; std::getline(words, word, ':');)
+    if (!word.empty()) out.push_back(word);
+  return out;
 }
 
 }  // namespace
@@ -81,8 +106,14 @@ void run_other_command(int argc, const char* const* argv) {
     throw input_error(kHardCases, "a handsim without its tests",
                       "a build of the source: ./dev build, then its handsim stability");
   }
-  become("python3", {"python3", "-c", kStart, folder.c_str()});
-  throw input_error("python3", "no program of this name", "Python 3, in which this command is written");
+  const std::vector<std::string> pythons = interpreters();
+  std::string tried;
+  for (std::size_t i = 0; i < pythons.size(); ++i) {
+    const std::string next = i + 1 < pythons.size() ? pythons[i + 1] : "";
+    become(pythons[i], {pythons[i].c_str(), "-c", kStart, kStart, folder.c_str(), tried.c_str(), next.c_str()});
+    tried += fmt::format("{}{} ({})", tried.empty() ? "" : ", ", pythons[i], std::strerror(errno));
+  }
+  throw input_error("python3", "no program that starts: " + tried, "Python 3, in which this command is written");
 }
 
 void add_other_commands(CommandLine& line) {

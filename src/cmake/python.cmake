@@ -15,3 +15,8 @@ if(HANDSIM_PYTHON)
     set(HANDSIM_PYTHON OFF)
   endif()
 endif()
+# It runs the program's commands that are Python; a wheel's own interpreter runs those of a wheel.
+set(HANDSIM_PYTHON_PROGRAM "")
+if(HANDSIM_PYTHON AND NOT SKBUILD)
+  set(HANDSIM_PYTHON_PROGRAM ${Python_EXECUTABLE})
+endif()

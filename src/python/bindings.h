@@ -66,6 +66,7 @@ void bind_scene(py::module_& module);
 void bind_hand(py::module_& module);
 void bind_pictures(py::module_& module);
 void bind_run(py::module_& module);
+void bind_files(py::module_& module);
 void bind_fit(py::module_& module);
 void bind_simulation(py::module_& module);
 void bind_batch(py::module_& module);

@@ -90,6 +90,7 @@ PYBIND11_MODULE(_core, module) {
   bind_hand(module);
   bind_pictures(module);
   bind_run(module);
+  bind_files(module);
   bind_fit(module);
   bind_simulation(module);
   bind_batch(module);

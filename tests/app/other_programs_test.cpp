@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <optional>
+#include <string_view>
 
 #include "app/program.h"
 
@@ -16,22 +18,31 @@ using test::write;
 using Words = std::vector<std::string>;
 namespace fs = std::filesystem;
 
-/// The search path of programs, until the end of the scope.
-class SearchPath {
+/// A variable of the environment, until the end of the scope.
+class Variable {
  public:
-  explicit SearchPath(const fs::path& folder) { ::setenv("PATH", folder.c_str(), 1); }
-  ~SearchPath() { ::setenv("PATH", before_.c_str(), 1); }
+  Variable(const char* name, const std::string& value) : name_(name) {
+    if (const char* before = std::getenv(name)) before_ = before;
+    ::setenv(name, value.c_str(), 1);
+  }
+  ~Variable() { before_ ? ::setenv(name_, before_->c_str(), 1) : ::unsetenv(name_); }
 
  private:
-  std::string before_ = std::getenv("PATH");
+  const char* name_;
+  std::optional<std::string> before_;
 };
+
+/// An interpreter that prints its arguments behind those of the start, and ends with status 7.
+fs::path printing(const TemporaryFolder& folder) {
+  const fs::path python =
+      write(folder.path() / "python3", "#!/bin/sh\nshift 6\nprintf '%s|' \"$@\"\nexit 7\n");
+  fs::permissions(python, fs::perms::owner_all);
+  return python;
+}
 
 TEST(PythonCommands, GetTheirArgumentsAsTheyAre) {
   const TemporaryFolder folder;
-  const fs::path python =
-      write(folder.path() / "python3", "#!/bin/sh\nshift 3\nprintf '%s|' \"$@\"\nexit 7\n");
-  fs::permissions(python, fs::perms::owner_all);
-  const SearchPath path(folder.path());
+  const Variable python("HANDSIM_PYTHON", printing(folder));
   const std::vector<std::pair<Words, bool>> cases = {
       {{"live", "a scene.yaml", "--port", "5"}, true},    {{"compare", "--help"}, true},
       {{"identify", "a.csv", "--free", "gravity"}, true}, {{"optimise", "a.yaml", "--help"}, true},
@@ -48,11 +59,33 @@ TEST(PythonCommands, GetTheirArgumentsAsTheyAre) {
 }
 
 TEST(PythonCommands, WithoutPythonEndInASentence) {
-  const TemporaryFolder folder;
-  const SearchPath path(folder.path());
+  const Variable python("HANDSIM_PYTHON", "/no/python:/no/other");
   const Outcome outcome = run_program({"live", "two_hands"});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "python3: got no program of this name, need Python 3")) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err,
+                       "python3: got no program that starts: /no/python (No such file or directory), "
+                       "/no/other (No such file or directory), need Python 3"))
+      << outcome.err;
+}
+
+// The next one runs where the first is missing. Oracle: what it prints.
+TEST(PythonCommands, RunByTheNextInterpreterWhereTheFirstIsMissing) {
+  const TemporaryFolder folder;
+  const Variable python("HANDSIM_PYTHON", "/no/python:" + printing(folder).string());
+  const Outcome outcome = run_program({"compare", "a"});
+  EXPECT_EQ(outcome.status, 7);
+  EXPECT_EQ(outcome.out, "compare|a|");
+}
+
+// A python3 that stands first in the path may have no NumPy. Oracle: the status of one that does nothing else.
+TEST(PythonCommands, AreNotRunByWhateverStandsFirstInThePath) {
+  if (std::string_view(HANDSIM_PYTHON_PROGRAM).empty()) GTEST_SKIP() << "built without the Python package";
+  const TemporaryFolder folder;
+  printing(folder);
+  const Variable path("PATH", folder.path().string() + ":" + std::getenv("PATH"));
+  const Outcome outcome = run_program({"compare", "--help"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, "handsim compare A")) << outcome.out;
 }
 
 }  // namespace

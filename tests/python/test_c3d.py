@@ -200,3 +200,41 @@ def test_words_of_other_formats_do_not_start_the_command_anew(tmp_path):
     for words in (("track", tmp_path / "none.csv", "--out", tmp_path / "x.glb"), ("export", "two_hands", "--out", tmp_path / "a.xml", "--set", "title=glb")):
         out = subprocess.run([sys.executable, "-m", "handsim", *map(str, words)], capture_output=True, text=True, timeout=60)
         assert out.returncode == (2 if words[0] == "track" else 0) and "Traceback" not in out.stderr, out.stderr
+
+
+HEAD = bytes([2, 0x50]) + np.array([1, 0, 1, 2], "<u2").tobytes() + bytes(2000)
+"""What is looked at before ezc3d reads the file: one of two frames."""
+
+
+# Oracle: a module of the same name that does what ezc3d does to some spoilt files: it ends the process, or does not return.
+@pytest.mark.parametrize("does, said", [("import os; os.abort()", "signal 6"), ("import time; time.sleep(1000)", "does not end to read within"),
+                                        ("class c3d(dict):\n    def __init__(self, path):\n        raise RuntimeError('spoilt')", "spoilt"),
+                                        ("class c3d(dict):\n    def __init__(self, path):\n        bytearray(10**12)", "MemoryError"),
+                                        ("raise SystemExit(0)", "it gave nothing")])
+def test_what_a_spoilt_file_does_to_ezc3d_ends_in_a_sentence(tmp_path, monkeypatch, does, said):
+    from handsim import _c3d
+
+    (tmp_path / "ezc3d.py").write_text(does + "\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(_c3d, "SECONDS", 2.0)
+    (tmp_path / "a.c3d").write_bytes(HEAD)
+    with pytest.raises(Error, match=f"a.c3d: got .*{said}.*, need a whole C3D file"):
+        _c3d.table_of(str(tmp_path / "a.c3d"))
+
+
+# Oracle: the letter of Latin-1. ezc3d gives bytes that are no UTF-8 as surrogates.
+def test_labels_in_latin_1_are_names(tmp_path, monkeypatch):
+    from handsim import _c3d
+
+    (tmp_path / "ezc3d.py").write_text("""
+import numpy as np
+def c3d(path):
+    label = b"F\\xe4ust".decode("utf-8", "surrogateescape")
+    return {"parameters": {"POINT": {"LABELS": {"value": [label]}, "UNITS": {"value": ["mm"]}, "RATE": {"value": [100.0]}}}, "header": {"points": {"first_frame": 0}},
+            "data": {"points": np.ones((4, 1, 2)), "meta_points": {"residuals": np.zeros((1, 1, 2))}}}
+""")
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "a.c3d").write_bytes(HEAD)
+    assert _c3d.table_of(str(tmp_path / "a.c3d"))[0][1] == "F\u00e4ust.x[mm]"
+    with _c3d.as_csv(str(tmp_path / "a.c3d")) as table:
+        assert table.read_text(encoding="utf-8").startswith("time[s],F\u00e4ust.x[mm]")

@@ -89,3 +89,35 @@ def test_the_command_writes_pages_and_names_mistakes(tmp_path, capsys):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["compare.html", "compare.json", "compare.svg"]
     found = json.loads((tmp_path / "out/compare.json").read_text())
     assert found["A"]["tenodesis"]["index_mcp"][0] > found["A"]["tenodesis"]["index_mcp"][-1] + 10  # flexion opens the fingers
+
+
+def test_persons_are_compared_as_scenes_of_their_hands(tmp_path, capsys):
+    """Oracle: the scene that has the person; a man's hand beside a woman's, and a file of one's own."""
+    of_scene, of_person = (key_pinch(Statics(compare.hand_of(source))) for source in (scene(tmp_path, "man"), "median_man"))
+    assert of_person == pytest.approx(of_scene, rel=1e-9)
+    mine = tmp_path / "me.yaml"
+    mine.write_text("stature: 1.7 m\nmass: 70 kg\nsex: female\n")
+    assert compare.hand_of(str(mine)).side == "right" and len(compare.hand_of(str(mine), ["hands.0.strength=0.5"]).scene.muscles) == 41
+    mine.write_text("stature: 17 m\nmass: 70 kg\nsex: female\n")
+    assert compare.main([str(mine), "median_man"]) == 2
+    assert f"{mine}:1:10: " in capsys.readouterr().err
+    assert compare.main(["no_such_person", "median_man"]) == 2 and "no_such_person" in capsys.readouterr().err
+
+
+def test_rows_outside_of_people_are_marked_with_what_was_measured(tmp_path):
+    """Oracle: config/clinic.yaml: after an ulnar block people keep 0.62 and 0.73 of a grip and 0.42 of a tip pinch; a half-strong hand is no such block."""
+    pytest.importorskip("yaml", reason="people's values are read by PyYAML")
+    hands = [compare.hand_of("median_man"), compare.hand_of("median_man", ["hands.0.without=[ulnar_nerve_at_wrist]"])]
+    rows = [("grip", "N", 372.0, 371.0), ("key pinch", "N", 111.0, 36.6), ("tip pinch", "N", 76.8, 74.0), ("index fingertip, palmar", "N", 47.9, 6.3),
+            ("index fingertip, distal", "N", 19.9, 1.5)]
+    found = compare.measured(hands, rows)
+    assert found["grip"].text == "0.62 ± 0.10, 0.73 ± 0.10" and found["grip"].outside and "Kozin" in found["grip"].source
+    assert not found["key pinch"].outside and found["tip pinch"].outside
+    # Of the whole hand alone: the blocked one has lost what these people had.
+    assert found["index fingertip, palmar"].text == "27.9 ± 4.1 N" and found["index fingertip, palmar"].outside and not found["index fingertip, distal"].outside
+    weak = compare.measured([hands[0], compare.hand_of("median_man", ["hands.0.strength=0.5"])], rows)
+    assert "grip" not in weak and "grip" not in compare.measured([compare.hand_of("median_woman"), hands[1]], rows)
+    both = [{"strength": dict.fromkeys(("grip", "key pinch"), 1.0), "planes": [np.ones((48, 2)).tolist()] * 3, "workspace_cm3": 1, "workspace": [[[0, 0], [30, 60]]] * 2,
+             "tenodesis": {joint: [0] * 7 for joint in compare.JOINTS}}] * 2
+    page = compare.page(["A", "B"], both, found)
+    assert page.count("<tr class=outside>") == 2 and "0.62 ± 0.10, 0.73 ± 0.10, outside" in page and "Do not rely" not in page and "do not rely on them" in page

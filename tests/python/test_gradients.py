@@ -164,3 +164,37 @@ def test_wrong_arguments_say_what_is_needed(held):
         hs.Rollout(held, np.zeros(3))
     with pytest.raises(hs.Error, match="need the value that the scene has"):
         held.parameters({"hands.0.person.stature": None})
+
+
+FIVE = 5
+
+
+# Oracle: the argument's name, whatever it is.
+@pytest.mark.parametrize("strange", [None, "a", b"a", FIVE, np.nan, object(), [[1], [1, 2]], {"a": 1}, np.zeros(3), np.array("a"), [[None]], 1j])
+def test_strange_values_are_refused_by_name(held, strange):
+    sim, batch = held, hs.Batch(held.scene, 2)
+    before = sim.motion()
+    width = len(sim.q)
+    run = hs.Rollout(sim, np.zeros((2, width)))
+    sim.reset(before)
+    stacked = np.zeros((2, 2, width))
+    calls = {"end": lambda: run.vjp(strange), "along": lambda: run.vjp(np.zeros(run.size or run._measured()), strange), "start": lambda: run.jvp(strange),
+             "actions": lambda: hs.Rollout(sim, strange), "kind": lambda: hs.Rollout(sim, np.zeros((2, width)), strange), "simulation": lambda: hs.Rollout(strange, np.zeros((2, width))),
+             "every": lambda: hs.Rollout(sim, np.zeros((2, width)), every=strange), "numbers": lambda: sim.parameters(strange),
+             "objects.0.mass": lambda: sim.parameters({"objects.0.mass": strange}), "parameters": lambda: run.sensitivities(strange),
+             "smoothing": lambda: hs.Rollout(sim, np.zeros((2, width)), smoothing=strange), "batch": lambda: batch.vjp(strange, np.zeros((2, 5))),
+             "batch end": lambda: batch.vjp(stacked, strange), "batch start": lambda: batch.jvp(stacked, strange), "changes": lambda: batch.jvp(stacked, None, strange),
+             "scene": lambda: batch.replace(0, strange)}
+    optional = ("along", "start", "every", "smoothing", "batch start", "changes")
+    for name, call in calls.items():
+        if strange is None and name in optional or name in ("smoothing", "every") and strange is FIVE:
+            continue
+        if name == "numbers" and isinstance(strange, dict):
+            continue  # its key is named
+        if name == "objects.0.mass" and (strange is None or strange is FIVE):
+            continue  # None: as set; 5 kg is another mass, of which there are derivatives
+        with pytest.raises(hs.Error, match=f"{name.split()[-1]}.*: got|{'actions' if name == 'batch' else name.split()[-1]}: got"):
+            call()
+    sim.reset(before)
+    with pytest.raises(hs.Error, match="those of another simulation"):
+        run.sensitivities(hs.Simulation(sim.scene).parameters({"gravity": None}))

@@ -342,3 +342,72 @@ def test_a_played_episode_is_a_run(tmp_path, drive):
     last = [end[name][-1] for name in task.scene.coordinates]
     assert np.allclose(last, episodes.batch.q[0], atol=1e-9)
     assert (tmp_path / "report.html").exists() == hs.has_reports
+
+
+# Oracle: the argument's name, and a batch that has not moved.
+@pytest.mark.parametrize("strange", [np.inf, -np.inf, np.nan])
+def test_an_action_that_is_not_finite_is_refused(two_hands, strange):
+    episodes = Episodes(SceneTask(two_hands, lambda batch: np.zeros(len(batch))), 2)
+    action = np.zeros((2, episodes.task.actions))
+    action[1, 3] = strange
+    before = episodes.batch.q.copy()
+    with pytest.raises(hs.Error, match=rf"action: got {strange} at \[1, 3\], need finite numbers"):
+        episodes.step(action)
+    for wrong in ("a", [[1], [1, 2]], None, action[:, 1:], object()):
+        with pytest.raises(hs.Error, match="action: got"):
+            episodes.step(wrong)
+    for mask in (5, [1, 0], np.zeros(3, bool), "a"):
+        with pytest.raises(hs.Error, match="mask: got"):
+            episodes.reset(mask)
+    assert np.array_equal(episodes.batch.q, before)
+
+
+@pytest.mark.parametrize("options, said", [({"persons": 10**9}, "persons: got 1000000000, need a whole number, 0 to 1024"), ({"persons": -1}, "persons: got -1"),
+                                           ({"persons": "x"}, "persons: got 'x'"), ({"persons": 1e9}, "persons: got"), ({"drive": [1]}, "drive: got")])
+def test_options_of_a_task_have_bounds(options, said):
+    with pytest.raises(hs.Error, match=said):
+        Pose(**options)
+    with pytest.raises(hs.Error, match="count: got 1000000000, need a whole number, 1 to 1000000"):
+        hs.draw_persons(10**9)
+
+
+def policy(path, task="pose", options="{}", width=80, actions=20, value=0.0):
+    """A model that gives the same actions to every observation of some width."""
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    pytest.importorskip("onnx.reference", reason="onnx is older than 1.13")
+    from onnx import TensorProto, helper
+
+    weights = helper.make_tensor("w", TensorProto.FLOAT, [width, actions], np.zeros(width * actions, np.float32))
+    bias = helper.make_tensor("b", TensorProto.FLOAT, [actions], np.full(actions, value, np.float32))
+    graph = helper.make_graph([helper.make_node("MatMul", ["x", "w"], ["z"]), helper.make_node("Add", ["z", "b"], ["y"])], "policy",
+                              [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", width])], [helper.make_tensor_value_info("y", TensorProto.FLOAT, None)], [weights, bias])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
+    model.ir_version = 8
+    for key, text in {"task": task, "options": options}.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, text
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+@pytest.mark.parametrize("given, said", [
+    ({"options": "{"}, "options: got '{'"), ({"options": "[1]"}, "options: got"), ({"options": "null"}, "options: got"), ({"options": '{"nope": 1}'}, "got nope, need options of pose: drive"),
+    ({"options": '{"self": 2}'}, "got self"), ({"options": '{"persons": 1e9}'}, "persons: got"), ({"options": '{"hands": [1]}'}, "options: got"), ({"options": "[" * 100000}, "options: got"),
+    ({"task": "../x"}, "task: got ../x"), ({"width": 7}, "a model that fails on observations of shape"), ({"actions": 3}, "action: got shape"), ({"value": np.inf}, "action: got inf"),
+    ({"value": np.nan}, "action: got nan")])
+def test_a_policy_that_does_not_fit_is_refused_in_a_sentence(tmp_path, given, said):
+    done = subprocess.run([sys.executable, "-m", "handsim.gym", str(policy(tmp_path / "p.onnx", **given)), "--out", str(tmp_path / "out"), "--episodes", "2"],
+                          capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr and not (tmp_path / "out").exists(), done.stderr
+
+
+@pytest.mark.parametrize("name", ("actions.csv", "scene/resolved.yaml", "played.mp4"))
+def test_playing_keeps_what_it_did_not_write(tmp_path, name):
+    mine = tmp_path / "out" / name
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    words = [sys.executable, "-m", "handsim.gym", str(policy(tmp_path / "p.onnx")), "--episodes", "2", "--out"]
+    done = subprocess.run([*words, str(tmp_path / "out")], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and mine.read_text() == "mine" and "Traceback" not in done.stderr, done.stderr
+    done = subprocess.run([*words, str(mine)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2 and "not a folder" in done.stderr and mine.read_text() == "mine", done.stderr

@@ -97,3 +97,50 @@ def test_bad_input_is_said(recorded, tmp_path, capsys):
     assert "bad.csv:1:1: columns: got nose.x[m], need" in error(tmp_path / "bad.csv", *scene, "--free", "objects.0.mass")
     assert "--deviation: got m=x" in error(recorded / "run", *scene, "--free", "objects.0.mass", "--deviation", "m=x")
     assert "an unknown option" in error(recorded / "run", "--nose")
+
+
+def test_a_recording_that_says_nothing_is_refused_with_its_line(recorded, tmp_path, capsys):
+    """Oracle: the line and the word. A column in which nothing was seen has no residual, and infinity is no gap."""
+    cases = {"nan": ("time[s],block.x[m]\n0,nan\n0.002,nan\n", "1:1: block.x[m]: got no number"),
+             "inf": ("time[s],block.x[m]\n0,0\n0.002,inf\n0.004,0\n", "3:1: block.x[m]: got inf, need a finite number"),
+             "ragged": ("time[s],block.x[m]\n0\n0.01,1,2\n", "2:1: row: got 1 fields, need 2"), "empty": ("", "1:1: columns: got none"),
+             "head": ("time[s],block.x[m]\n", "1:1: time[s]: got no row"), "texts": ("time[s],block.x[m]\n0,a\n", "1:1: block.x[m]: got texts"),
+             "back": ("time[s],block.x[m]\n0.01,0\n0.005,0\n", "3:1: time[s]: got 0.005 after 0.01"),
+             "late": ("time[s],block.x[m]\n0,0\n9999,0\n", "3:1: time[s]: got 9999 s, need times to the scene's duration of 0.3 s"),
+             "early": ("time[s],block.x[m]\n0,0\n", "2:1: time[s]: got 1 times"), "twice": ("time[s],block.x[m],block.x[m]\n0,0,0\n", "got block.x[m] twice"),
+             "binary": (b"\xff\xfe\0", "a file that is not text in UTF-8")}
+    for name, (content, said) in cases.items():
+        file = tmp_path / f"{name}.csv"
+        file.write_bytes(content if isinstance(content, bytes) else content.encode())
+        assert main([str(file), "--scene", str(recorded / "slide.yaml"), "--free", "objects.0.friction", "--out", str(tmp_path / "out")]) == 2, name
+        err = capsys.readouterr().err
+        assert err.startswith(str(file)) and said in err and not (tmp_path / "out").exists(), (name, err)
+    for free in ("solver.step", "duration=1", "record.every"):
+        assert main([str(recorded / "run"), "--scene", str(recorded / "slide.yaml"), "--free", free]) == 2
+        assert "which says how the scene is run" in capsys.readouterr().err
+    step = ["--set", "solver.step=1e-6", "--set", "duration=2"]
+    (tmp_path / "long.csv").write_text("time[s],block.x[m]\n0,0\n1.5,0\n")
+    assert main([str(tmp_path / "long.csv"), "--scene", str(recorded / "slide.yaml"), "--free", "objects.0.friction", *step]) == 2
+    assert "long.csv:3:1: time[s]: got 1.5 s, 1500000 steps of 1e-06 s, need at most 1000000 steps" in capsys.readouterr().err
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run/trajectory.csv").write_bytes((recorded / "run/trajectory.csv").read_bytes())
+    for content, said in (("time[s],a\n0,b\n", "b: got no such column"), ((recorded / "run/contacts.csv").read_text().replace("\n0.3,", "\n9,"), "contacts until 9 s")):
+        (tmp_path / "run/contacts.csv").write_text(content)
+        assert main([str(tmp_path / "run"), "--scene", str(recorded / "slide.yaml"), "--free", "objects.0.friction"]) == 2
+        assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong, said", [
+    ({"recorded": {"block.shift.x": [np.nan] * 3}}, "recorded.block.shift.x: got no number"), ({"recorded": {"block.shift.x": [0, np.inf, 0]}}, "got an infinite number"),
+    ({"recorded": {"block.shift.x": [0, 0]}}, r"shape \(2,\), need shape \(3,\)"), ({"recorded": {}}, "recorded: got"), ({"recorded": [1]}, "recorded: got"),
+    ({"recorded": {"block.shift.x": "a"}}, "recorded.block.shift.x: got str"), ({"deviation": 0}, "deviation: got 0"), ({"deviation": {}}, "none of block.shift.x"),
+    ({"deviation": np.nan}, "deviation: got nan"), ({"numbers": {}}, "numbers: got"), ({"numbers": {"solver.step": 1e-3}}, "a number of hands"),
+    ({"numbers": {"objects.0.mass": "a"}}, "objects.0.mass: got 'a'"), ({"numbers": {5: 1}}, "numbers: got 5"), ({"actions": 5}, "actions: got shape"),
+    ({"actions": [[1], [1, 2]]}, "actions: got list"), ({"times": [0.1, np.nan, 1]}, "times: got"), ({"times": [1, 2, 3]}, "times of the steps"), ({"most": 0}, "most: got 0")])
+def test_wrong_arguments_are_refused_by_name(wrong, said):
+    from handsim.identify import identify
+
+    right = {"scene": SLIDE, "numbers": {"objects.0.friction": 0.2}, "actions": np.zeros((3, 0)), "recorded": {"block.shift.x": [0, 0.001, 0.002]},
+             "deviation": 1e-3, "kind": "torques"}
+    with pytest.raises(hs.Error, match=said):
+        identify(**{**right, **wrong})

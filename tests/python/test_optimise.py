@@ -199,6 +199,22 @@ def test_all_that_is_wrong_with_a_goal_is_said_with_its_place(files, capsys):
     assert main([str(files / "rail.yaml")]) == 2 and "--goal: got nothing" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("more, said", [
+    ("touch: null", "touch: got nothing, need a list of pairs"), ("touch: true", "touch: got True"), ("touch: 5", "touch: got 5"),
+    ("touch: [[a]]", "touch: got [['a']]"), ("touch: [[a, [b]]]", "touch: got"), ("of: []", "of: got an empty list, need a name or pattern of rail.x"),
+    ("window: []", "window: got []"), ("title: &a [*a]", "title.0: got an alias of itself"), ("title: 2001-99-99", "yaml: got "), ("effort: 1" + 400 * "0", "effort: got"),
+    ("title: " + 2000 * "[" + 2000 * "]", "lists within lists within lists"), ("title: " + 60 * "[" + 60 * "]", "lists within lists within lists"),
+    ("a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(f"{c}: &{c} [{', '.join(10 * ['*' + b])}]\n" for b, c in zip("abcdef", "bcdefg")), "aliases of aliases"),
+    ("? [a, b]\n: c", "yaml: got found unhashable key"), ("limits: [2, 1]", "limits: got [2, 1]"), ("duration: 9000", "at most 10000 actions")])
+def test_whatever_a_goal_has_is_refused_with_its_place(tmp_path, capsys, more, said):
+    (tmp_path / "rail.yaml").write_text(json.dumps(RAIL))
+    goal = GOAL if not more.startswith(("duration", "effort")) else GOAL.replace("duration: 0.5\n" if more[0] == "d" else "effort: 1\n", "")
+    (tmp_path / "goal.yaml").write_text(goal + more + "\n")
+    assert main([str(tmp_path / "rail.yaml"), "--goal", str(tmp_path / "goal.yaml"), "--out", str(tmp_path / "out")]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"{tmp_path / 'goal.yaml'}:") and said in err and not (tmp_path / "out").exists(), err
+
+
 def test_receding_windows_reach_what_the_whole_run_reaches():
     # A path over time: windows see all that counts soon.
     problem = rail(60)

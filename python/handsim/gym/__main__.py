@@ -10,7 +10,10 @@ The model takes observations, float32 of shape (n, numbers), and gives actions (
 from __future__ import annotations
 
 import argparse
+import inspect
+import io
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -23,7 +26,9 @@ from numpy.typing import NDArray
 
 import handsim as hs
 
-from . import TASKS, Episodes
+from .._errors import input_error
+from .._files import OutputFolder, check_target, ended, write_file
+from . import TASKS, Episodes, Task
 
 Policy = Callable[[NDArray[np.float32]], Any]
 """Observations, shape (n, numbers), to actions, shape (n, actions)."""
@@ -48,11 +53,22 @@ def policy_of(path: Path) -> tuple[Policy, dict[str, str]]:
     return lambda x: run.run(None, {run.input_names[0]: x})[0], {each.key: each.value for each in model.metadata_props}
 
 
+def answers(policy: Policy, path: Path) -> Policy:
+    """The policy with errors that are handsim's, whatever the model's library raises."""
+    def asked(observation: NDArray[np.float32]) -> Any:
+        try:
+            return np.asarray(policy(observation), dtype=float)
+        except Exception as error:  # of another width of its input, or in one of its operators
+            raise input_error(str(path), f"a model that fails on observations of shape {observation.shape} ({str(error).strip()[:300]})",
+                              "a policy of this task") from None
+    return asked
+
+
 def loaded_again(scene: hs.Scene, folder: Path, given: dict[str, Any]) -> hs.Scene:
     """The scene from its own files, with other values."""
     for name, content in scene._core.standalone().items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(content)
+        write_file(folder / name, content)
     return hs.load(folder / "resolved.yaml", given)
 
 
@@ -65,7 +81,9 @@ def run_again(episodes: Episodes, driven: list[dict[str, Any]], out: Path) -> No
     times = np.sort(np.concatenate([np.arange(len(driven)) * step + 2e-9, np.arange(1, len(driven) + 1) * step + 1e-9]))
     rows = np.repeat([next(iter(each.values()))[0] for each in driven], 2, axis=0)
     table = (out / "actions.csv").resolve()
-    np.savetxt(table, np.column_stack([times, rows]), "%.17g", ",", header=",".join(["time[s]", *names]), comments="")
+    text = io.StringIO()
+    np.savetxt(text, np.column_stack([times, rows]), "%.17g", ",", header=",".join(["time[s]", *names]), comments="")
+    write_file(table, text.getvalue().encode())
     given = {"excitations" if muscles else "control.program": str(table), "duration": len(driven) * step}
     loaded_again(scene, out / "scene", given).run(out, report=hs.has_reports, frames=4)
 
@@ -100,22 +118,76 @@ def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -
     out.mkdir(parents=True, exist_ok=True)
     if episodes.task.start() is None and driven[0]:
         run_again(episodes, driven, out)
-    if hs.has_pictures and shutil.which("ffmpeg") and count >= 4:
+    if films(count):
         film(episodes, frames, out)
 
 
+def films(count: int) -> bool:
+    return bool(hs.has_pictures and shutil.which("ffmpeg") and count >= 4)
+
+
+def check_folder(out: Path, inputs: list[Path]) -> None:
+    """Before the episodes. :raises Error: of kind input where files in it are not those of an earlier call"""
+    with OutputFolder(out, "scene/resolved.yaml", b"", ["actions.csv"], inputs):
+        pass
+    if os.path.lexists(out / "played.mp4"):
+        check_target("--out", out / "played.mp4", "mp4", inputs)
+
+
 def options_of(words: list[str]) -> dict[str, Any]:
-    """``key=value`` as arguments of a task. :raises ValueError: with what is wrong"""
+    """``key=value`` as arguments of a task. :raises Error: of kind input"""
     out: dict[str, Any] = {}
     for word in words:
         key, equals, value = word.partition("=")
         try:
             out[key] = json.loads(value)
-        except json.JSONDecodeError:
+        except (json.JSONDecodeError, RecursionError):
             out[key] = value
         if not (key.isidentifier() and equals):
-            raise ValueError(f"--option: got {word}, need KEY=VALUE, e.g. persons=32")
+            raise input_error("--option", word, "KEY=VALUE, e.g. persons=32")
     return out
+
+
+def said_options(path: Path, text: str) -> dict[str, Any]:
+    """Of a model's metadata. :raises Error: of kind input"""
+    try:
+        out = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise input_error(f"{path}: options", f"{text[:60]!r} ({error})", "JSON of the task's options") from None
+    if not isinstance(out, dict):
+        raise input_error(f"{path}: options", repr(out)[:60], "a mapping of the task's options")
+    return out
+
+
+def task_with(name: str, options: dict[str, Any], path: Path) -> Task:
+    """:raises Error: of kind input for an option that the task does not have"""
+    known = [each for each in inspect.signature(TASKS[name]).parameters]
+    wrong = [each for each in options if each not in known]
+    if wrong:
+        raise input_error(f"{path}: options", ", ".join(wrong)[:200], f"options of {name}: {', '.join(known)}")
+    try:
+        return TASKS[name](**options)
+    except TypeError as error:  # of a list in place of a number
+        raise input_error(f"{path}: options", f"{options!r:.200} ({error})", f"options of {name}") from None
+
+
+def work(asked: argparse.Namespace) -> int:
+    path: Path = asked.policy
+    given = options_of(asked.option)
+    if not path.is_file():
+        raise input_error("policy", path, "an ONNX file")
+    try:
+        policy, said = policy_of(path)
+    except Exception as error:  # onnxruntime has types of its own for a file that is no model
+        raise input_error(str(path), f"a file that is no model ({str(error).strip()[:300]})", "an ONNX file") from None
+    name = asked.task or said.get("task")
+    if name not in TASKS:
+        raise input_error(f"{path}: task", name, f"--task, one of {', '.join(TASKS)}")
+    options = {**said_options(path, said.get("options", "{}")), **given}
+    check_folder(asked.out, [path])
+    episodes = Episodes(task_with(name, options, path), asked.episodes, seed=asked.seed)
+    play(answers(policy, path), episodes, f"{name} {options}", asked.out, asked.seed)
+    return 0
 
 
 def main() -> int:
@@ -128,23 +200,7 @@ def main() -> int:
     parser.add_argument("--episodes", type=int, default=256)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
-    if not asked.policy.is_file():
-        parser.error(f"policy: got {asked.policy}, need an ONNX file")
-    try:
-        given = options_of(asked.option)
-        policy, said = policy_of(asked.policy)
-    except Exception as error:  # onnxruntime has types of its own for a file that is no model
-        parser.error(f"{asked.policy}: {error}")
-    name = asked.task or said.get("task")
-    if name not in TASKS:
-        parser.error(f"{asked.policy}: task: got {name}, need --task, one of {', '.join(TASKS)}")
-    options = {**json.loads(said.get("options", "{}")), **given}
-    try:
-        play(policy, Episodes(TASKS[name](**options), asked.episodes, seed=asked.seed), f"{name} {options}", asked.out, asked.seed)
-    except (hs.Error, TypeError) as error:  # of an option that the task does not have
-        print(error, file=sys.stderr)
-        return 2
-    return 0
+    return ended(lambda: work(asked))
 
 
 if __name__ == "__main__":

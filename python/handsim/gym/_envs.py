@@ -72,7 +72,7 @@ class HandVectorEnv(VectorEnv):  # type: ignore[misc]  # without gymnasium's typ
 
     def step(self, actions: Any) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_],
                                           dict[str, Any]]:
-        last, reward, terminated, truncated = self.episodes.step(np.asarray(actions, dtype=float))
+        last, reward, terminated, truncated = self.episodes.step(actions)
         observation = _observation(last)
         failed = self.episodes.batch.failed.copy()
         info: dict[str, Any] = {"failed": failed} if failed.any() else {}
@@ -109,7 +109,7 @@ class HandEnv(gymnasium.Env):  # type: ignore[misc]  # without gymnasium's types
         return _observation(self.episodes.reset(seed=seed))[0], {}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        last, reward, terminated, truncated = self.episodes.step(np.asarray(action, dtype=float)[np.newaxis])
+        last, reward, terminated, truncated = self.episodes.step([action])
         return _observation(last)[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), {}
 
     def render(self) -> Optional[Picture]:

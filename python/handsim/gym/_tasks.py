@@ -4,11 +4,11 @@ from __future__ import annotations
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .._batch import Batch
 from .._core import Motion
-from .._errors import input_error, seed_of, whole
+from .._errors import input_error, real, seed_of, whole
 from .._hand import draw_persons
 from .._scene import Scene, data_path, load
 from .._simulation import Simulation
@@ -119,6 +119,8 @@ class SceneTask(Task):
 
 
 DRIVES = ("targets", "torques", "muscles")
+MOST_PERSONS = 1024
+"""Each is a scene of its own."""
 
 
 class HandTask(Task):
@@ -145,9 +147,9 @@ class HandTask(Task):
         :param place: of the wrist, or of the middle between both [m]
         :param scene: keys of the scene
         """
-        if hands not in (1, 2):
+        if not isinstance(hands, (int, np.integer)) or hands not in (1, 2):
             raise input_error("hands", str(hands), "1 or 2")
-        if drive not in DRIVES:
+        if not isinstance(drive, str) or drive not in DRIVES:
             raise input_error("drive", str(drive), f"one of {', '.join(DRIVES)}")
         data = data_path()
         motors = {"control": {"controller": str(data / "controllers/implicit.yaml"),
@@ -169,7 +171,7 @@ class HandTask(Task):
                 **(motors if drive == "targets" else {}), "effects": effects,
                 "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene})
 
-        self.people = [made(person) for person in draw_persons(whole("persons", persons, 1))] if persons else []
+        self.people = [made(person) for person in draw_persons(persons)] if whole("persons", persons, 0, MOST_PERSONS) else []
         self.scene = self.people[0] if persons else made(who)
         self.substeps = round(0.02 / self.scene.step)
         of_hands = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
@@ -424,7 +426,7 @@ class Hold(_InHand):
             self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
         self._body = self.scene.objects[0]
         weight = 9.80665 * self.scene.masses[self.scene.bodies.index(self._body)]
-        self._largest = disturbance * weight
+        self._largest = real("disturbance", disturbance) * weight
         self._force, self._age = np.empty((0, 3)), 0
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
@@ -737,7 +739,9 @@ class Episodes:
         """New episodes for the environments of the mask. :returns: the observation, shape (n, numbers)"""
         if seed is not None:
             self.random = np.random.default_rng(seed_of(seed))
-        chosen = np.ones(len(self.batch), bool) if mask is None else mask
+        chosen = np.ones(len(self.batch), bool) if mask is None else np.asarray(mask)
+        if chosen.shape != (len(self.batch),) or chosen.dtype != bool:
+            raise input_error("mask", f"shape {chosen.shape}, dtype {chosen.dtype}", f"shape ({len(self.batch)},), dtype bool")
         if self.task.people:
             for i in np.flatnonzero(chosen):
                 self.task.person[i] = k = int(self.random.integers(len(self.task.people)))
@@ -747,13 +751,25 @@ class Episodes:
         self.task.begin(self.batch, chosen, self.random)
         return self.task.observation(self.batch)
 
-    def step(self, action: Array) -> tuple[Array, Array, Mask, Mask]:
-        """:returns: observation (n, numbers), reward, terminated and truncated (n,). Failed environments are
-        terminated, without reward."""
+    def _checked(self, action: ArrayLike) -> Array:
         shape = (len(self.batch), self.task.actions)
-        if np.shape(action) != shape:
-            raise input_error("action", f"shape {np.shape(action)}", f"shape {shape}")
-        clipped = _clipped(action, -1, 1)
+        try:
+            out: Array = np.asarray(action, dtype=float)
+        except (TypeError, ValueError):
+            raise input_error("action", type(action).__name__, f"numbers of shape {shape}") from None
+        if out.shape != shape:
+            raise input_error("action", f"shape {out.shape}", f"shape {shape}")
+        if not np.isfinite(out).all():
+            i, k = np.argwhere(~np.isfinite(out))[0]
+            raise input_error("action", f"{out[i, k]} at [{i}, {k}]", "finite numbers; those beyond -1 to 1 count as -1 and 1")
+        return out
+
+    def step(self, action: ArrayLike) -> tuple[Array, Array, Mask, Mask]:
+        """:returns: observation (n, numbers), reward, terminated and truncated (n,). Failed environments are
+        terminated, without reward.
+
+        :raises Error: of kind input for an action of another shape, or one that is not finite"""
+        clipped = _clipped(self._checked(action), -1, 1)
         self.given = self.task.drive(self.batch, clipped, self.random)
         self.batch.step(**self.given, substeps=self.task.substeps)
         self.steps += 1

@@ -57,8 +57,9 @@ Error no_ffmpeg() {
 }
 
 std::vector<std::string> words_of(const VideoFormat& format, const fs::path& part) {
+  // Without -xerror a disk that is full at the end is no failure.
   const std::string input =
-      fmt::format("-v error -nostdin -y -f rawvideo -pix_fmt rgb24 -s {}x{} -r {:.9g} -i pipe:0 -an ",
+      fmt::format("-v error -xerror -nostdin -y -f rawvideo -pix_fmt rgb24 -s {}x{} -r {:.9g} -i pipe:0 -an ",
                   format.width, format.height, format.fps);
   // GIF: a palette for each frame; one for all would need all frames in memory. MP4: players everywhere read
   // 4:2:0, which needs even sizes; the index at the front lets them start at once.

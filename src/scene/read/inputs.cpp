@@ -35,14 +35,15 @@ void each_path(YamlNode& scene, const Visit& visit) {
       YamlNode* motion = wrist ? wrist->find("motion") : nullptr;
       if (YamlNode* table = motion ? motion->find("table") : nullptr) visit(*table);
     }
+  const auto visit_table = [&](YamlNode* choice) {
+    if (choice && choice->kind == YamlNode::Kind::scalar && control::is_motion_file(choice->text)) visit(*choice);
+  };
+  visit_table(scene.find("excitations"));
   YamlNode* control = scene.find("control");
   YamlNode* program = control ? control->find("program") : nullptr;
-  const auto visit_program = [&](YamlNode& choice) {
-    if (choice.kind == YamlNode::Kind::scalar && control::is_motion_file(choice.text)) visit(choice);
-  };
   if (!program) return;
-  visit_program(*program);
-  for (YamlEntry& hand : program->entries) visit_program(hand.value);
+  visit_table(program);
+  for (YamlEntry& hand : program->entries) visit_table(&hand.value);
 }
 
 constexpr const char* kFolder = "inputs";

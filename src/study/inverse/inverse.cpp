@@ -53,6 +53,14 @@ void check_scene(const scene::Scene& scene, const InverseInput& input) {
                         "mounts fixed, driven, hinge or universal: a palm that nothing holds falls");
 }
 
+/// Names of the objects that a hand could hold.
+std::string movable(const scene::Scene& scene) {
+  std::string out;
+  for (const scene::ObjectSpec& object : scene.plans.objects)
+    if (!object.is_static) out += (out.empty() ? "" : ", ") + object.name;
+  return out;
+}
+
 SampledMotion sample(const scene::Scene& scene, const InverseInput& input, InverseResult& result) {
   const model::Model& model = scene.model;
   std::optional<control::MotionTable> table;
@@ -236,6 +244,7 @@ std::vector<model::State> find_activations(const scene::Scene& scene, const Samp
   for (model::Muscle& muscle : rigid.muscles) muscle.tendon_strain.reset();
   std::vector<std::size_t> dofs;
   for (const InverseAxis& axis : result.axes) dofs.push_back(axis.dof);
+  UndoneCauses causes(rigid, dofs);
   control::StaticOptimisation optimisation(rigid, std::move(dofs), least);
   model::State state = recursion.start();
   std::vector<double> torques(motion.angles[0].size()), activation;
@@ -259,7 +268,9 @@ std::vector<model::State> find_activations(const scene::Scene& scene, const Samp
     std::vector<double> given(torques.size(), 0.0);
     recursion.add_passive(n, row.excitation, given);
     for (std::size_t i = 0; i < torques.size(); ++i) row.reserve.push_back(row.moment[i] - given[i]);
+    causes.add(row.q, optimisation.missing(), wanted, activation, row.reserve);
   }
+  result.undone = causes.shares();
   return starts;
 }
 
@@ -402,6 +413,11 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
   else if (scene.spec.control)
     result.cutoff = scene.spec.control->motion.filter;
   const SampledMotion motion = sample(scene, input, result);
+  if (const std::string things = movable(scene); !things.empty() && !input.loads)
+    result.warnings.push_back(
+        fmt::format("THE TORQUES ARE THOSE OF AN EMPTY HAND: what {} weighs and presses is no part of them; "
+                    "--loads FILE adds it, such as the contacts.csv of a run",
+                    things));
   std::optional<Loads> loads;
   if (input.loads) loads.emplace(*input.loads, scene.model);
   Recursion recursion(scene, motion, loads ? &*loads : nullptr);

@@ -11,6 +11,7 @@
 #include "handsim/control/motion_trajectory.h"
 #include "handsim/core/units.h"
 #include "handsim/scene/compile/scene.h"
+#include "handsim/study/inverse/undone.h"
 #include "handsim/study/rollouts/rollouts_spec.h"
 
 namespace handsim::study {
@@ -63,6 +64,7 @@ struct InverseResult {
   std::optional<double> rms_error;  ///< of the check over all axes and steps; absent: not made [rad]
   /// With activations: RMS of the reserves over that of the active torques, over all axes.
   std::optional<double> reserve_share;
+  std::optional<Undone> undone;  ///< with activations: why
   std::optional<std::string> fault;  ///< why the check ended early
   std::vector<std::string> warnings;
 

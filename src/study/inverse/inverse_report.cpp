@@ -149,6 +149,11 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
   }
   if (input.least_activation) out["least_activation"] = *input.least_activation;
   if (result.reserve_share) out["reserve_share"] = *result.reserve_share;
+  if (result.reserve_share && result.undone)
+    out["undone"] = {{"beyond_strength", result.undone->beyond},
+                     {"no_muscle", result.undone->no_muscle},
+                     {"faster_than_muscles", result.undone->late},
+                     {"other", result.undone->other}};
   add_origin(out);
   out["axes"] = Json::array();
   for (const InverseAxis& axis : result.axes) {

@@ -305,10 +305,12 @@ std::vector<std::string> recording_warnings(const TrackInput& input, const Recor
     for (const char* side : {"right.", "left."})
       for (const std::string& name : keypoint_names()) known.push_back(side + name);
   std::size_t unused = 0;
-  std::string names;
+  std::string names, things;
   for (const auto& [name, channel] : recording.channels) {
     if (std::ranges::find(known, name) != known.end()) continue;
-    if (++unused <= kMostNamed) names += (unused > 1 ? ", " : "") + name + nearest_hint(name, known);
+    const std::string hint = nearest_hint(name, known);
+    if (++unused <= kMostNamed) names += (unused > 1 ? ", " : "") + name + hint;
+    if (hint.empty() && things.empty()) things = name;
   }
   if (unused > kMostNamed) names += ", ...";
   if (unused == recording.channels.size())
@@ -318,6 +320,11 @@ std::vector<std::string> recording_warnings(const TrackInput& input, const Recor
                           : "keypoints such as right.wrist or left.0, or --markers with these names");
   if (unused > 0)
     out.push_back(fmt::format("{}: {} names that no hand uses: {}", recording.file, unused, names));
+  if (!things.empty())
+    out.push_back(
+        fmt::format("{}: if {} is on an object in the hand, TORQUES AND ACTIVATIONS OF THIS MOTION ARE THOSE OF "
+                    "AN EMPTY HAND: handsim inverse --loads adds the forces on it",
+                    recording.file, things));
   const double interval = (recording.times.back() - recording.times.front()) /
                           static_cast<double>(std::max<std::size_t>(1, recording.times.size() - 1));
   if (interval > kLongestInterval)
