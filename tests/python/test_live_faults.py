@@ -1,6 +1,7 @@
 """Live sessions in which something goes wrong. Oracles: bit equality with the recording, closed forms, and files that stay."""
 import base64
 import json
+import os
 import resource
 import signal
 import socket
@@ -431,6 +432,21 @@ def test_spoilt_recordings_are_refused_with_their_line(tmp_path, text):
         Replay(path).run()
     assert found.value.kind == "input" and str(found.value).startswith(f"{path}:")
     str(found.value).encode()
+
+
+@pytest.mark.parametrize("text", [lambda: head(version="\ud800", commit="x" * 10**6) + b'{"at": 1, "hash": "\\ud800"}\n', lambda: head() + b'{"at": 1, "hash": {"\\ud800": 1}}\n'])
+def test_a_message_about_a_stranger_s_recording_can_be_printed(text):
+    with pytest.raises(hs.Error, match="hash") as found:
+        Replay(text()).run()
+    assert found.value.kind == "physics" and len(str(found.value).encode()) < 1000
+
+
+def test_a_recording_whose_name_is_no_text_repeats(tmp_path, balls_session):
+    path = os.fsencode(tmp_path) + b"/\xff.jsonl"
+    with open(path, "wb") as out:
+        out.write(balls_session.history.recording())
+    done = subprocess.run([os.fsencode(sys.executable), b"-m", b"handsim", b"live", b"--replay", path], capture_output=True, timeout=60)
+    assert done.returncode == 0 and b"1 hashes" in done.stdout and done.stderr == b"", done.stderr
 
 
 def test_a_bomb_is_unpacked_no_further_than_its_bound(monkeypatch):

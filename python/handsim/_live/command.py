@@ -76,12 +76,12 @@ def overrides_of(words: Sequence[str]) -> dict[str, str]:
 
 
 def replay(path: str) -> int:
-    from .replay import Replay
+    from .replay import Replay, printable
 
     found = Replay(path)
     found.run()
     course = found.course
-    print(f"{path}: {course.tick} steps to {course.time:.6g} s, {found.checks} hashes of the state are equal; the last: {course.state_hash()}"
+    print(f"{printable(path)}: {course.tick} steps to {course.time:.6g} s, {found.checks} hashes of the state are equal; the last: {course.state_hash()}"
           + ("" if found.end else "; the recording has no end"))
     return 0
 
@@ -120,9 +120,11 @@ def run(options: argparse.Namespace) -> int:
 
 def report(page: "Live") -> int:
     """What the command says at its end. :returns: exit status"""
+    from .replay import printable
+
     problem, path, failed = page.failure(), page.session.log.path, page.session.course.failed
     if path and page.session.log.lost is None:
-        print(f"recorded: {path}")
+        print(f"recorded: {printable(path)}")
     if problem is not None:
         print(problem if isinstance(problem, Error) else f"error: {type(problem).__name__}: {problem}", file=sys.stderr)
     elif failed:

@@ -38,10 +38,15 @@ def lines_of(source: BinaryIO, name: str) -> Iterator[tuple[int, dict[str, Any]]
         yield number, value
 
 
+def printable(text: object) -> str:
+    """On one line, of characters that every terminal's encoding has a way to write."""
+    return " ".join(str(text).encode("utf-8", "backslashreplace").decode().split())
+
+
 def refuse(place: str, key: str, got: object, need: str) -> NoReturn:
     """:param place: name and line"""
     name, _, line = place.rpartition(":")
-    text = " ".join(str(got).encode("utf-8", "backslashreplace").decode().split())
+    text = printable(got)
     raise Error(f"{place}:1: {key}: got {text}, need {need}", "input", [Problem(name, int(line), 1, key, text, need)])
 
 
@@ -72,7 +77,7 @@ class Replay:
             refuse(place, "handsim_live", "another file", "a recording of handsim live")
         if not isinstance(overrides, dict):
             refuse(place, "overrides", repr(overrides)[:40], "an object of keys and values")
-        self.version = f"{head.get('version')} ({head.get('commit')})"
+        self.version = printable(f"{head.get('version')} ({head.get('commit')})")[:100]
         try:
             self.files = Files(unpacked(files))
         except WRONG as error:
@@ -118,6 +123,6 @@ class Replay:
     def _check(self, wanted: Any, at: int) -> None:
         found = self.course.state_hash()
         if found != wanted:
-            raise Error(f"{self.name}: step {at}, {self.course.time:.6g} s: the state's hash is {found}, recorded: {wanted}; "
+            raise Error(f"{self.name}: step {at}, {self.course.time:.6g} s: the state's hash is {found}, recorded: {printable(wanted)[:100]}; "
                         f"recorded by handsim {self.version}", "physics")
         self.checks += 1

@@ -95,7 +95,8 @@ def read_packed(data: bytes) -> dict[str, Any]:
             magic, side, count, _, moment = PACKED.unpack_from(data, at)
             if magic != b"HSH1" or side > 1 or count not in (21, 25, 26):
                 raise ValueError
-            points = np.frombuffer(data, "<f4", 3 * count, at + PACKED.size).reshape(count, 3).astype(float)
+            with np.errstate(invalid="ignore"):  # a signalling NaN
+                points = np.frombuffer(data, "<f4", 3 * count, at + PACKED.size).reshape(count, 3).astype(float)
         except (struct.error, ValueError):
             raise input_error("frame", f"{len(data)} bytes that are no packed frame", "HSH1, hand, 21, 25 or 26 points") from None
         at += PACKED.size + 12 * count
