@@ -172,15 +172,9 @@ void Simulation::compute_constant_torques() {
 
 /// The engine's own checks, before anything has changed.
 void Simulation::check(const engine::StepInput& action) const {
-  const auto refuse = [](const std::optional<PhysicsFault>& fault) {
-    if (fault)
-      throw input_error("action." + fault->where, fault->quantity + ": " + fault->detail, "finite numbers");
-  };
-  if (!action.torques.empty()) refuse(engine::torque_fault(model(), state().time, action.torques));
-  if (!action.servos.empty())
-    refuse(engine::servo_fault(model(), engine_->settings(), state().time, action.servos));
-  engine::require_outside(model(), engine_->settings(), action);
-  engine::require_excitations(model(), engine_->settings(), action.excitations);
+  // The time of a fault that is not told.
+  if (const auto fault = engine::input_fault(model(), engine_->settings(), 0, action))
+    throw input_error("action." + fault->where, fault->quantity + ": " + fault->detail, "finite numbers");
 }
 
 /// The step's excitations: the caller's, else those of the scene's drive, which may take the place of motors.
@@ -237,9 +231,9 @@ void Simulation::step(const engine::StepInput& action, std::span<const double> a
   if (!angles.empty() && !controller_)
     throw input_error("angles", fmt::format("{} angles in a scene that drives no joint", angles.size()),
                       "a scene with control");
+  check(action);
   if (controller_ && angles.empty()) controller_->release_targets();
   if (!angles.empty()) controller_->set_targets(angles);
-  check(action);
   keep_failure([&] { advance(action); });
 }
 

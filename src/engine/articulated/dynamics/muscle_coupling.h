@@ -44,8 +44,8 @@ class MuscleCoupling {
   /// As above, but from coordinates and rates, each of size Model::dof_count().
   std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
   std::span<const double> given() const { return given_; }  ///< what `begin` returned
-  /// Before a `begin` that `go_back` may undo, where the step is not made.
-  void keep() { muscles_.keep(); }
+  void keep() {}  ///< For LaneGroup; `begin` keeps what `go_back` needs.
+  /// Takes the last `begin` back, once: its step was not made.
   void go_back() { muscles_.go_back(); }
   /// Changes the accelerations that the kernel found, and the reactions of its locks, to those with h B.
   void correct(double step);
