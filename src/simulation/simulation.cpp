@@ -147,17 +147,23 @@ void Simulation::save_motion(ArchiveWriter& out) const {
   engine_->save(out);
   if (controller_) controller_->save(out);
   if (drive_) drive_->save(out);
+  out(excitations_);
 }
 
 void Simulation::restore_motion(const model::State& state, ArchiveReader& in) {
   engine_->restore(state, in);
   if (controller_) controller_->restore(in);
   if (drive_) drive_->restore(in);
+  in(excitations_);
+  const auto sound = [](double excitation) { return excitation >= 0 && excitation <= 1; };
+  if (!excitations_.empty() &&
+      (excitations_.size() != model().muscles.size() || !std::ranges::all_of(excitations_, sound)))
+    in.refuse(fmt::format("{} excitations, or one outside 0 to 1", excitations_.size()),
+              fmt::format("none, or {} of 0 to 1", model().muscles.size()));
+  report_ = {};
 }
 
 void Simulation::make_watchers() {
-  report_ = {};
-  excitations_.clear();
   watchers_ = maker_({*scene_, *engine_, controller_.get()});
   timed_ = std::ranges::any_of(watchers_, [](const auto& watcher) { return watcher->wants_times(); });
 }
@@ -257,6 +263,8 @@ void Simulation::revive() {
   if (!failure_) return;
   engine_ = engine::make_engine(model(), scene_->spec.solver);
   failure_.reset();
+  report_ = {};
+  excitations_.clear();
   make_controller();
   make_watchers();
 }
@@ -408,6 +416,8 @@ void Simulation::reset(const model::State& state) {
   revive();
   keep_failure([&] { engine_->set_state(state); });
   steps_ = std::lround(state.time / scene_->spec.solver.step);
+  report_ = {};
+  excitations_.clear();
   make_controller();
   make_watchers();
 }

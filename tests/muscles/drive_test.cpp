@@ -244,9 +244,17 @@ TEST(Excitations, ContinueFromASnapshotWithTheSameBits) {
     simulation::Simulation run(std::make_shared<const scene::Scene>(scene), simulation::no_watchers);
     for (int i = 0; i < 37; ++i) run.step(input);
     const simulation::MotionSnapshot half = run.motion();
+    const simulation::RunSnapshot whole = run.snapshot();
+    std::vector<double> others(excitations.size(), 0.9);
+    run.step({.excitations = others});
+    // The excitations that were acting are part of both.
+    run.restore(whole);
+    EXPECT_EQ(std::vector<double>(run.excitations().begin(), run.excitations().end()), excitations);
     for (int i = 0; i < 50; ++i) run.step(input);
     const model::State straight = run.state();
+    run.step({.excitations = others});
     run.reset(half);
+    EXPECT_EQ(std::vector<double>(run.excitations().begin(), run.excitations().end()), excitations);
     for (int i = 0; i < 50; ++i) run.step(input);
     EXPECT_EQ(run.state().activation, straight.activation);
     EXPECT_EQ(run.state().q, straight.q);
