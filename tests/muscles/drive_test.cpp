@@ -234,6 +234,17 @@ TEST(MuscleDrive, AHandThatDoesNotFollowIsAWarning) {
   EXPECT_TRUE(warnings_of_run({}).empty());
 }
 
+// Oracle: the definition; a table that the run does not reach is a warning, one that it reaches is none.
+TEST(Excitations, OfATableThatTheRunDoesNotReachAreAWarning) {
+  for (const std::string times : {"[3, 4]", "[0, 4]"}) {
+    const scene::Scene scene = hand_scene({"excitations={times: " + times + ", FDP2: [0, 0.8]}"});
+    const bool warned = std::ranges::any_of(scene.warnings, [](const std::string& text) {
+      return text.find("nothing changes during the run") != std::string::npos;
+    });
+    EXPECT_EQ(warned, times == "[3, 4]") << times;
+  }
+}
+
 // Oracle: what a snapshot continues has the same bits as the run without it, activations included.
 TEST(Excitations, ContinueFromASnapshotWithTheSameBits) {
   for (const std::string engine : {"articulated, method: semi_implicit_euler", "ode, method: world_step"}) {
