@@ -51,7 +51,7 @@ class Reader {
   Reader(const std::filesystem::path& path, TableContent content)
       : name_(path.string()),
         content_(content),
-        text_(read_input_file(path, "a table of joint angles (.csv, .mot, .sto)", kMotionMaxBytes)),
+        text_(read_text_file(path, "a table of joint angles (.csv, .mot, .sto)", kMotionMaxBytes)),
         rest_(text_) {
     table_.file = name_;
     table_.radians = true;
@@ -173,11 +173,13 @@ class Reader {
       const std::size_t equals = line.find('=');
       if (equals == std::string_view::npos) continue;
       const std::string_view key = trimmed(line.substr(0, equals)), value = trimmed(line.substr(equals + 1));
-      if (key == "nRows" || key == "datarows") read_header_number(key, value, stated_rows_);
-      if (key == "nColumns" || key == "datacolumns") read_header_number(key, value, columns);
-      if (key == "inDegrees") {
-        degrees = value == "yes";
-        if (value != "yes" && value != "no")
+      // Programs differ in the letters' case; a key that is not known would be left out without a word.
+      const std::string known = lower_case(key);
+      if (known == "nrows" || known == "datarows") read_header_number(key, value, stated_rows_);
+      if (known == "ncolumns" || known == "datacolumns") read_header_number(key, value, columns);
+      if (known == "indegrees") {
+        degrees = lower_case(value) == "yes";
+        if (!degrees && lower_case(value) != "no")
           problem(1, "inDegrees", fmt::format("\"{}\"", value), "yes or no");
       }
     }

@@ -100,6 +100,15 @@ std::string read_input_file(const std::filesystem::path& path, std::string_view 
   return text;
 }
 
+std::string read_text_file(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes) {
+  constexpr std::string_view kMark = "\xef\xbb\xbf";
+  std::string text = read_input_file(path, need, most_bytes);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff"))
+    throw Error({Problem{Place{path.string(), 1, 1}, "", "text in UTF-16", "text in UTF-8"}});
+  if (text.starts_with(kMark)) text.erase(0, kMark.size());
+  return text;
+}
+
 bool has_entry(const std::filesystem::path& path) {
   struct stat status {};
   return ::lstat(path.c_str(), &status) == 0;

@@ -43,6 +43,105 @@ std::vector<Problem> plane_defects(const model::Model& model, const model::Effec
   return problems;
 }
 
+/// The fault of the first torque that is not finite.
+std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
+                                         std::span<const double> torques) {
+  if (torques.size() != at(model.dof_count()))
+    throw input_error("torques", fmt::format("{}", torques.size()),
+                      fmt::format("one for each of {} coordinates", model.dof_count()));
+  if (std::ranges::all_of(torques, [](double torque) { return std::isfinite(torque); })) return std::nullopt;
+  for (const model::Joint& joint : model.joints)
+    for (int i = 0; i < dof_count(joint.kind); ++i) {
+      const double torque = torques[at(joint.first_dof) + at(i)];
+      if (std::isfinite(torque)) continue;
+      return PhysicsFault{
+          time, joint.name, "joint torque [N m]",
+          fmt::format("coordinate {} has {}, not a finite number: check the controller", i, torque)};
+    }
+  return std::nullopt;
+}
+
+/// The fault of the first servo whose error or feed is not finite.
+std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
+                                        std::span<const model::Servo> servos) {
+  if (!settings.effects.has(model::Effect::actuation))
+    throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
+  if (servos.size() != at(model.dof_count()))
+    throw input_error("servos", fmt::format("{}", servos.size()),
+                      fmt::format("one for each of {} coordinates", model.dof_count()));
+  std::optional<PhysicsFault> fault;
+  for (const model::Joint& joint : model.joints)
+    for (int i = 0; i < dof_count(joint.kind); ++i) {
+      const model::Servo& servo = servos[at(joint.first_dof) + at(i)];
+      if (servo.limit == 0) continue;
+      if (!valid(servo) || joint.axes.empty())
+        throw input_error(
+            "servos." + joint.name,
+            fmt::format("stiffness {:g}, damping {:g}, limit {:g}", servo.stiffness, servo.damping,
+                        servo.limit),
+            "a hinge, universal or slider with gains of 0 or more, not both 0, and a limit of 0 or more");
+      if (!fault && !std::isfinite(servo.error + servo.feed))
+        fault = PhysicsFault{
+            time, joint.name, "servo",
+            fmt::format(
+                "coordinate {} has an error of {} and a feed of {}, not finite numbers: check the controller",
+                i, servo.error, servo.feed)};
+    }
+  return fault;
+}
+
+void require_forces(const model::Model& model, std::span<const BodyForce> forces) {
+  for (const BodyForce& each : forces) {
+    const bool there = each.body > model::kWorld && at(each.body) < model.bodies.size();
+    if (!there || model.bodies[at(each.body)].kinematic)
+      throw input_error("forces", fmt::format("a force on body {}", each.body),
+                        fmt::format("a body that can move, 1 to {}", model.bodies.size() - 1));
+    if (!each.force.allFinite() || !each.moment.allFinite())
+      throw input_error("forces." + model.bodies[at(each.body)].name, "a force or moment that is not finite",
+                        "finite numbers");
+  }
+}
+
+void require_targets(const model::Model& model, const Settings& settings, std::span<const Pose> targets) {
+  if (targets.empty()) return;
+  if (!settings.effects.has(model::Effect::wrist_motion) || targets.size() != model.drives.size())
+    throw input_error("drive_targets", fmt::format("{} poses", targets.size()),
+                      settings.effects.has(model::Effect::wrist_motion)
+                          ? fmt::format("one for each of {} driven bodies", model.drives.size())
+                          : "the wrist_motion effect, and a wrist that it drives");
+  for (const Pose& target : targets)
+    if (!target.p.allFinite() || !(std::abs(target.q.norm() - 1) <= kUnitTolerance))
+      throw input_error("drive_targets", "a pose that is not finite or not unit",
+                        "finite numbers and a unit quaternion");
+}
+
+void require_outside(const model::Model& model, const Settings& settings, const StepInput& input) {
+  if (input.forces.empty() && input.drive_targets.empty()) return;
+  const Method method = settings.method();
+  if (settings.engine() != EngineKind::ode && method != ArticulatedMethod::semi_implicit_euler)
+    throw input_error(
+        input.forces.empty() ? "drive_targets" : "forces",
+        fmt::format("engine {} with method {}, which takes none", name(settings.engine()), name(method)),
+        "engine ode, or articulated with method semi_implicit_euler");
+  require_forces(model, input.forces);
+  require_targets(model, settings, input.drive_targets);
+}
+
+void require_excitations(const model::Model& model, const Settings& settings,
+                         std::span<const double> excitations) {
+  if (excitations.empty()) return;
+  if (!settings.effects.has(model::Effect::muscles))
+    throw input_error("excitations", "excitations without the muscles effect", "muscles among the effects");
+  if (excitations.size() != model.muscles.size())
+    throw input_error("excitations", fmt::format("{}", excitations.size()),
+                      fmt::format("one for each of {} muscles", model.muscles.size()));
+  for (std::size_t i = 0; i < excitations.size(); ++i)
+    // Written so that NaN fails.
+    if (!(excitations[i] >= 0 && excitations[i] <= 1))
+      throw input_error("excitations." + model.muscles[i].name, fmt::format("{:g}", excitations[i]),
+                        "0 to 1");
+}
+
 }  // namespace
 
 std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects) {
@@ -79,76 +178,14 @@ double next_time(double time, double step) {
   return std::abs(time - n * step) <= 1e-6 * step ? (n + 1) * step : time + step;
 }
 
-std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
-                                         std::span<const double> torques) {
-  if (torques.size() != at(model.dof_count()))
-    throw input_error("torques", fmt::format("{}", torques.size()),
-                      fmt::format("one for each of {} coordinates", model.dof_count()));
-  for (const model::Joint& joint : model.joints)
-    for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const double torque = torques[at(joint.first_dof) + at(i)];
-      if (std::isfinite(torque)) continue;
-      return PhysicsFault{
-          time, joint.name, "joint torque [N m]",
-          fmt::format("coordinate {} has {}, not a finite number: check the controller", i, torque)};
-    }
-  return std::nullopt;
-}
-
-std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
-                                        std::span<const model::Servo> servos) {
-  if (!settings.effects.has(model::Effect::actuation))
-    throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
-  if (servos.size() != at(model.dof_count()))
-    throw input_error("servos", fmt::format("{}", servos.size()),
-                      fmt::format("one for each of {} coordinates", model.dof_count()));
-  for (const model::Joint& joint : model.joints)
-    for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const model::Servo& servo = servos[at(joint.first_dof) + at(i)];
-      if (servo.limit == 0) continue;
-      if (!std::isfinite(servo.error + servo.feed))
-        return PhysicsFault{
-            time, joint.name, "servo",
-            fmt::format(
-                "coordinate {} has an error of {} and a feed of {}, not finite numbers: check the controller",
-                i, servo.error, servo.feed)};
-      if (!valid(servo) || joint.axes.empty())
-        throw input_error(
-            "servos." + joint.name,
-            fmt::format("stiffness {:g}, damping {:g}, limit {:g}", servo.stiffness, servo.damping,
-                        servo.limit),
-            "a hinge, universal or slider with gains of 0 or more, not both 0, and a limit of 0 or more");
-    }
-  return std::nullopt;
-}
-
-void require_outside(const model::Model& model, const Settings& settings, const StepInput& input) {
-  if (input.forces.empty() && input.drive_targets.empty()) return;
-  const Method method = settings.method();
-  if (settings.engine() != EngineKind::ode && method != ArticulatedMethod::semi_implicit_euler)
-    throw input_error(
-        input.forces.empty() ? "drive_targets" : "forces",
-        fmt::format("engine {} with method {}, which takes none", name(settings.engine()), name(method)),
-        "engine ode, or articulated with method semi_implicit_euler");
-  for (const BodyForce& each : input.forces) {
-    const bool there = each.body > model::kWorld && at(each.body) < model.bodies.size();
-    if (!there || model.bodies[at(each.body)].kinematic)
-      throw input_error("forces", fmt::format("a force on body {}", each.body),
-                        fmt::format("a body that can move, 1 to {}", model.bodies.size() - 1));
-    if (!each.force.allFinite() || !each.moment.allFinite())
-      throw input_error("forces." + model.bodies[at(each.body)].name, "a force or moment that is not finite",
-                        "finite numbers");
-  }
-  if (input.drive_targets.empty()) return;
-  if (!settings.effects.has(model::Effect::wrist_motion) || input.drive_targets.size() != model.drives.size())
-    throw input_error("drive_targets", fmt::format("{} poses", input.drive_targets.size()),
-                      settings.effects.has(model::Effect::wrist_motion)
-                          ? fmt::format("one for each of {} driven bodies", model.drives.size())
-                          : "the wrist_motion effect, and a wrist that it drives");
-  for (const Pose& target : input.drive_targets)
-    if (!target.p.allFinite() || !(std::abs(target.q.norm() - 1) <= kUnitTolerance))
-      throw input_error("drive_targets", "a pose that is not finite or not unit",
-                        "finite numbers and a unit quaternion");
+std::optional<PhysicsFault> input_fault(const model::Model& model, const Settings& settings, double time,
+                                        const StepInput& input) {
+  require_outside(model, settings, input);
+  require_excitations(model, settings, input.excitations);
+  std::optional<PhysicsFault> of_torques, of_servos;
+  if (!input.torques.empty()) of_torques = torque_fault(model, time, input.torques);
+  if (!input.servos.empty()) of_servos = servo_fault(model, settings, time, input.servos);
+  return of_torques ? of_torques : of_servos;
 }
 
 void require_state(const model::Model& model, const model::State& state) {

@@ -20,18 +20,14 @@ bool needs_contacts(const model::Model& model, const model::Effects& effects);
 /// model
 const model::Model& checked(const model::Model& model, const Settings& settings);
 
-/// @return the fault of the first torque that is not finite. @throws Error (input) for another number.
-std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
-                                         std::span<const double> torques);
-
-/// @return the fault of the first servo whose error or feed is not finite. @throws Error (input) for a wrong
-/// number of servos, servos without the actuation effect, and negative gains or limits.
-std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
-                                        std::span<const model::Servo> servos);
-
-/// @throws Error (input) for forces on bodies that cannot move, a wrong number of drive targets, targets
-/// without the wrist_motion effect, numbers that are not finite, and any of them if the engine takes none.
-void require_outside(const model::Model& model, const Settings& settings, const StepInput& input);
+/// Checks all that a step is given. Every engine calls this before anything of it moves.
+/// @return the fault of the first torque, or servo's error or feed, that is not finite. @throws Error (input)
+/// for torques, servos, excitations or targets of another number, servos without the actuation effect or on a
+/// ball joint, gains and limits below 0, excitations without the muscles effect or outside 0..1, forces on
+/// bodies that cannot move, targets without the wrist_motion effect, numbers that are not finite in the last
+/// two, and either of them if the engine takes none
+std::optional<PhysicsFault> input_fault(const model::Model& model, const Settings& settings, double time,
+                                        const StepInput& input);
 
 /// @throws Error (input) for a state of another model, numbers not finite, a moved world; q and u are free.
 void require_state(const model::Model& model, const model::State& state);

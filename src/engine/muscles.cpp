@@ -2,27 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include <fmt/format.h>
+#include <utility>
 
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::engine {
-
-void require_excitations(const model::Model& model, const Settings& settings,
-                         std::span<const double> excitations) {
-  if (excitations.empty()) return;
-  if (!settings.effects.has(model::Effect::muscles))
-    throw input_error("excitations", "excitations without the muscles effect", "muscles among the effects");
-  if (excitations.size() != model.muscles.size())
-    throw input_error("excitations", fmt::format("{}", excitations.size()),
-                      fmt::format("one for each of {} muscles", model.muscles.size()));
-  for (std::size_t i = 0; i < excitations.size(); ++i)
-    // Written so that NaN fails.
-    if (!(excitations[i] >= 0 && excitations[i] <= 1))
-      throw input_error("excitations." + model.muscles[i].name, fmt::format("{:g}", excitations[i]),
-                        "0 to 1");
-}
 
 Muscles::Muscles(const model::Model& model, const Settings& settings, const TendonLayout::Solves& solves,
                  const TendonKernel* kernel)
@@ -35,7 +19,9 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
               solves),
       kernel_(kernel ? kernel : tendon_kernels().back()),
       torques_(at(model.dof_count())) {
-  before_.resize(at(layout_.arrays().blocks) * kTendonLanes);
+  for (Start* each : {&start_, &before_})
+    for (std::vector<double>* lanes : {&each->activations, &each->fibres})
+      lanes->resize(at(layout_.arrays().blocks) * kTendonLanes);
   collect_parts();
 }
 
@@ -66,6 +52,7 @@ void Muscles::collect_parts() {
 void Muscles::start(const model::State& state) {
   const TendonArrays& all = layout_.arrays();
   goes_on_ = false;
+  begun_ = 0;
   for (std::size_t i = 0; i < muscles_.size(); ++i) {
     const TendonLayout::Place& place = layout_.muscles()[i];
     TendonBlock& block = all.block[place.block];
@@ -74,28 +61,51 @@ void Muscles::start(const model::State& state) {
   }
 }
 
+/// Lengths at the start of the last step; null: rigid tendons.
+double* Muscles::fibres(int block) const {
+  const int row = layout_.arrays().block[block].elastic;
+  return row == kRigid ? nullptr : layout_.arrays().elastic[row].fibre;
+}
+
+void Muscles::pull(const Start& start) {
+  kernel_->pull(layout_.arrays(),
+                {start.q.data(), start.u.data(), start.excitations.empty() ? nullptr : start.excitations.data(),
+                 step_, goes_on_});
+  goes_on_ = true;
+}
+
 void Muscles::begin(std::span<const double> q, std::span<const double> u,
                     std::span<const double> excitations) {
-  kernel_->pull(layout_.arrays(),
-                {q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(), step_, goes_on_});
-  goes_on_ = true;
+  std::swap(start_, before_);
+  begun_ = std::min(begun_ + 1, 2);
+  start_.q.assign(q.begin(), q.end());
+  start_.u.assign(u.begin(), u.end());
+  start_.excitations.assign(excitations.begin(), excitations.end());
+  const TendonArrays& all = layout_.arrays();
+  for (int i = 0; i < all.blocks; ++i)
+    std::copy_n(all.block[i].activation, kTendonLanes, &start_.activations[at(i) * kTendonLanes]);
+  pull(start_);
+  for (int i = 0; i < all.blocks; ++i)
+    if (const double* lanes = fibres(i))
+      std::copy_n(lanes, kTendonLanes, &start_.fibres[at(i) * kTendonLanes]);
   std::ranges::fill(torques_, 0.0);
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
   for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;
 }
 
-void Muscles::keep() {
-  auto to = before_.begin();
-  for (int i = 0; i < layout_.arrays().blocks; ++i)
-    to = std::copy_n(layout_.arrays().block[i].activation, kTendonLanes, to);
-}
-
 void Muscles::go_back() {
-  auto from = before_.begin();
-  for (int i = 0; i < layout_.arrays().blocks; ++i, from += kTendonLanes)
-    std::copy_n(from, kTendonLanes, layout_.arrays().block[i].activation);
-  goes_on_ = false;  // Fibres are where the step before has ended.
+  if (begun_ == 2) std::swap(start_, before_);
+  for (int i = 0; i < layout_.arrays().blocks; ++i) {
+    std::copy_n(&start_.activations[at(i) * kTendonLanes], kTendonLanes,
+                layout_.arrays().block[i].activation);
+    if (double* lanes = fibres(i))
+      std::copy_n(&start_.fibres[at(i) * kTendonLanes], kTendonLanes, lanes);
+  }
+  goes_on_ = false;
+  // The step before leaves its tensions and rates again, which `end` and the next step ask for.
+  if (begun_ == 2) pull(start_);
+  --begun_;
 }
 
 void Muscles::by_coordinate(std::span<const double> u, std::span<const double> given,

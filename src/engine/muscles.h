@@ -16,10 +16,6 @@
 
 namespace handsim::engine {
 
-/// @throws Error (input) for excitations without the muscles effect, of another number, or not within 0..1.
-void require_excitations(const model::Model& model, const Settings& settings,
-                         std::span<const double> excitations);
-
 class Muscles {
  public:
   /// The model must outlive this. @param solves an entry of B; what an engine does not solve is bounded by
@@ -33,8 +29,7 @@ class Muscles {
   void start(const model::State& state);
   /// Activations at the end of a step, tensions at its start. @param q, u by Model::dof_count()
   void begin(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
-  /// Before a `begin` that `go_back` may undo, where the step is not made.
-  void keep();
+  /// Takes the last `begin` back, once: its step was not made.
   void go_back();
   /// `start` of the torques, by Model::dof_count() [N m].
   std::span<const double> torques() const { return torques_; }
@@ -58,6 +53,12 @@ class Muscles {
     const double* from = nullptr;
     std::size_t to = 0;
   };
+  /// What a step began with: arguments of `begin`, and by lane activations and lengths of elastic fibres.
+  struct Start {
+    std::vector<double> q, u, excitations, activations, fibres;
+  };
+  double* fibres(int block) const;
+  void pull(const Start& start);
   std::size_t slot(int a, int b);
   void collect_parts();
   double rate_change(const TendonLayout::Place& place, std::span<const double> u) const;
@@ -71,7 +72,8 @@ class Muscles {
   std::vector<Slope> slopes_;
   std::vector<double> torques_;
   std::vector<Part> torque_parts_, slope_parts_;
-  std::vector<double> before_;  ///< activations of all lanes at `keep`
+  Start start_, before_;  ///< of the step, and of the one before it
+  int begun_ = 0;         ///< how many of the two there are
 };
 
 }  // namespace handsim::engine

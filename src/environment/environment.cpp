@@ -164,10 +164,6 @@ void Environment::restore(const simulation::RunSnapshot& snapshot) {
 
 void Environment::check(const Action& action, int substeps) const {
   const model::Model& model = scene_->model;
-  const auto* controller = simulation_->controller();
-  require_size("torques", action.torques.size(), at(model.dof_count()), "coordinates");
-  require_size("angles", action.angles.size(), controller ? controller->axes().size() : 0, "driven axes");
-  require_size("excitations", action.excitations.size(), model.muscles.size(), "muscles");
   require_size("wrists", action.wrists.size(), model.drives.size(), "driven wrists");
   require_size("wrist_rates", action.wrist_rates.size(), model.drives.size(), "driven wrists");
   if (!action.wrists.empty() && !action.wrist_rates.empty())

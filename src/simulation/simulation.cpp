@@ -147,17 +147,23 @@ void Simulation::save_motion(ArchiveWriter& out) const {
   engine_->save(out);
   if (controller_) controller_->save(out);
   if (drive_) drive_->save(out);
+  out(excitations_);
 }
 
 void Simulation::restore_motion(const model::State& state, ArchiveReader& in) {
   engine_->restore(state, in);
   if (controller_) controller_->restore(in);
   if (drive_) drive_->restore(in);
+  in(excitations_);
+  const auto sound = [](double excitation) { return excitation >= 0 && excitation <= 1; };
+  if (!excitations_.empty() &&
+      (excitations_.size() != model().muscles.size() || !std::ranges::all_of(excitations_, sound)))
+    in.refuse(fmt::format("{} excitations, or one outside 0 to 1", excitations_.size()),
+              fmt::format("none, or {} of 0 to 1", model().muscles.size()));
+  report_ = {};
 }
 
 void Simulation::make_watchers() {
-  report_ = {};
-  excitations_.clear();
   watchers_ = maker_({*scene_, *engine_, controller_.get()});
   timed_ = std::ranges::any_of(watchers_, [](const auto& watcher) { return watcher->wants_times(); });
 }
@@ -172,15 +178,9 @@ void Simulation::compute_constant_torques() {
 
 /// The engine's own checks, before anything has changed.
 void Simulation::check(const engine::StepInput& action) const {
-  const auto refuse = [](const std::optional<PhysicsFault>& fault) {
-    if (fault)
-      throw input_error("action." + fault->where, fault->quantity + ": " + fault->detail, "finite numbers");
-  };
-  if (!action.torques.empty()) refuse(engine::torque_fault(model(), state().time, action.torques));
-  if (!action.servos.empty())
-    refuse(engine::servo_fault(model(), engine_->settings(), state().time, action.servos));
-  engine::require_outside(model(), engine_->settings(), action);
-  engine::require_excitations(model(), engine_->settings(), action.excitations);
+  // The time of a fault that is not told.
+  if (const auto fault = engine::input_fault(model(), engine_->settings(), 0, action))
+    throw input_error("action." + fault->where, fault->quantity + ": " + fault->detail, "finite numbers");
 }
 
 /// The step's excitations: the caller's, else those of the scene's drive, which may take the place of motors.
@@ -237,9 +237,9 @@ void Simulation::step(const engine::StepInput& action, std::span<const double> a
   if (!angles.empty() && !controller_)
     throw input_error("angles", fmt::format("{} angles in a scene that drives no joint", angles.size()),
                       "a scene with control");
+  check(action);
   if (controller_ && angles.empty()) controller_->release_targets();
   if (!angles.empty()) controller_->set_targets(angles);
-  check(action);
   keep_failure([&] { advance(action); });
 }
 
@@ -263,6 +263,8 @@ void Simulation::revive() {
   if (!failure_) return;
   engine_ = engine::make_engine(model(), scene_->spec.solver);
   failure_.reset();
+  report_ = {};
+  excitations_.clear();
   make_controller();
   make_watchers();
 }
@@ -410,6 +412,8 @@ void Simulation::reset(const model::State& state) {
   revive();
   keep_failure([&] { engine_->set_state(state); });
   steps_ = std::lround(state.time / scene_->spec.solver.step);
+  report_ = {};
+  excitations_.clear();
   make_controller();
   make_watchers();
 }

@@ -153,6 +153,43 @@ TEST(MotionTable, UnitsThatCannotBeAreToldApart) {
   expect_one(small.scene().warnings, {"no angle is above 1.4 deg", "are these radians?"});
 }
 
+// Oracle: the same table without the mark, and with the header's keys as OpenSim writes them.
+TEST(MotionTable, AByteOrderMarkAndTheCaseOfKeysChangeNothing) {
+  const std::string mark = "\xef\xbb\xbf";
+  const std::string rows = "name=small\nendheader\ntime\tindex_mcp.flexion\n0\t1.2\n1\t4.4\n";
+  for (const std::string first : {"inDegrees=yes\n", "indegrees=YES\n"})
+    for (const std::string& text : {first + rows, mark + first + rows})
+      EXPECT_NEAR(target(Played(text, "a.mot").scene(), 0, "index_mcp.flexion", 0), 1.2, 1e-12) << text;
+  EXPECT_NEAR(target(Played(mark + "time[s],index_mcp.flexion[deg]\n0,1\n1,2\n").scene(), 0,
+                     "index_mcp.flexion", 1),
+              2, 1e-12);
+}
+
+// Oracle: the definition. Each run is 1 s; what holds still by itself, and what moves within, is no mistake.
+TEST(MotionTable, WhoseTimesTheRunDoesNotReachIsAWarning) {
+  const std::string head = "time[s],index_mcp.flexion[deg]\n";
+  const auto idle = [](const Played& played, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> all = {"duration=1"};
+    all.insert(all.end(), more.begin(), more.end());
+    std::size_t count = 0;
+    for (const std::string& text : played.scene(all).warnings)
+      count += text.find("nothing changes during the run, from 0 to 1 s") != std::string::npos;
+    return count;
+  };
+  // Both hands have the table.
+  EXPECT_EQ(idle(Played(head + "3,10\n3.5,40\n4,10\n")), 2U);
+  EXPECT_EQ(idle(Played(head + "-3,10\n-2,40\n")), 2U);
+  EXPECT_EQ(idle(Played(head + "1,10\n2,40\n")), 2U);
+  EXPECT_EQ(idle(Played(head + "0.9,10\n2,40\n")), 0U);
+  EXPECT_EQ(idle(Played(head + "3,10\n4,10\n")), 0U);
+  EXPECT_EQ(idle(Played(head + "0,10\n1,40\n")), 0U);
+  const std::string wrist = "hands.0.wrist={mount: driven, motion: {keyframes: [{time: ";
+  const std::string places = ", position: [0, 0, 0]}, {time: 9, position: [0.1, 0, 0]}]}}";
+  const Played moving(head + "0,10\n1,40\n");
+  EXPECT_EQ(idle(moving, {wrist + "2" + places, "effects=auto"}), 1U);
+  EXPECT_EQ(idle(moving, {wrist + "0" + places, "effects=auto"}), 0U);
+}
+
 TEST(MotionTable, ATableOfAnotherHandIsRefused) {
   expect_one(Played("time[s],right.index_mcp.flexion[deg]\n0,1\n").problems(),
              {"left", "no column of an axis of this hand"});

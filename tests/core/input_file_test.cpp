@@ -36,6 +36,24 @@ TEST(InputFile, IsReadWholeUpToItsLimit) {
   }
 }
 
+TEST(InputFile, OfTextHasNoByteOrderMarkAndIsNotUtf16) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "f";
+  for (const std::string mark : {"", "\xef\xbb\xbf"}) {
+    std::ofstream(path, std::ios::binary) << mark << "a\xef\xbb\xbf\n";
+    EXPECT_EQ(read_text_file(path, "a good file", 100), "a\xef\xbb\xbf\n");
+  }
+  for (const std::string text : {std::string("\xff\xfe" "a\0", 4), std::string("\xfe\xff\0a", 4)}) {
+    std::ofstream(path, std::ios::binary) << text;
+    try {
+      read_text_file(path, "a good file", 100);
+      FAIL() << "read";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.what(), path.string() + ":1:1: got text in UTF-16, need text in UTF-8");
+    }
+  }
+}
+
 TEST(InputFile, MustNotBeAPipeADeviceOrAFolder) {
   const test::TemporaryFolder folder;
   const fs::path pipe = folder.path() / "pipe";

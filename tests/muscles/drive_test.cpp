@@ -234,6 +234,17 @@ TEST(MuscleDrive, AHandThatDoesNotFollowIsAWarning) {
   EXPECT_TRUE(warnings_of_run({}).empty());
 }
 
+// Oracle: the definition; a table that the run does not reach is a warning, one that it reaches is none.
+TEST(Excitations, OfATableThatTheRunDoesNotReachAreAWarning) {
+  for (const std::string times : {"[3, 4]", "[0, 4]"}) {
+    const scene::Scene scene = hand_scene({"excitations={times: " + times + ", FDP2: [0, 0.8]}"});
+    const bool warned = std::ranges::any_of(scene.warnings, [](const std::string& text) {
+      return text.find("nothing changes during the run") != std::string::npos;
+    });
+    EXPECT_EQ(warned, times == "[3, 4]") << times;
+  }
+}
+
 // Oracle: what a snapshot continues has the same bits as the run without it, activations included.
 TEST(Excitations, ContinueFromASnapshotWithTheSameBits) {
   for (const std::string engine : {"articulated, method: semi_implicit_euler", "ode, method: world_step"}) {
@@ -244,9 +255,17 @@ TEST(Excitations, ContinueFromASnapshotWithTheSameBits) {
     simulation::Simulation run(std::make_shared<const scene::Scene>(scene), simulation::no_watchers);
     for (int i = 0; i < 37; ++i) run.step(input);
     const simulation::MotionSnapshot half = run.motion();
+    const simulation::RunSnapshot whole = run.snapshot();
+    std::vector<double> others(excitations.size(), 0.9);
+    run.step({.excitations = others});
+    // The excitations that were acting are part of both.
+    run.restore(whole);
+    EXPECT_EQ(std::vector<double>(run.excitations().begin(), run.excitations().end()), excitations);
     for (int i = 0; i < 50; ++i) run.step(input);
     const model::State straight = run.state();
+    run.step({.excitations = others});
     run.reset(half);
+    EXPECT_EQ(std::vector<double>(run.excitations().begin(), run.excitations().end()), excitations);
     for (int i = 0; i < 50; ++i) run.step(input);
     EXPECT_EQ(run.state().activation, straight.activation);
     EXPECT_EQ(run.state().q, straight.q);

@@ -160,28 +160,29 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
     in.refuse("bodies that are not where the joints are", "a state that agrees");
 }
 
-void ArticulatedEngine::accept(const StepInput& input) {
-  require_outside(model_, settings_, input);
-  if (!input.torques.empty() || had_torques_) {
-    if (!input.torques.empty())
-      if (auto fault = torque_fault(model_, time_, input.torques)) fail(std::move(*fault));
-    for (const Cut& cut : mechanism_.topology().cuts) {
-      const model::Joint& joint = model_.joints[at(cut.joint)];
-      for (int k = 0; k < dof_count(joint.kind) && !input.torques.empty(); ++k)
-        if (input.torques[at(joint.first_dof + k)] != 0)
-          throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
-                            "a torque on another joint of the loop");
-    }
-    if (!muscles_) mechanism_.set_torques(input.torques);
-    had_torques_ = !input.torques.empty();
+/// Before anything moves.
+void ArticulatedEngine::check_input(const StepInput& input) {
+  if (auto fault = input_fault(model_, settings_, time_, input)) {
+    failure_.emplace(std::move(*fault));
+    throw Error(*failure_);
   }
-  require_excitations(model_, settings_, input.excitations);
-  if (muscles_ && derive_) muscles_->keep();
-  if (muscles_) mechanism_.set_torques(muscles_->begin(input));
-  const bool fits = input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
-                                             input.servos.size() == at(model_.dof_count()));
-  if (!fits || !mechanism_.set_servos(input.servos, smooth(settings_)))
-    if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
+  if (input.torques.empty()) return;
+  for (const Cut& cut : mechanism_.topology().cuts) {
+    const model::Joint& joint = model_.joints[at(cut.joint)];
+    for (int k = 0; k < dof_count(joint.kind); ++k)
+      if (input.torques[at(joint.first_dof + k)] != 0)
+        throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
+                          "a torque on another joint of the loop");
+  }
+}
+
+void ArticulatedEngine::accept(const StepInput& input) {
+  if (muscles_)
+    mechanism_.set_torques(muscles_->begin(input));
+  else if (!input.torques.empty() || had_torques_)
+    mechanism_.set_torques(input.torques);
+  had_torques_ = !input.torques.empty();
+  mechanism_.set_servos(input.servos, smooth(settings_));
 }
 
 /// Accelerations of a step with stops and torque limits that agree. Returns 1 where none were found.
@@ -210,7 +211,7 @@ void ArticulatedEngine::collide(StepReport& report) {
     report.collide_calls =
         contact_->collide(state(), {settings_.step, settings_.step * mechanism_.gravity(), ways_});
   } catch (const OdeFault& fault) {
-    fail({time_, "the model", "ODE", fault.message});
+    throw Error(PhysicsFault{time_, "the model", "ODE", fault.message});
   }
   report.contacts = static_cast<int>(contact_->contacts().size());
   report.collide_ns = std::chrono::duration<double, std::nano>(Clock::now() - start).count();
@@ -283,8 +284,27 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  check_input(input);
   if (derive_) begin_derivatives();
+  // Contacts are found at the state, whose tensions `accept` replaces by those of the step.
+  if (muscles_ && contact_) state();
   keep_start();
+  try {
+    return make_step(input);
+  } catch (const Error& error) {
+    back_to_start();
+    if (error.fault())
+      failure_.emplace(error);
+    else
+      undo_derivatives();
+    throw;
+  } catch (...) {
+    back_to_start();
+    throw;
+  }
+}
+
+StepReport ArticulatedEngine::make_step(const StepInput& input) {
   accept(input);
   const double end = next_time(time_, settings_.step);
   StepReport report;
@@ -301,7 +321,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   return report;
 }
 
-void ArticulatedEngine::check(bool sound, double time) {
+void ArticulatedEngine::check(bool sound, double time) const {
   if (sound) return;
   model::State bad = state_;
   mechanism_.give(bad);
@@ -320,8 +340,7 @@ void ArticulatedEngine::check(bool sound, double time) {
                                slow ? body.w.norm() : body.v.norm(), slow ? kMaxAngularSpeed : kMaxSpeed);
     break;
   }
-  back_to_start();
-  fail(std::move(fault));
+  throw Error(std::move(fault));
 }
 
 void ArticulatedEngine::keep_start() {
@@ -332,7 +351,7 @@ void ArticulatedEngine::keep_start() {
   for (const model::Drive& drive : drives()) saved_bases_.push_back(mechanism_.base(drive.body));
 }
 
-/// Back to before the step: state() stays the last good one.
+/// Back to before the step: state() is the last good one.
 void ArticulatedEngine::back_to_start() {
   auto from = saved_.begin();
   for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()}) {
@@ -342,12 +361,7 @@ void ArticulatedEngine::back_to_start() {
   for (std::size_t i = 0; i < drives().size(); ++i) mechanism_.base(drives()[i].body) = saved_bases_[i];
   mechanism_.update_bases();
   mechanism_.kernel().kinematics(mechanism_.tree());
-}
-
-void ArticulatedEngine::fail(PhysicsFault fault) {
-  state();
-  failure_.emplace(std::move(fault));
-  throw Error(*failure_);
+  if (muscles_) muscles_->go_back();
 }
 
 std::string ArticulatedEngine::version() const {

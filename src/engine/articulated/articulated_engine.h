@@ -54,11 +54,14 @@ class ArticulatedEngine final : public Engine {
 
  private:
   void start(const model::State& state);
+  void check_input(const StepInput& input);
   void accept(const StepInput& input);
+  StepReport make_step(const StepInput& input);
   int solve_step();
   void step_implicitly(const StepInput& input, double end, StepReport& report);
   bool arrive(bool fast);
   void begin_derivatives();
+  void undo_derivatives();
   void compute_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
   void give_rest() const;
@@ -72,8 +75,7 @@ class ArticulatedEngine final : public Engine {
   void place_bases();
   void keep_start();
   void back_to_start();
-  void check(bool sound, double time);
-  [[noreturn]] void fail(PhysicsFault fault);
+  void check(bool sound, double time) const;
 
   const model::Model& model_;
   Settings settings_;
@@ -86,6 +88,7 @@ class ArticulatedEngine final : public Engine {
   MomentumBalance momentum_;
   std::unique_ptr<StepSlopes> slopes_;  ///< with derivatives only
   mutable StepDerivatives* derive_ = nullptr;
+  std::string derived_from_;  ///< what `save` writes, of the step with derivatives
   std::vector<double> uncorrected_;      ///< rates
   std::vector<double> saved_;            ///< positions, rates and torques before the step
   std::vector<BaseMotion> saved_bases_;  ///< of the drives

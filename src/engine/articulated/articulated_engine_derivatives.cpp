@@ -10,7 +10,7 @@ bool derive(const Engine& engine, StepDerivatives* out) {
   return own != nullptr;
 }
 
-/// Refuses what has no derivatives, and makes the state at the start of the step.
+/// Refuses what has no derivatives, and keeps the start of the step.
 void ArticulatedEngine::begin_derivatives() {
   const auto refuse = [](const char* got, const char* need) { throw input_error("derivatives", got, need); };
   if (smooth_) refuse("a method for smooth motion", "method semi_implicit_euler");
@@ -22,6 +22,16 @@ void ArticulatedEngine::begin_derivatives() {
     if (node.kind == NodeKind::ball && node.reversed)
       refuse("a ball joint whose parent is carried by its child", "joints from the base outwards");
   state();
+  ArchiveWriter out;
+  save(out);
+  derived_from_ = out.take();
+}
+
+/// After a refusal in the middle of the step, whose next attempt has to find the warm starts as they were.
+void ArticulatedEngine::undo_derivatives() {
+  if (!derive_) return;
+  ArchiveReader in(derived_from_, "the step's start");
+  restore(model::State(state_), in);
 }
 
 /// Between the solution of the step and its motion.

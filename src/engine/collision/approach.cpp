@@ -1,7 +1,6 @@
 #include "handsim/engine/collision/approach.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 
 #include "handsim/engine/collision/clearance.h"
@@ -44,13 +43,9 @@ void Approach::touch(const Side& a, const Pose& x_WA, const Side& b, const Pose&
   const dGeomID geom_a = geom(a.shape), geom_b = geom(b.shape);
   place_geom(geom_a, of_a, x_WA);
   place_geom(geom_b, of_b, x_WB);
-  std::array<dContactGeom, kMaxPairContacts> found;
-  const int count = dCollide(geom_a, geom_b, kMaxPairContacts, found.data(), sizeof(dContactGeom));
-  for (int i = 0; i < count; ++i) {
-    const dContactGeom& point = found[at(i)];
-    points_.push_back({Vec3(point.pos[0], point.pos[1], point.pos[2]),
-                       Vec3(point.normal[0], point.normal[1], point.normal[2]), point.depth});
-  }
+  OdePoints found;
+  const std::span<const ManifoldPoint> points = ode_points(geom_a, geom_b, found);
+  points_.assign(points.begin(), points.end());
 }
 
 double Approach::gap(const Side& a, const Side& b, double share) const {

@@ -16,8 +16,6 @@
 
 namespace handsim::engine {
 
-inline constexpr int kMaxPairContacts = 8;  ///< Contact points that one pair of shapes can have.
-
 class Approach {
  public:
   /// Both must outlive this.

@@ -1,7 +1,6 @@
 #include "handsim/engine/collision/collider.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "handsim/engine/checks.h"
@@ -223,14 +222,10 @@ int Collider::narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const
     place_shape(geoms_[a], model_.shapes[a], x_WA);
     place_shape(geoms_[b], model_.shapes[b], x_WB);
   }
-  std::array<dContactGeom, kMaxPairContacts> points;
-  const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
-  for (int i = 0; i < count; ++i) {
-    const dContactGeom& point = points[at(i)];
-    add(Vec3(point.pos[0], point.pos[1], point.pos[2]),
-        Vec3(point.normal[0], point.normal[1], point.normal[2]), point.depth);
-  }
-  return count;
+  OdePoints found;
+  const std::span<const ManifoldPoint> points = ode_points(geoms_[a], geoms_[b], found);
+  for (const ManifoldPoint& point : points) add(point.position, point.normal, point.depth);
+  return static_cast<int>(points.size());
 }
 
 std::span<const Contact> Collider::touch_at(std::size_t a, const Pose& x_WA, std::size_t b,

@@ -1,14 +1,25 @@
 // Which pairs of shapes have contact manifolds of handsim's own; the others are the engine's to test.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "handsim/engine/collision/manifold.h"
+#include "handsim/engine/collision/ode_library.h"
 #include "handsim/model/model.h"
 
 namespace handsim::engine {
+
+inline constexpr int kMaxPairContacts = 8;  ///< Contact points that one pair of shapes can have.
+using OdePoints = std::array<ManifoldPoint, kMaxPairContacts>;
+
+/// ODE's contact points of two geoms, normals out of b into a. A point without a normal is left out: libccd,
+/// which ODE asks about cylinders and meshes, gives one where surfaces touch at a depth of 0 to rounding. A
+/// step later they are deeper, and the point has its normal. @throws OdeFault
+std::span<const ManifoldPoint> ode_points(dGeomID a, dGeomID b, OdePoints& out);
 
 /// The model's shapes, and polyhedra of its boxes.
 class NarrowPhase {

@@ -70,13 +70,10 @@ class DaeEngine final : public Engine {
 
   StepReport step(const StepInput& input) override {
     if (failure_) throw Error(*failure_);
-    require_outside(model_, settings_, input);
     if (!input.servos.empty())
       throw input_error("servos", "servo drives on the dae engine",
                         "torques (form: explicit), or the ode engine");
-    if (!input.torques.empty())
-      if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(Error(std::move(*fault)));
-    require_excitations(model_, settings_, input.excitations);
+    if (auto fault = input_fault(model_, settings_, state_.time, input)) fail(Error(std::move(*fault)));
     std::span<const double> torques = input.torques;
     if (!muscles_.empty()) {
       muscles_.begin(state_.q, state_.u, input.excitations);

@@ -144,10 +144,13 @@ StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
     if (!fault) return report;
   }
   // A state that another step can start from is better kept and counted than thrown away.
-  if (state_.time != end) fail(std::move(*fault));
-  if (auto out = body_fault(end, kMaxSpeed, kMaxAngularSpeed)) fail(std::move(*out));
-  report.rung = Rung::unresolved;
-  return report;
+  const auto out = body_fault(end, kMaxSpeed, kMaxAngularSpeed);
+  if (state_.time == end && !out) {
+    report.rung = Rung::unresolved;
+    return report;
+  }
+  restore();
+  fail(std::move(out && state_.time == end ? *out : *fault));
 }
 
 /// Tries the step in one way. @return what is wrong with it
@@ -231,8 +234,13 @@ std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) con
   return std::nullopt;
 }
 
+/// As before a guarded step. A solver that refused the step has left its torques and forces on the bodies.
 void OdeEngine::restore() {
   write(before_);
+  for (const std::size_t i : moving_) {
+    dBodySetForce(bodies_[i].id, 0, 0, 0);
+    dBodySetTorque(bodies_[i].id, 0, 0, 0);
+  }
   if (contacts_) contacts_->set_memory(memory_before_);
 }
 

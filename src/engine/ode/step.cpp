@@ -54,10 +54,7 @@ double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] *
 
 /// The step's torques with those of tendons, and the tendons' damping in the joints' rows.
 StepInput OdeEngine::with_tendons(const StepInput& given) {
-  require_excitations(model_, settings_, given.excitations);
   if (muscles_->empty()) return given;
-  if (!given.torques.empty())
-    if (auto fault = torque_fault(model_, state_.time, given.torques)) fail(std::move(*fault));
   muscles_->begin(state_.q, state_.u, given.excitations);
   muscles_->by_coordinate(state_.u, given.torques, torques_, drag_);
   joints_->set_drag(drag_);
@@ -70,7 +67,7 @@ StepInput OdeEngine::with_tendons(const StepInput& given) {
 
 StepReport OdeEngine::step(const StepInput& given) {
   if (failure_) throw Error(*failure_);
-  require_outside(model_, settings_, given);
+  if (auto fault = input_fault(model_, settings_, state_.time, given)) fail(std::move(*fault));
   const StepInput input = with_tendons(given);
   enter_ode();
   const double end = next_time(state_.time, settings_.step);
@@ -183,12 +180,7 @@ void OdeEngine::prepare(const StepInput& input, StepReport& report) {
 }
 
 void OdeEngine::actuate(const StepInput& input) {
-  if (!input.torques.empty()) {
-    if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(std::move(*fault));
-    joints_->add_torques(input.torques, state_);
-  }
-  if (!input.servos.empty())
-    if (auto fault = servo_fault(model_, settings_, state_.time, input.servos)) fail(std::move(*fault));
+  if (!input.torques.empty()) joints_->add_torques(input.torques, state_);
   joints_->set_servos(input.servos);
   for (const BodyForce& each : input.forces) {
     const dBodyID id = bodies_[at(each.body)].id;

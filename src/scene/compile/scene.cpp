@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/scene/compile/idle_tables.h"
 #include "handsim/scene/compile/overruled.h"
 #include "handsim/scene/read/contact_groups.h"
 #include "handsim/scene/task/tasks.h"
@@ -317,6 +318,7 @@ Scene compile_scene(SceneSpec spec, YamlNode root) {
   }
   scene.muscles = plan_muscles(scene, diagnostics);
   diagnostics.throw_if_any();
+  warn_of_idle_tables(scene, diagnostics);
   scene.resolved = std::move(root);
   scene.inputs = collect_inputs(scene.resolved);
   scene.warnings = std::move(diagnostics.warnings);

@@ -235,9 +235,10 @@ Surface read_stl(std::string_view bytes, const std::string& name) {
 }  // namespace
 
 Surface read_surface_file(const std::filesystem::path& path) {
-  const std::string bytes = read_input_file(path, kNeed, kMostBytes);
-  return lower_case(path.extension().string()) == ".stl" ? read_stl(bytes, path.string())
-                                                         : read_obj(bytes, path.string());
+  // Binary STL files are not text; those in text that begin with a mark are refused by their first word.
+  if (lower_case(path.extension().string()) == ".stl")
+    return read_stl(read_input_file(path, kNeed, kMostBytes), path.string());
+  return read_obj(read_text_file(path, kNeed, kMostBytes), path.string());
 }
 
 }  // namespace handsim::scene

@@ -59,7 +59,7 @@ class LoadReader {
 }  // namespace
 
 Loads::Loads(const std::filesystem::path& path, const model::Model& model) : courses_(model.bodies.size()) {
-  const std::string text = read_input_file(path, "a table of forces (.csv)", kMostBytes);
+  const std::string text = read_text_file(path, "a table of forces (.csv)", kMostBytes);
   LoadReader reader(path.string(), model);
   std::string_view rest = text;
   const std::string_view head = rest.empty() ? rest : take_line(rest);

@@ -26,7 +26,7 @@ class RecordingReader {
   static constexpr double kFarthest = 1000;          ///< of a point from the origin [m]
 
   explicit RecordingReader(const std::filesystem::path& path)
-      : text_(read_input_file(path, "a recording (.csv, .json, .trc)", kMostBytes)),
+      : text_(read_text_file(path, "a recording (.csv, .json, .trc)", kMostBytes)),
         place_{path.string(), 1, 1} {
     out_.file = path.string();
   }

@@ -279,5 +279,26 @@ TEST(ContinuedRun, HasTheTablesOfTheRestAndTheSummaryOfAll) {
   for (const char* key : {"criteria", "counts", "state_hash"}) EXPECT_EQ(json(whole)[key], json(rest)[key]);
 }
 
+// Oracle: the rows of the run that never stopped, in every table of text.
+TEST(ContinuedRun, HasTheRowsOfMusclesFromTheSnapshotOn) {
+  const TemporaryFolder folder;
+  const scene::Scene scene = shipped_scene("muscle_poses", {"duration=0.1", "solver.engine=articulated"});
+  RunOptions options;
+  options.out = folder.path() / "whole";
+  options.snapshot_at = 0.05;
+  run(scene, options);
+  options = {};
+  options.out = folder.path() / "rest";
+  options.from_snapshot = folder.path() / "whole" / "snapshot.bin";
+  run(scene, options);
+  for (const char* table : {"muscles.sto", "control.sto", "trajectory.mot", "trajectory.csv"}) {
+    const std::string all = text_of(folder.path() / "whole" / table);
+    std::string tail = text_of(folder.path() / "rest" / table);
+    tail = tail.substr(tail.find("\n0.05") + 1);
+    EXPECT_TRUE(tail.starts_with("0.05")) << table;
+    EXPECT_TRUE(all.ends_with("\n" + tail)) << table;
+  }
+}
+
 }  // namespace
 }  // namespace handsim::simulation

@@ -37,6 +37,12 @@ TEST(Recording, ReadsCsvWithUnitsNumbersOfKeypointsAndGaps) {
   EXPECT_EQ(read.channels.at("s").orientations.at(1)->y(), 1);
 }
 
+TEST(Recording, MayBeginWithAByteOrderMark) {
+  const std::string text = "time[s],right.8.x[mm],right.8.y[mm],right.8.z[mm]\n0,1,2,3\n";
+  EXPECT_EQ(*read_text("a.csv", "\xef\xbb\xbf" + text).channels.at("right.index_tip").points.at(0),
+            *read_text("a.csv", text).channels.at("right.index_tip").points.at(0));
+}
+
 TEST(Recording, ReadsJsonOfACameraTracker) {
   std::string points, objects;
   for (int i = 0; i < 21; ++i) {

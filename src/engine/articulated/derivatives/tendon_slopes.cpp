@@ -43,7 +43,7 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
   }
   const double h = settings_.step;
   const auto torques = [&] {
-    muscles_->go_back();
+    muscles_->start(start);
     return tendon_torques(input);
   };
   const Eigen::VectorXd here = torques();
@@ -71,7 +71,7 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
   }
   differentiate_activations(input, start, out);
   // The step goes on.
-  muscles_->go_back();
+  muscles_->start(start);
   muscles_->begin(q_, u_, input);
 }
 

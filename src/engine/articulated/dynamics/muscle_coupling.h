@@ -24,8 +24,7 @@ class MuscleCoupling {
   std::span<const double> begin(const StepInput& input);
   /// As above, but from coordinates and rates, each of size Model::dof_count().
   std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
-  /// Before a `begin` that `go_back` may undo, where the step is not made.
-  void keep() { muscles_.keep(); }
+  /// Takes the last `begin` back, once: its step was not made.
   void go_back() { muscles_.go_back(); }
   /// Changes the accelerations that the kernel found, and the reactions of its locks, to those with h B.
   void correct(double step);
