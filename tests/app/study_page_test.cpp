@@ -74,7 +74,7 @@ TEST(StudyPage, OfValidateHasACommandForEachRow) {
   EXPECT_TRUE(contains(page, about["title"]));
 }
 
-// Oracle: the person of the scene, median_man: 1.755 m, a hand of 193.1 mm (handsim hand), the norm of his age.
+// Oracle: the person of the scene, median_man: 1.755 m, a hand of 193.1 mm (handsim hand).
 TEST(StudyPage, OfGraspsSaysWhoseHandItIsAndIsNotTitledByItsFolder) {
   HANDSIM_SKIP_WITH_SANITIZER("a run of seconds");
   const test::TemporaryFolder folder;
