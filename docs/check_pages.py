@@ -1,8 +1,8 @@
 """Checks of README.md and docs/ without running a study: `./dev docs --check`.
 
 Every table has a generator and every generator a table; every relative link, anchor and picture exists; every
-picture in renders/ is on a page; every command of a ```sh block uses commands, options, files, tests and tasks of
-`./dev` that exist; every key of a reader (`handsim schema`) is on the page of its kind of file.
+picture in renders/ is on a page, and has its command there (renders.py); every command of a ```sh block uses commands,
+options, files, tests and tasks of `./dev` that exist; every key of a reader (`handsim schema`) is on the page of its kind of file.
 """
 import json
 import re
@@ -10,6 +10,7 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import renders
 import tables
 
 ROOT = tables.ROOT
@@ -75,7 +76,7 @@ def check_links(problems):
                 problems.append(f"{where}: {target} has no heading #{anchor}")
             shown.add(path)
     problems += [f"{picture.relative_to(ROOT)}: on no page"
-                 for picture in sorted((ROOT / "renders").glob("*.png")) if picture not in shown]
+                 for picture in sorted((ROOT / "renders").iterdir()) if picture not in shown]
 
 
 class Program:
@@ -198,6 +199,7 @@ def check(handsim):
         problems.append(f"README.md: {lines} lines, at most {README_LINES}")
     check_blocks(problems)
     check_links(problems)
+    renders.check(problems)
     check_sources(problems)
     if Path(handsim).exists():
         program = Program(handsim)

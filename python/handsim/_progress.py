@@ -16,6 +16,7 @@ called with the share done, 0..1."""
 QUIET = 0.5
 """Calls that end within this time [s] show no bar."""
 WIDTH = 40
+LINE = 10.0  # s between the lines of a piped bar
 
 
 def in_notebook() -> bool:
@@ -26,7 +27,7 @@ def in_notebook() -> bool:
 
 
 class Bar:
-    """A bar with the share done and the time that remains at the pace so far."""
+    """A bar with the share done and the time that remains at the pace so far; a line every ten seconds where stderr is piped."""
 
     def __init__(self, label: str, notebook: bool) -> None:
         self.label = label
@@ -34,6 +35,7 @@ class Bar:
         self.begin = time.monotonic()
         self.shown: Any = None
         self.length = 0
+        self.told = 0.0
 
     def __call__(self, share: float) -> None:
         spent = time.monotonic() - self.begin
@@ -43,6 +45,11 @@ class Bar:
         text = f"{self.label}: {share:.0%}{left}"
         if self.notebook:
             self._display(f'<progress max="1" value="{share:.3f}" style="width: 24em"></progress> {text}')
+        elif not sys.stderr.isatty():
+            if spent - self.told >= LINE:
+                self.told = spent
+                sys.stderr.write(f"progress: {text}\n")
+                sys.stderr.flush()
         else:
             done = round(WIDTH * min(max(share, 0.0), 1.0))
             self._write(f"[{'#' * done}{'.' * (WIDTH - done)}] {text}")

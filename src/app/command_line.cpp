@@ -1,12 +1,15 @@
 #include "handsim/app/command_line.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 #include "handsim/core/text.h"
+#include "handsim/core/yaml.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {
 
@@ -22,15 +25,54 @@ std::string names_of(const CLI::App& app) {
   return out;
 }
 
-/// Calls `use` with each option that has a long name, and its words, of a type such as `right|left|both`.
+/// Names in config/, read once: of scenes, and of studies and all others.
+const std::vector<std::string>& names_in_config(bool scenes) {
+  static const std::array<std::vector<std::string>, 2> names = [] {
+    std::array<std::vector<std::string>, 2> out;
+    for (const std::string& name : shipped_names("config")) {
+      if (name.find('/') != std::string::npos) continue;
+      const YamlNode root = load_yaml(data_folder() / "config" / (name + ".yaml"));
+      out[scene::kind_of(root) == scene::FileKind::scene ? 1 : 0].push_back(name);
+    }
+    return out;
+  }();
+  return names[scenes ? 1 : 0];
+}
+
+/// The names of shipped files that an option may have.
+std::string shipped_words(const CLI::Option& option) {
+  std::string folder;
+  try {
+    folder = const_cast<CLI::Option&>(option).get_validator(0)->get_name();
+  } catch (const CLI::OptionNotFound&) {
+    return {};
+  }
+  if (!folder.starts_with(kShippedMark)) return {};
+  folder.erase(0, kShippedMark.size());
+  const std::vector<std::string> names =
+      folder == "config" ? names_in_config(option.get_name(true) != "study") : shipped_names(folder);
+  return names.empty() ? "" : fmt::format("{} ", fmt::join(names, " "));
+}
+
+/// Calls `use` with each option that has a long name, and its words, of a type such as `right|left|both`, or
+/// names of shipped files.
 template <class Use>
 void each_option(const CLI::App& command, const Use& use) {
   for (const CLI::Option* option : command.get_options()) {
     if (option->get_lnames().empty()) continue;
     const std::vector<std::string> words = CLI::detail::split(option->get_type_name(), '|');
     use(*option, option->get_lnames().front(),
-        words.size() > 1 ? fmt::format("{}", fmt::join(words, " ")) : "");
+        words.size() > 1 ? fmt::format("{}", fmt::join(words, " ")) : shipped_words(*option));
   }
+}
+
+/// The words in place of an option. A command of another program, whose options are not here, has a scene.
+std::string place_words(const CLI::App& command) {
+  for (const CLI::Option* option : command.get_options())
+    if (option->get_positional()) return shipped_words(*option);
+  CLI::App scene;
+  std::string text;
+  return command.get_options().size() > 1 ? "" : shipped_words(*add_input(scene, "scene", text, ""));
 }
 
 /// The script for bash; zsh runs it with bashcompinit.
@@ -38,12 +80,13 @@ std::string bash_script(const CLI::App& app) {
   std::string cases;
   for (const CLI::App* command : commands_of(app)) {
     std::string options;
-    each_option(*command, [&](const CLI::Option&, const std::string& name, const std::string& words) {
+    each_option(*command, [&](const CLI::Option& option, const std::string& name, const std::string& words) {
       options += "--" + name + " ";
-      if (!words.empty())
+      if (option.get_items_expected_max() > 0)
         cases += fmt::format("    '{} --{}') words='{}' ;;\n", command->get_name(), name, words);
     });
-    cases += fmt::format("    '{} '*) [[ $word == -* ]] && words='{}' ;;\n", command->get_name(), options);
+    cases += fmt::format("    '{} '*) words='{}'; [[ $word == -* ]] && words='{}' ;;\n", command->get_name(),
+                         place_words(*command), options);
   }
   return fmt::format(R"(_handsim() {{
   local word=${{COMP_WORDS[COMP_CWORD]}} words=''
@@ -69,6 +112,9 @@ std::string fish_script(const CLI::App& app) {
   for (const CLI::App* command : commands_of(app)) {
     out += fmt::format("complete -c handsim -n 'not __fish_seen_subcommand_from {}' -f -a {} -d '{}'\n",
                        names_of(app), command->get_name(), escaped(command->get_description(), "'\\"));
+    if (const std::string words = place_words(*command); !words.empty())
+      out += fmt::format("complete -c handsim -n '__fish_seen_subcommand_from {}' -a '{}'\n",
+                         command->get_name(), words);
     each_option(*command, [&](const CLI::Option& option, const std::string& name, const std::string& words) {
       out += fmt::format("complete -c handsim -n '__fish_seen_subcommand_from {}' -l {}{}{} -d '{}'\n",
                          command->get_name(), name, option.get_items_expected_max() > 0 ? " -r" : "",
@@ -111,8 +157,23 @@ Check number_from(double least, double most, bool whole, const std::string& need
 
 std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
 
+std::filesystem::path default_out(const CLI::App& command, const std::string& ending) {
+  std::string name;
+  for (const CLI::Option* option : command.get_options()) {
+    if (!option->get_positional() || option->count() != 1) continue;
+    name = std::filesystem::path(option->results().front()).stem().string();
+    const bool run = command.get_name() == "run" || !ending.empty();
+    if (option->get_name(true) == "scene" && !run) name += "_" + command.get_name();
+  }
+  const bool none = name.find_first_not_of('.') == std::string::npos;
+  return std::filesystem::path("out") / ((none ? command.get_name() : name) + ending);
+}
+
 void add_out(CLI::App& command, std::filesystem::path& out, const std::string& help) {
-  command.add_option("--out", out, help)->required()->check(check_path);
+  command.add_option("--out", out, help + " (default: out/NAME)")->check(check_path);
+  command.parse_complete_callback([&command, &out] {
+    if (out.empty()) out = default_out(command);
+  });
 }
 
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides) {

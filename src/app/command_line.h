@@ -68,14 +68,26 @@ void add_time(CLI::App& command, const std::string& name, Target& target, const 
   add_parsed(command, name, target, parse, "a time from 0, such as 0.2 or \"200 ms\"", help);
 }
 
+inline const std::string kShippedMark = "shipped:";
+
 /// Adds the path of an input, or the name of one shipped in `folder`, see find_input().
 template <class Target>
 CLI::Option* add_input(CLI::App& command, const std::string& name, Target& target, const std::string& help,
-                       const char* folder = "config") {
+                       const std::string& folder = "config") {
+  const auto find = [folder](std::string& text) {
+    text = find_input(text, folder).string();
+    return std::string();
+  };
+  // The name tells completion_script() what to offer.
   return command.add_option(name, target, help + ", or the name of a shipped one")
-      ->transform([folder](const std::string& text) { return find_input(text, folder).string(); });
+      ->transform(CLI::Validator(find, "", kShippedMark + folder));
 }
 
+/// `out/two_hands`, with the ending, for the command's first input two_hands.yaml; without an input or with
+/// several, `out/COMMAND`. Commands beside `run` on a scene add their name: `out/two_hands_effects`.
+std::filesystem::path default_out(const CLI::App& command, const std::string& ending = "");
+
+/// Adds `--out` of a folder, by default default_out().
 void add_out(CLI::App& command, std::filesystem::path& out, const std::string& help);
 
 /// Adds `--set`, and `--engine` for `--set solver.engine=...`.

@@ -13,6 +13,7 @@
 #include "handsim/app/console.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/blocks.h"
+#include "handsim/simulation/report/run_report.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/rollouts.h"
@@ -81,7 +82,8 @@ struct RunArguments : simulation::RunOptions {
   std::optional<int> uncertain;  ///< draws of the scene's hands
   std::optional<int> seed;       ///< in place of the study's
   bool report = false;           ///< writes report.html
-  bool passing = false;          ///< the folder is removed afterwards, and is not named
+  /// The folder is removed afterwards: its page has this in its place, and nothing names it.
+  std::optional<simulation::RunTitle> passing;
   bool quiet = false;
   bool json = false;
 };
@@ -155,13 +157,17 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
 /// Extension of a file's name in lower case: `.png`; may be empty.
 std::string ending_of(const std::filesystem::path& path);
 
+/// Makes the folder `out` of default_out() for a file in it. @throws Error (input) if it cannot be made
+void make_default_folder(const std::filesystem::path& file);
+
 /// Sets what the report of a run shows beside its poses: contacts, where an effect of contact is on.
 void record_contacts(scene::Scene& scene);
 
 /// Writes the page of a run or study, or of two runs in comparison; returns its path. @param out absent:
 /// report.html in the first folder. @throws Error (input) for other folders, and for more than two
 std::filesystem::path write_report(const std::vector<std::filesystem::path>& folders,
-                                   const std::optional<std::filesystem::path>& out = {});
+                                   const std::optional<std::filesystem::path>& out = {},
+                                   const std::optional<simulation::RunTitle>& title = {});
 
 /// A reader of YAML files, for `handsim check` and `handsim schema`.
 struct FileReader {

@@ -99,6 +99,10 @@ output::Keyframe keyframe_at(const scene::Scene& scene, double time) {
 
 std::string ending_of(const std::filesystem::path& path) { return lower_case(path.extension().string()); }
 
+void make_default_folder(const std::filesystem::path& file) {
+  if (file.parent_path() == "out") output::make_folder("out");
+}
+
 int export_command(const ExportArguments& arguments) {
   const std::string format = format_of(arguments);
   check_source(arguments, format);
@@ -108,6 +112,7 @@ int export_command(const ExportArguments& arguments) {
   const output::FileKind kind = format == "urdf"   ? output::FileKind{"a URDF file", "<robot"}
                                 : format == "osim" ? output::FileKind{"an OpenSim file", "<OpenSimDocument"}
                                                    : output::FileKind{"an MJCF file", "<mujoco"};
+  make_default_folder(arguments.out);
   output::check_target("--out", arguments.out, kind, [&] { return scene::files_read(scene); });
   const control::Plan* plan = scene.control ? &*scene.control : nullptr;
   std::optional<output::Keyframe> moment;

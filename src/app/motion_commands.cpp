@@ -36,7 +36,8 @@ void add_inverse(CommandLine& line) {
   inverse.add_option("--motion", arguments->motion,
                      "joint angles: .csv, .mot or .sto (default: the programs of the scene)");
   add_out(inverse, arguments->out, "folder for torques.sto, summary.json and plots");
-  inverse.add_option("--names", arguments->names, "file of the names that the motion's columns have");
+  add_input(inverse, "--names", arguments->names, "file of the names that the motion's columns have",
+            "controllers");
   inverse.add_flag("--clamp", arguments->clamp, "move angles beyond a stop to it, and count them");
   add_parsed(inverse, "--cutoff", arguments->cutoff, parse_cutoff, "a frequency such as \"6 Hz\", or none",
              "of the low-pass filter on the motion's angles (default 6 Hz), or none");
@@ -66,8 +67,9 @@ void add_track(CommandLine& line) {
       "handsim track keypoints.csv --out out/tracked", track_command, arguments);
   track.add_option("recording", arguments->recording, "recording: .csv, .json, .trc or .c3d")->required();
   add_out(track, arguments->out, "folder for angles, wrists, residuals, person.yaml and scene.yaml");
-  track.add_option("--person", arguments->person,
-                   "person file: stature, mass and sex beside the measured hand (default: the median man)");
+  add_input(track, "--person", arguments->person,
+            "person file: stature, mass and sex beside the measured hand (default: the median man)",
+            "config/persons");
   add_input(track, "--model", arguments->model, "hand model file (default: the anatomical hand)",
             "handmodels");
   track.add_option("--markers", arguments->markers,

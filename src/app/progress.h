@@ -1,4 +1,4 @@
-// A progress bar for work of more than a second, if standard error is a terminal.
+// A progress bar for work of more than a second; a line every ten seconds if standard error is no terminal.
 #pragma once
 
 #include <unistd.h>
@@ -26,8 +26,8 @@ class ProgressBar {
   /// @param share of the work that is done, 0..1.
   void show(double share) {
     const auto now = std::chrono::steady_clock::now();
-    if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100))
-      return;
+    if (!terminal_) return show_line(now, share);
+    if (now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100)) return;
     shown_ = now;
     drawn_ = true;
     constexpr int kWidth = 40;
@@ -39,6 +39,13 @@ class ProgressBar {
   }
 
  private:
+  void show_line(std::chrono::steady_clock::time_point now, double share) {
+    const std::string rest = left(now, share);  // its clock starts with the first share
+    if (now - shown_ < std::chrono::seconds(10)) return;
+    shown_ = now;
+    print_error("progress: {:.0f} %, {} left\n", 100 * share, rest);
+  }
+
   /// `40 s`, `12 min`, `3.2 h`: at the speed since the first share; a resumed study has that from before.
   std::string left(std::chrono::steady_clock::time_point now, double share) {
     if (!first_) first_ = {now, share};
@@ -54,7 +61,7 @@ class ProgressBar {
   bool terminal_ = isatty(STDERR_FILENO) == 1;
   bool drawn_ = false;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  std::chrono::steady_clock::time_point shown_;
+  std::chrono::steady_clock::time_point shown_ = start_;
 };
 
 /// Calls a function with what shows the share done, and removes the bar at its end.

@@ -87,7 +87,8 @@ void record_contacts(scene::Scene& scene) {
   scene.spec.solver.contact_forces = true;
 }
 
-fs::path write_report(const std::vector<fs::path>& folders, const std::optional<fs::path>& out) {
+fs::path write_report(const std::vector<fs::path>& folders, const std::optional<fs::path>& out,
+                      const std::optional<simulation::RunTitle>& title) {
   std::error_code ignored;
   for (const fs::path& folder : folders)
     if (!fs::is_directory(folder, ignored))
@@ -101,8 +102,8 @@ fs::path write_report(const std::vector<fs::path>& folders, const std::optional<
   const fs::path page = out.value_or(folders.front() / simulation::kReportName);
   if (ending_of(page) != ".html") throw input_error("--out", page.string(), "a name that ends in .html");
   output::check_target(out ? "--out" : "report", page, {"a page of handsim", output::page_mark()});
-  output::write_file(
-      page, is_run(folders.front()) ? simulation::run_report(folders) : study::study_page(folders.front()));
+  output::write_file(page, is_run(folders.front()) ? simulation::run_report(folders, title)
+                                                   : study::study_page(folders.front()));
   return page;
 }
 
@@ -119,7 +120,9 @@ int view_command(const ViewArguments& arguments) {
   run.scene = arguments.scene;
   run.overrides = arguments.overrides;
   run.out = folder.path();
-  run.report = run.passing = true;
+  run.report = true;
+  run.passing = {arguments.scene.string(),
+                 study::command_text({"run", arguments.scene.string()}, arguments.overrides)};
   const int status = run_scene_command(run);
   if (!fs::exists(run.out / simulation::kReportName)) return status;
   // The browser may read the page after this program has ended.

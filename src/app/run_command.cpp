@@ -177,9 +177,9 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
 }
 
 /// A page that cannot be written is missing; the run's files are there.
-void add_report(const std::filesystem::path& out, simulation::RunResult& result) {
+void add_report(const RunArguments& run, simulation::RunResult& result) {
   try {
-    write_report({out});
+    write_report({run.out}, {}, run.passing);
   } catch (const Error& error) {
     result.missing.push_back(std::string("report: ") + error.what());
   }
@@ -247,7 +247,7 @@ int run_scene_command(const RunArguments& arguments) {
     options.note = [](const std::string& text) { print_error("note: {}\n", text); };
     return simulation::run(scene, options);
   });
-  if (arguments.report) add_report(arguments.out, result);
+  if (arguments.report) add_report(arguments, result);
   print_warnings(overlap_texts(scene.model, result.overlaps));
   print_warnings(result.warnings);
   if (arguments.json)
@@ -277,12 +277,24 @@ int render_command(const RenderArguments& arguments) {
     throw input_error("--time", fmt::format("{:g} s", *arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
   const auto read = [&] { return scene::files_read(scene); };
-  if (arguments.out) output::check_target("--out", *arguments.out, {"a PNG picture", "\x89PNG"}, read);
-  if (video) output::check_video(video->file, video->fps, read);
+  if (arguments.out) {
+    make_default_folder(*arguments.out);
+    output::check_target("--out", *arguments.out, {"a PNG picture", "\x89PNG"}, read);
+  }
+  if (video) {
+    make_default_folder(video->file);
+    output::check_video(video->file, video->fps, read);
+  }
   print_warnings(
       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
-  if (arguments.out) render_picture(scene, arguments);
-  if (video) render_video(scene, arguments);
+  if (arguments.out) {
+    render_picture(scene, arguments);
+    print("{}\n", arguments.out->string());
+  }
+  if (video) {
+    render_video(scene, arguments);
+    print("{}\n", video->file.string());
+  }
   return 0;
 }
 

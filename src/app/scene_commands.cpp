@@ -56,7 +56,7 @@ void add_check(CommandLine& line) {
                "Validate scenes, persons, hand models, controllers, poses and motions: report every "
                "problem, run nothing",
                "handsim check config/two_hands.yaml config/persons/child.yaml", check_command, arguments);
-  add_input(check, "files", arguments->files, "YAML files")->required();
+  add_input(check, "files", arguments->files, "YAML files", "")->required();
   check.add_flag("--engines", arguments->engines,
                  "print which engines can run each scene, and why others cannot");
 }
@@ -121,13 +121,14 @@ void add_render(CommandLine& line) {
       line.add("render", "One picture of a scene at a time of its motion, or a video of it",
                "handsim render config/two_hands.yaml --out hands.png --time 0.2", render_command, arguments);
   add_input(render, "scene", arguments->scene, "scene file")->required();
-  CLI::Option* out = render.add_option("--out", arguments->out, "PNG file: .png")->check(check_path);
+  render.add_option("--out", arguments->out, "PNG file: .png (default without --video: out/NAME.png)")
+      ->check(check_path);
   add_overrides(render, arguments->overrides);
   add_time(render, "--time", arguments->time,
            "simulated time of the picture (default 0), end of the video (default: the scene's)");
   add_drawing(render, arguments->video, arguments->gl, "in place of --out or beside it");
-  render.parse_complete_callback([out, &render] {
-    if (out->empty() && render.get_option("--video")->empty()) throw CLI::RequiredError("--out or --video");
+  render.parse_complete_callback([arguments, &render] {
+    if (!arguments->out && !arguments->video) arguments->out = default_out(render, ".png");
   });
 }
 
@@ -146,7 +147,15 @@ void add_export(CommandLine& line) {
           "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf. By the "
           "Python package, with options of its own: glb, usda, obj, stl"),
       "mjcf|urdf|osim");
-  add_out(command, arguments->out, "file to write: .xml or .mjcf, .urdf, .osim; .glb, .usda, .obj, .stl");
+  command
+      .add_option("--out", arguments->out,
+                  "file to write: .xml or .mjcf, .urdf, .osim; .glb, .usda, .obj, .stl (default: out/NAME)")
+      ->check(check_path);
+  command.parse_complete_callback([arguments, &command] {
+    const std::string format = arguments->format.value_or("mjcf");
+    if (arguments->out.empty())
+      arguments->out = default_out(command, format == "mjcf" ? ".xml" : "." + format);
+  });
   add_person(command, {arguments, &arguments->hands});
   add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
   add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),

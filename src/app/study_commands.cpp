@@ -25,8 +25,8 @@ void add_grasp(CommandLine& line) {
   add_input(grasp, "scenes", arguments->scenes, "scene files, or folders of them")->required();
   add_out(grasp, arguments->out, "folder for the runs' files, grasps.csv and climbs.csv, and both as .json");
   add_words(grasp.add_option("--side", arguments->side, "hand that grasps (default: the scene's)"), kSides);
-  grasp.add_option("--persons", arguments->persons,
-                   "person files, or folders of them, in place of the scenes'");
+  add_input(grasp, "--persons", arguments->persons,
+            "person files, or folders of them, in place of the scenes'", "config/persons");
   add_overrides(grasp, arguments->overrides);
   grasp.add_option("--friction", arguments->friction, "of every surface, in place of the scenes'")
       ->check(number_from(0, 10, false, "a coefficient of friction, 0 to 10"));
@@ -77,11 +77,17 @@ void add_validate(CommandLine& line) {
   CLI::App& validate = line.add(
       "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate", bar_command<study::validate, study::ValidateOptions>, asked);
-  validate.add_option("measurements", asked->file, "file of measurements (default: the installed ones)");
-  CLI::Option* out = validate.add_option("--out", asked->run.out, "folder for the study's files and runs/");
-  validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);
+  add_input(validate, "measurements", asked->file, "file of measurements (default: the installed ones)");
+  validate
+      .add_option("--out", asked->run.out,
+                  "folder for the study's files and runs/ (default with --runs or --report: out/validate)")
+      ->check(check_path);
+  validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)");
   add_uncertain(validate, asked->uncertain);
-  add_report_flag(validate, asked->run)->needs(out);
+  add_report_flag(validate, asked->run);
+  validate.parse_complete_callback([asked, &validate] {
+    if (asked->run.out.empty() && (asked->runs || asked->run.report)) asked->run.out = default_out(validate);
+  });
 }
 
 int effects_command(const Asked<study::EffectsOptions>& asked) {
@@ -119,8 +125,7 @@ void add_rollouts(CommandLine& line) {
                "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100",
                rollouts_command, arguments);
   CLI::Option* study = add_input(rollouts, "study", arguments->study, "study file");
-  CLI::Option* out =
-      rollouts.add_option("--out", arguments->out, "folder for the study's files")->check(check_path);
+  add_out(rollouts, arguments->out, "folder for the study's files");
   add_overrides(rollouts, arguments->overrides);
   const auto whole = [](int least, int most) {
     return number_from(least, most, true, fmt::format("a whole number, {} to {}", least, most));
@@ -144,10 +149,10 @@ void add_rollouts(CommandLine& line) {
   merge->add_option("--out", arguments->out, "folder for the table (default: the first of the folders)")
       ->check(check_path);
   add_report_flag(*merge, *arguments);
-  rollouts.parse_complete_callback([merge, study, out] {
+  rollouts.parse_complete_callback([merge, study, arguments, &rollouts] {
     if (merge->parsed()) return;
-    for (const CLI::Option* option : {study, out})
-      if (option->empty()) throw CLI::RequiredError(option->get_name());
+    if (study->empty()) throw CLI::RequiredError(study->get_name());
+    if (arguments->out.empty()) arguments->out = default_out(rollouts);
   });
   line.commands.back().second = [merge, arguments] {
     return merge->parsed() ? merge_command(*arguments) : rollouts_command(*arguments);

@@ -2,8 +2,8 @@
 
 #include <dlfcn.h>
 
-#include <string>
-#include <vector>
+#include <algorithm>
+#include <array>
 
 #include <fmt/format.h>
 
@@ -12,6 +12,34 @@
 #include "handsim/core/version.h"
 
 namespace handsim {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Shelf {
+  std::string_view key, folder;
+};
+/// By the last part of a key's path that is in this table: `objects` for `objects.0.file`.
+constexpr std::array<Shelf, 15> kShelves = {{{"person", "config/persons"},
+                                             {"people", "config/persons"},
+                                             {"objects", "config/objects"},
+                                             {"scene", "config"},
+                                             {"costs", "config"},
+                                             {"controller", "controllers"},
+                                             {"poses", "controllers"},
+                                             {"names", "controllers"},
+                                             {"model", "handmodels"},
+                                             {"hand", "handmodels"},
+                                             {"based_on", "handmodels"},
+                                             {"anthropometry", "handmodels"},
+                                             {"muscles", "handmodels"},
+                                             {"strength", "handmodels"},
+                                             {"materials", "handmodels"}}};
+constexpr std::array<std::string_view, 6> kFolders = {"config",         "config/persons", "config/objects",
+                                                      "config/goals", "controllers",    "handmodels"};
+
+}  // namespace
 
 std::filesystem::path own_folder() {
   static const int kHere = 0;
@@ -35,23 +63,69 @@ std::filesystem::path data_folder() {
                     "an installed handsim, or the paths of the files");
 }
 
-std::filesystem::path find_input(const std::filesystem::path& name, std::string_view folder) {
-  namespace fs = std::filesystem;
+std::string_view shipped_folder(std::string_view key) {
+  while (true) {
+    const std::size_t dot = key.rfind('.');
+    const std::string_view part = dot == std::string_view::npos ? key : key.substr(dot + 1);
+    const auto* found = std::ranges::find(kShelves, part, &Shelf::key);
+    if (found != kShelves.end()) return found->folder;
+    if (dot == std::string_view::npos) return {};
+    key = key.substr(0, dot);
+  }
+}
+
+std::vector<std::string> shipped_names(std::string_view folder) {
+  std::vector<std::string> out;
+  try {
+    const fs::path top = data_folder() / folder;
+    std::error_code failure;
+    for (const fs::directory_entry& each : fs::recursive_directory_iterator(top, failure))
+      if (each.path().extension() == ".yaml")
+        out.push_back(each.path().lexically_relative(top).replace_extension().string());
+  } catch (const Error&) {
+    // Nothing is installed: only paths are inputs.
+  }
+  std::ranges::sort(out);
+  return out;
+}
+
+std::optional<fs::path> shipped_file(const fs::path& name, std::string_view folder) {
+  constexpr std::size_t kLongest = 200;
+  if (name.empty() || name.native().size() > kLongest || name.is_absolute() || name.has_extension() ||
+      name.native().find("..") != std::string::npos)
+    return std::nullopt;
+  try {
+    fs::path shipped = data_folder() / folder / (name.string() + ".yaml");
+    std::error_code failure;
+    if (fs::is_regular_file(shipped, failure)) return shipped;
+  } catch (const Error&) {
+    // Nothing is installed.
+  }
+  return std::nullopt;
+}
+
+fs::path find_input(const fs::path& name, std::string_view folder) {
   std::error_code failure;
   if (name.is_absolute() || name.has_extension() ||
       (fs::exists(name, failure) && !fs::is_directory(name, failure)))
     return name;
-  std::vector<std::string> known;
-  try {
-    const fs::path top = data_folder() / folder;
-    const fs::path shipped = top / (name.string() + ".yaml");
-    if (fs::is_regular_file(shipped, failure)) return shipped;
-    for (const fs::directory_entry& each : fs::recursive_directory_iterator(top, failure))
-      if (each.path().extension() == ".yaml")
-        known.push_back(each.path().lexically_relative(top).replace_extension().string());
-  } catch (const Error&) {
-    // Nothing is installed: only paths are inputs.
+  std::vector<fs::path> found;
+  std::vector<std::string> known, paths;
+  for (const std::string_view each : kFolders) {
+    if (folder != kAnyFolder && each != folder) continue;
+    if (const auto shipped = shipped_file(name, each)) {
+      found.push_back(*shipped);
+      paths.push_back(fmt::format("{}/{}", each, name.string()));
+    }
+    const std::vector<std::string> names = shipped_names(each);
+    known.insert(known.end(), names.begin(), names.end());
   }
+  if (found.empty() && folder == kAnyFolder)
+    if (const auto shipped = shipped_file(name, "")) return *shipped;
+  if (found.size() == 1) return found.front();
+  if (found.size() > 1)
+    throw input_error(fmt::format("\"{}\"", printable(name.string())), "the name of several shipped files",
+                      list_of(paths));
   if (fs::exists(name, failure)) return name;
   throw input_error(
       fmt::format("\"{}\"", printable(name.string())), "no such file, and no shipped one of this name",

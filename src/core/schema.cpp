@@ -347,7 +347,8 @@ std::string definition_name(std::string_view kind) {
 KeyForm file_form(std::string_view kind, bool required) {
   KeyForm out;
   out.types.push_back({{"$ref", "#/$defs/" + definition_name(kind)}});
-  out.types.push_back({{"type", "string"}, {"description", "the path of its file"}});
+  out.types.push_back(
+      {{"type", "string"}, {"description", "the path of its file, or the name of a shipped one"}});
   out.samples = {yaml_map()};
   out.required = required;
   return out;

@@ -77,7 +77,7 @@ YamlNode yaml_sequence();
 /// Adds or replaces `key` in a map.
 YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
 
-/// Replaces a scalar that names a YAML file (relative to the file that contains it) by that file's tree.
+/// Replaces a scalar that names a YAML file, or a shipped one (named_file.h), by that file's tree.
 /// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
 

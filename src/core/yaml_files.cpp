@@ -6,8 +6,11 @@
 #include <utility>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/core/input_file.h"
+#include "handsim/core/named_file.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
 #include "handsim/core/yaml.h"
@@ -55,9 +58,14 @@ std::filesystem::path path_beside(const YamlNode& node) {
   return (std::filesystem::path(node.place().file).parent_path() / node.text).lexically_normal();
 }
 
-bool names_file(const YamlNode& node) {
-  std::error_code failure;
-  return node.kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(path_beside(node), failure);
+/// The names of a folder for a message: those in folders below it only if they are near.
+std::string shipped_hint(const YamlNode& node, std::string_view folder) {
+  constexpr std::size_t kMost = 30;
+  const std::vector<std::string> names = shipped_names(folder);
+  const std::string got = std::filesystem::path(node.text).stem().string();
+  const std::string near = nearest_hint(got, names);
+  if (!near.empty() || names.empty() || names.size() > kMost) return near;
+  return fmt::format(" ({})", fmt::join(names, ", "));
 }
 
 YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::string& path) {
@@ -161,12 +169,34 @@ void put_over(YamlNode& base, const YamlNode& over) {
   }
 }
 
+std::optional<std::filesystem::path> named_file(const YamlNode& node, std::string_view key) {
+  if (node.kind != YamlNode::Kind::scalar) return std::nullopt;
+  std::error_code failure;
+  std::filesystem::path beside = path_beside(node);
+  if (std::filesystem::is_regular_file(beside, failure)) return beside;
+  const std::string_view folder = shipped_folder(key);
+  return folder.empty() ? std::nullopt : shipped_file(node.text, folder);
+}
+
+std::string need_file(const YamlNode& node, std::string_view key, std::string_view what) {
+  const std::string_view folder = shipped_folder(key);
+  std::string need = fmt::format("the path of a {} file, relative to this file", what);
+  if (folder.empty()) return need;
+  need += ", or the name of a shipped one";
+  // The user's own file without its ending.
+  std::error_code failure;
+  const std::filesystem::path own = path_beside(node).string() + ".yaml";
+  if (std::filesystem::is_regular_file(own, failure)) return need + " (nearest: " + node.text + ".yaml)";
+  return need + shipped_hint(node, folder);
+}
+
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget) {
   if (node.kind != YamlNode::Kind::scalar) return;
-  if (!names_file(node))
+  const auto file = named_file(node, key);
+  if (!file)
     throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is not a file",
-                                      "the path of a YAML file, relative to this file"}});
-  node = load_yaml(path_beside(node), budget);
+                                      need_file(node, key, "YAML")}});
+  node = load_yaml(*file, budget);
 }
 
 void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget) {
@@ -176,10 +206,12 @@ void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& bud
   const std::string path(assignment.substr(0, equals));
   const auto origin = std::make_shared<const std::string>("--set " + path);
   YamlNode* node = &root;
+  std::string key;  // of the node
   for (const std::string& part : parts_of(path)) {
     // Other text is not a file name; child_for_override() reports it.
-    if (names_file(*node)) follow_reference(*node, path, budget);
+    if (named_file(*node, key)) follow_reference(*node, key, budget);
     node = &child_for_override(*node, part, path, origin);
+    key += (key.empty() ? "" : ".") + part;
   }
   *node = parse_yaml(std::string(assignment.substr(equals + 1)), *origin, budget);
 }

@@ -381,7 +381,7 @@ YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, 
   }
   using Kind = YamlNode::Kind;
   YamlNode* found = value(key, {{Kind::map, Kind::scalar},
-                                fmt::format("{}: the path of its file, or the block itself", kind),
+                                fmt::format("{}: the path or name of its file, or the block itself", kind),
                                 required});
   try {
     if (found) follow_reference(*found, path_of(key), diagnostics_->budget);

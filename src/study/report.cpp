@@ -48,11 +48,13 @@ namespace fs = std::filesystem;
 struct Kind {
   const char* table;
   const char* about;
+  const char* row;  ///< what a row is, for the title of a study without one
 };
 constexpr Kind kStudyTables[] = {
-    {"accuracy.csv", "accuracy.json"}, {"effects.csv", "effects.json"},  {"stability.csv", "stability.json"},
-    {"uncertain.csv", nullptr},        {"rollouts.csv", "summary.json"}, {"grasps.csv", nullptr},
-    {"climbs.csv", nullptr},           {"validate.csv", "validate.json"}};
+    {"accuracy.csv", "accuracy.json", "method"},   {"effects.csv", "effects.json", "effect"},
+    {"stability.csv", "stability.json", "figure"}, {"uncertain.csv", nullptr, "figure"},
+    {"rollouts.csv", "summary.json", "rollout"},   {"grasps.csv", nullptr, "grasp"},
+    {"climbs.csv", nullptr, "climb"},              {"validate.csv", "validate.json", "measurement"}};
 
 std::string text_of(const fs::path& path) {
   constexpr std::size_t kLargest = 1UL << 30U;
@@ -131,15 +133,18 @@ std::string study_page(const fs::path& folder) {
   const fs::path name = folder.lexically_normal();
   Json data = {{"kind", "study"},
                {"name", name.string()},
-               {"title", name.filename().string()},
+               {"title", ""},
                {"handsim", fmt::format("{} ({})", kVersion, kCommit)},
                {"study", read_json(folder / kStudyFile)},
                {"tables", Json::array()},
                {"pages", Json::array()}};
-  for (const auto& [table, about] : kStudyTables) {
+  std::string counts;
+  for (const auto& [table, about, row] : kStudyTables) {
     if (!fs::exists(folder / table)) continue;
     std::string csv = text_of(folder / table);
     if (csv.empty()) throw input_error((folder / table).string(), "an empty file", "a study's table");
+    const auto count = std::ranges::count(csv, '\n') - 1;
+    counts += fmt::format("{}{} {}{}", counts.empty() ? "" : ", ", count, row, count == 1 ? "" : "s");
     data["tables"].push_back({{"name", table}, {"csv", std::move(csv)}});
     if (!about) continue;
     Json& figures = data["about"] = read_json(folder / about);
@@ -149,6 +154,7 @@ std::string study_page(const fs::path& folder) {
   }
   if (data["tables"].empty())
     throw input_error(folder.string(), "a folder without tables", "the folder of a run or study");
+  if (data["title"] == "") data["title"] = counts;
   if (fs::exists(folder / kBandsFile)) data["bands"] = text_of(folder / kBandsFile);
   for (const auto& entry : fs::directory_iterator(folder))
     if (fs::exists(entry.path() / kPageFile)) data["pages"].push_back(entry.path().filename().string());

@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/named_file.h"
+
 namespace handsim::study {
 
 namespace {
@@ -61,11 +63,8 @@ std::vector<std::string> read_set(MapReader& reader, std::string_view key) {
 
 std::optional<std::filesystem::path> scene_path(const YamlNode& node, const std::string& key,
                                                 Diagnostics& diagnostics) {
-  const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
-  std::filesystem::path path = (beside / node.text).lexically_normal();
-  if (node.kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(path)) return path;
-  diagnostics.problems.push_back(
-      {node.place(), key, node.described(), "the path of a scene file, relative to this file"});
+  if (auto path = named_file(node, key)) return path;
+  diagnostics.problems.push_back({node.place(), key, node.described(), need_file(node, key, "scene")});
   return std::nullopt;
 }
 

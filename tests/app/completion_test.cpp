@@ -32,8 +32,21 @@ TEST(Completion, InBashGivesCommandsOptionsAndWords) {
   EXPECT_EQ(completed("handsim run scene.yaml --fra", 3), "--frames");
   EXPECT_EQ(completed("handsim hand --side l", 3), "left");
   EXPECT_EQ(completed("handsim export scene.yaml --format ''", 4), "mjcf urdf osim");
-  // A file is left to the shell.
-  EXPECT_EQ(completed("handsim run ''", 2), "");
+  // A file of the user is left to the shell.
+  EXPECT_EQ(completed("handsim run two_hands --from-snapshot ''", 4), "");
+}
+
+// Oracle: the files in config/.
+TEST(Completion, OffersShippedFilesWhereACommandTakesThem) {
+  EXPECT_EQ(completed("handsim run two_", 2), "two_hands two_hands_contact");
+  EXPECT_EQ(completed("handsim accuracy accuracy_s", 2), "accuracy_slider_crank accuracy_stops");
+  EXPECT_EQ(completed("handsim run accuracy_s", 2), "");
+  EXPECT_EQ(completed("handsim hand --person median_", 3), "median_man median_woman");
+  EXPECT_EQ(completed("handsim hand --model eld", 3), "elder");
+  // A command of the Python package.
+  EXPECT_EQ(completed("handsim live grasp_power", 2), "grasp_power_can");
+  EXPECT_TRUE(
+      contains(run_program({"completion", "fish"}).out, "__fish_seen_subcommand_from run' -a 'bench "));
 }
 
 TEST(Completion, OfEveryShellAndTheManPageNameEveryCommandAndOption) {

@@ -175,6 +175,156 @@ TEST(ShippedFiles, AreFoundByTheirNames) {
                 "or the name of a shipped one (nearest: two_hands)"});
 }
 
+/// The first block of YAML after a heading of README.md.
+std::string example_of_readme() {
+  const std::string text = test::text_of(source("README.md"));
+  const std::size_t begin = text.find("```yaml\n") + 8;
+  return text.substr(begin, text.find("```", begin) - begin);
+}
+
+TEST(ShippedFiles, TheReadmesSceneRunsFromAnEmptyFolder) {
+  const TemporaryFolder folder;
+  const auto scene = write(folder.path() / "ball.yaml", example_of_readme());
+  const Outcome outcome = run_program(
+      {"run", scene, "--out", folder.path() / "out", "--set", "duration=0.02", "--set", "criteria={}"});
+  EXPECT_TRUE(outcome.problems().empty()) << outcome.err;
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "out/summary.json"));
+}
+
+/// A scene in a folder of its own, without paths.
+const char* const kByNames =
+    "hands: [{model: elder, person: child, side: right, wrist: {mount: fixed}}]\n"
+    "objects: [{name: m, file: mug, position: [0.5, 0, 0]}]\n"
+    "control: {controller: integral, poses: poses, program: every_pose, motion: {names: names_arms}}\n"
+    "effects: [gravity, joint_stops, actuation]\nduration: 0.02\n";
+
+TEST(ShippedFiles, AreTakenByNameWhereverASceneNamesAFile) {
+  const TemporaryFolder folder;
+  const std::string scene = write(folder.path() / "s.yaml", kByNames);
+  EXPECT_TRUE(run_program({"check", scene}).problems().empty()) << run_program({"check", scene}).err;
+  const Outcome outcome =
+      run_program({"run", scene, "--out", folder.path() / "out", "--set", "hands.0.person=giant", "--set",
+                   "hands.0.person.hand_mass=0.7", "--quiet"});
+  EXPECT_TRUE(outcome.problems().empty()) << outcome.err;
+  const std::string resolved = test::text_of(folder.path() / "out/resolved.yaml");
+  EXPECT_TRUE(contains(resolved, "hand_mass: 0.7")) << resolved.substr(0, 500);
+}
+
+TEST(ShippedFiles, TheHandModelMayBeMissing) {
+  const TemporaryFolder folder;
+  std::string named = std::regex_replace(kByNames, std::regex("elder"), "anatomical");
+  std::string missing = std::regex_replace(kByNames, std::regex("model: elder, "), "");
+  const auto hash = [&](const std::string& text) {
+    const Outcome outcome =
+        run_program({"run", write(folder.path() / "s.yaml", text), "--out", folder.path() / "out", "--json"});
+    return Json::parse(outcome.out).at("state_hash").get<std::string>();
+  };
+  EXPECT_EQ(hash(named), hash(missing));
+}
+
+TEST(ShippedFiles, AFileOfTheUserComesFirst) {
+  const TemporaryFolder folder;
+  const std::string own = write(folder.path() / "child", "{stature: 9, mass: 30, sex: female}\n");
+  const Outcome outcome = run_program({"check", write(folder.path() / "s.yaml", kByNames)});
+  ASSERT_EQ(outcome.problems().size(), 1U) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, own + ":1:11: hands.0.person.stature: got 9")) << outcome.err;
+}
+
+TEST(ShippedFiles, AMisspeltNameGetsTheNearestOrAllOfItsKind) {
+  const TemporaryFolder folder;
+  write(folder.path() / "me.yaml", "{stature: 1.7, mass: 60, sex: female}\n");
+  const auto with = [&](const char* person) {
+    const std::string scene = std::regex_replace(kByNames, std::regex("child"), person);
+    return write(folder.path() / "s.yaml", scene).string();
+  };
+  const std::string head = with("median_mann") + ":1:32: hands.0.person: got ";
+  const std::string need =
+      ", which is not a file, need the path of a YAML file, relative to this file, or the name of a shipped "
+      "one";
+  const auto said = [&](const char* person) { return run_program({"check", with(person)}).problems().at(0); };
+  EXPECT_EQ(said("median_mann"), head + "median_mann" + need + " (nearest: median_man)");
+  // A path of the source's folder.
+  EXPECT_EQ(said("config/persons/giant.yaml"),
+            head + "config/persons/giant.yaml" + need + " (nearest: giant)");
+  EXPECT_EQ(said("me"), head + "me" + need + " (nearest: me.yaml)");
+  EXPECT_TRUE(contains(said("xyz"), need + " (boy_14_years, ")) << said("xyz");
+}
+
+TEST(ShippedFiles, AreCheckedByTheNameOfAnyKind) {
+  EXPECT_EQ(run_program({"check", "median_man", "mug", "elder", "implicit", "controllers/muscles"}).status,
+            0);
+  EXPECT_EQ(run_program({"check", "muscles"}).problems(),
+            std::vector<std::string>{"\"muscles\": got the name of several shipped files, need one of "
+                                     "controllers/muscles, handmodels/muscles"});
+}
+
+/// Runs the program in a folder.
+Outcome in_folder(const std::filesystem::path& folder, const std::vector<std::string>& arguments) {
+  const std::filesystem::path before = std::filesystem::current_path();
+  std::filesystem::current_path(folder);
+  Outcome outcome = run_program(arguments);
+  std::filesystem::current_path(before);
+  return outcome;
+}
+
+TEST(Out, HasADefaultForEveryCommandThatWrites) {
+  const TemporaryFolder folder;
+  struct Case {
+    std::vector<std::string> arguments;
+    const char* made;
+  };
+  for (const Case& each :
+       {Case{{"run", "two_hands", "--set", "duration=0.01", "--quiet"}, "two_hands/summary.json"},
+        Case{{"effects", "two_hands", "--set", "duration=0.01", "--repeats", "1"},
+             "two_hands_effects/effects.csv"},
+        Case{{"inverse", "every_pose", "--set", "duration=0.02", "--no-check"},
+             "every_pose_inverse/torques.sto"},
+        Case{{"render", "two_hands"}, "two_hands.png"},
+        Case{{"export", "two_hands", "--format", "urdf"}, "two_hands.urdf"},
+        Case{{"export", "--person", "median_man"}, "export.xml"}}) {
+    const Outcome outcome = in_folder(folder.path(), each.arguments);
+    EXPECT_TRUE(std::filesystem::exists(folder.path() / "out" / each.made)) << each.made << outcome.err;
+  }
+}
+
+TEST(Out, OfALongCommandThatIsPipedSaysEveryTenSecondsHowFarItIs) {
+  HANDSIM_SKIP_WITH_SANITIZER("time");
+  const TemporaryFolder folder;
+  const Outcome outcome = run_program(
+      {"run", "two_hands", "--out", folder.path() / "out", "--set", "duration=80", "--set", "criteria={}"});
+  const std::regex line("^progress: [0-9]+ %, [0-9]+ (s|min) left\n");
+  EXPECT_TRUE(std::regex_search(outcome.err, line)) << outcome.err;
+}
+
+TEST(Title, OfASceneWithAnotherObjectNamesIt) {
+  const TemporaryFolder folder;
+  const std::string scene =
+      write(folder.path() / "s.yaml", std::string("title: a ball\n") + test::kBallScene);
+  const auto title = [&](std::vector<std::string> sets) {
+    std::vector<std::string> words = {"run", scene, "--out", folder.path() / "out", "--json"};
+    sets.insert(sets.end(), {"duration=0.01"});
+    for (const std::string& set : sets) words.insert(words.end(), {"--set", set});
+    return Json::parse(run_program(words).out).at("title").get<std::string>();
+  };
+  EXPECT_EQ(title({"objects.0.mass=2"}), "a ball");
+  EXPECT_EQ(title({"objects.0.shape=capsule", "objects.0.length=1"}), "a ball with objects.0.shape=capsule");
+  EXPECT_EQ(title({"objects.0.shape=capsule", "objects.0.length=1", "title=a pill"}), "a pill");
+}
+
+TEST(View, NamesItsSceneNotItsTemporaryFolder) {
+  const TemporaryFolder folder;
+  ::setenv("TMPDIR", folder.path().c_str(), 1);
+  const Outcome outcome = run_program({"view", "two_hands", "--no-browser", "--set", "duration=0.02"});
+  ::unsetenv("TMPDIR");
+  const std::string mark = "open it in a browser: ";
+  const std::size_t at = outcome.out.find(mark);
+  ASSERT_NE(at, std::string::npos) << outcome.out << outcome.err;
+  const std::size_t end = outcome.out.find('\n', at);
+  const std::string page = test::text_of(outcome.out.substr(at + mark.size(), end - at - mark.size()));
+  EXPECT_FALSE(contains(page, "/run-"));
+  EXPECT_TRUE(contains(page, "two_hands.yaml\",\"title\""));
+}
+
 /// A scene with this hand model, a shipped controller and shipped poses.
 std::string scene_with(const std::string& model, const std::string& controller, const std::string& poses) {
   const std::string root = source("").string();

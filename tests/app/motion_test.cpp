@@ -38,9 +38,54 @@ TEST(DayAtTheBench, LeadsFromKeypointsToTorquesAndBack) {
       run_program({"inverse", path("tracked/scene.yaml"), "--out", path("torques"), "--json", "--set",
                    "effects=[gravity, joint_stops, passive_tissue, actuation, wrist_motion]"});
   ASSERT_EQ(torques.status, 0) << torques.err;
+  // OpenSim calls its `_moment` what handsim calls `_active`: no column has the name with another meaning.
+  const std::string table = test::text_of(path("torques/torques.sto"));
+  EXPECT_TRUE(test::contains(table, "index_pip.flexion_active"));
+  EXPECT_FALSE(test::contains(table, "_moment"));
   EXPECT_LT(nlohmann::json::parse(torques.out).at("forward").at("rms_error_deg").get<double>(), 0.1);
   const Outcome again = run_program({"run", path("tracked/scene.yaml"), "--out", path("again"), "--json"});
   ASSERT_EQ(again.status, 0) << again.err;
+}
+
+// A shipped person is not to blame for the order of the points.
+TEST(DayAtTheBench, PointsInAnotherOrderThatMakeNoHandAreAProblemOfTheRecording) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(run_program({"run", source("config/bench.yaml"), "--out", folder.path() / "true", "--quiet",
+                         "--set", "duration=0.1 s"})
+                .status,
+            0);
+  // The right hand's columns, with the names in reverse.
+  std::istringstream lines(test::text_of(folder.path() / "true/markers.csv"));
+  std::string head, rows;
+  std::getline(lines, head);
+  std::vector<std::string> names, reversed;
+  std::istringstream words(head);
+  for (std::string word; std::getline(words, word, ',') && !word.starts_with("left.");) names.push_back(word);
+  ASSERT_EQ(names.size(), 64U);
+  reversed.push_back(names.front());
+  for (std::size_t point = names.size(); point > 1; point -= 3)
+    reversed.insert(reversed.end(), names.begin() + static_cast<std::ptrdiff_t>(point - 3),
+                    names.begin() + static_cast<std::ptrdiff_t>(point));
+  const auto row = [&rows](const std::vector<std::string>& cells) {
+    for (std::size_t i = 0; i < 64; ++i) rows += (i > 0 ? "," : "") + cells.at(i);
+    rows += "\n";
+  };
+  row(reversed);
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string> cells;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+    row(cells);
+  }
+  const std::string recording = test::write(folder.path() / "reversed.csv", rows);
+  const Outcome outcome = run_program({"track", recording, "--out", folder.path() / "out"});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(outcome.err.starts_with(recording + ": got points that make no hand: ")) << outcome.err;
+  EXPECT_FALSE(test::contains(outcome.err, "median_man")) << outcome.err;
+  // Every kind of recording is named.
+  const Outcome other =
+      run_program({"track", test::write(folder.path() / "a.txt", "1"), "--out", folder.path() / "out"});
+  EXPECT_TRUE(test::contains(other.err, "need a recording: .csv, .json, .trc or .c3d")) << other.err;
 }
 
 // A force of 5 N on a fingertip that the simulation does not have: its torques do not return to the motion.

@@ -20,12 +20,12 @@ struct Outcome {
   std::string out;
   std::string err;
 
-  /// Lines of standard error without warnings.
+  /// Lines of standard error without warnings and progress.
   std::vector<std::string> problems() const {
     std::vector<std::string> lines;
     std::istringstream stream(err);
     for (std::string line; std::getline(stream, line);)
-      if (!line.empty() && !line.starts_with("warning: ")) lines.push_back(line);
+      if (!line.empty() && !line.starts_with("warning: ") && !line.starts_with("progress: ")) lines.push_back(line);
     return lines;
   }
 };

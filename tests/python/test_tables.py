@@ -120,6 +120,7 @@ def test_a_person_may_be_a_mapping():
 # Oracle: what a terminal shows after the last carriage return: nothing.
 def test_a_bar_is_on_stderr_where_it_is_asked_for(two_hands, monkeypatch, capsys):
     monkeypatch.setattr(_progress, "QUIET", 0)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     with _progress.bar(True, "study") as told:
         told(0.0)
         told(0.25)
@@ -131,6 +132,17 @@ def test_a_bar_is_on_stderr_where_it_is_asked_for(two_hands, monkeypatch, capsys
     for wrong in (3, "yes", [1]):
         with pytest.raises(hs.Error, match="progress: got .*need True, False or a function"):
             two_hands.run(frames=0, progress=wrong)
+
+
+# Oracle: the lines by hand; a pipe gets no carriage return.
+def test_a_piped_bar_is_a_line_every_ten_seconds(monkeypatch, capsys):
+    monkeypatch.setattr(_progress, "QUIET", 0)
+    clock = iter([0.0, 9.0, 10.0, 19.0, 20.0])
+    monkeypatch.setattr(_progress.time, "monotonic", lambda: next(clock))
+    with _progress.bar(True, "run") as told:
+        for share in (0.1, 0.2, 0.3, 0.5):
+            told(share)
+    assert capsys.readouterr().err == "progress: run: 20%, 40 s left\nprogress: run: 50%, 20 s left\n"
 
 
 class _Shell:

@@ -60,7 +60,19 @@ constexpr Render kRenders[] = {
     {"hands.png", "hand --stature 1.75 --mass 72 --sex male --out OUT", "hand.png"},
     {"objects.png", "render config/object_collection.yaml --time 1 --out OUT/p.png", "p.png"},
     {"dropped_hand.png", "render config/dropped_hand.yaml --time 0.5 --out OUT/p.png", "p.png"},
+    {"climb_half_crimp.png", "run config/climb_half_crimp.yaml --out OUT --poses", "contact_sheet.png"},
+    {"climb_jug.png", "run config/climb_jug.yaml --out OUT --poses", "contact_sheet.png"},
 };
+/// Title and captions of a page of pictures, from the description in its file.
+std::string captions(const std::filesystem::path& file) {
+  const std::string bytes = test::text_of(file), mark = std::string("Description") + std::string(5, '\0');
+  const std::size_t at = bytes.find(mark);
+  if (at == std::string::npos) return "";
+  std::size_t size = 0;
+  for (std::size_t i = at - 8; i < at - 4; ++i) size = 256 * size + static_cast<unsigned char>(bytes[i]);
+  return bytes.substr(at + mark.size(), size - mark.size());
+}
+
 INSTANTIATE_TEST_SUITE_P(, Renders, ::testing::ValuesIn(kRenders));
 
 TEST_P(Renders, AreWhatTheProgramDraws) {
@@ -74,6 +86,10 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
   const output::Image kept = test::read_png(test::source("renders") / GetParam().picture);
   const Difference difference = compare(made, kept);
   EXPECT_TRUE(alike(difference)) << "mean " << difference.mean << ", share " << difference.share;
+  // A figure in a caption is too few pixels for this comparison.
+  const bool sheet = GetParam().made == std::string("contact_sheet.png");
+  EXPECT_NE(captions(folder.path() / GetParam().made).empty(), sheet);
+  EXPECT_EQ(captions(test::source("renders") / GetParam().picture), captions(folder.path() / GetParam().made));
 }
 
 // The comparison can fail: the same hands a little later are another picture.

@@ -225,6 +225,7 @@ struct ContactSheet::Page {
   Surface surface;
   Pen pen;
   int cells = 0;  ///< number of filled cells
+  std::string text = format.title + "\n";
 };
 
 ContactSheet::ContactSheet(const SheetFormat& format) {
@@ -258,6 +259,7 @@ void ContactSheet::add(const Image& image, const std::string& caption, std::opti
   put_cell(page_->pen.get(), image, caption, page, x, y);
   if (scale && *scale > 0)
     put_scale(page_->pen.get(), page, x, y, *scale * page.cell_width / image.width, format.force_scale);
+  page_->text += caption + "\n";
   ++page_->cells;
 }
 
@@ -265,7 +267,9 @@ Image ContactSheet::image() const {
   if (cairo_status(page_->pen.get()) != CAIRO_STATUS_SUCCESS)
     throw input_error("contact sheet", cairo_status_to_string(cairo_status(page_->pen.get())),
                       "captions and title in UTF-8, and a page that fits memory");
-  return image_of(page_->surface.get());
+  Image out = image_of(page_->surface.get());
+  out.text = page_->text;
+  return out;
 }
 
 }  // namespace handsim::output

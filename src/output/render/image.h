@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "handsim/core/index.h"
@@ -14,6 +15,7 @@ struct Image {
   int width = 0;
   int height = 0;
   std::vector<std::uint8_t> rgb;
+  std::string text = {};  ///< what the picture says, UTF-8; a PNG has it as its description
 
   const std::uint8_t* pixel(int x, int y) const { return &rgb[3 * (at(y) * at(width) + at(x))]; }
 };

@@ -44,7 +44,7 @@ const Curves = (() => {
     for (const v of ys) { draw.moveTo(box.left, toY(v)); draw.lineTo(box.left + box.width, toY(v)); }
     draw.stroke();
     draw.textAlign = 'center';
-    for (const v of xs) draw.fillText(texts.x ? texts.x(v) : tickText(v, xs[1] - xs[0]), toX(v), box.top + box.height + 14);
+    for (const v of xs) draw.fillText(texts.x ? texts.x(v) : tickText(v, xs[1] - xs[0]) + (texts.unit || ''), toX(v), box.top + box.height + 14);
     draw.textAlign = 'right';
     for (const v of ys) draw.fillText(texts.y ? texts.y(v) : tickText(v, ys[1] - ys[0]), box.left - 5, toY(v) + 4);
     draw.textAlign = 'left';
@@ -83,6 +83,8 @@ const Curves = (() => {
     });
     keys.append(...labels.map(l => l.button));
     let filter = () => true, box = null, time = 0;
+    /** What is no more than rounding beside the plot's values is 0. */
+    const least = 1e-9 * curves.reduce((most, curve) => curve.values.reduce((a, v) => Math.max(a, Math.abs(v)), most), 0);
     const shown = () => curves.filter(curve => !hidden.has(curve.name) && filter(curve.name));
 
     function range(list) {
@@ -104,7 +106,7 @@ const Curves = (() => {
       const {draw, width, height} = surface(canvas);
       if (width < 60) return;
       box = {left: 52, top: 8, width: width - 62, height: height - 30};
-      const list = shown(), y = range(list), {toX, toY} = frame(draw, box, span, y, {});
+      const list = shown(), y = range(list), {toX, toY} = frame(draw, box, span, y, {unit: ' s'});
       draw.save();
       draw.beginPath();
       draw.rect(box.left, box.top, box.width, box.height);
@@ -156,7 +158,7 @@ const Curves = (() => {
       }
       for (const label of labels) {
         const values = label.curves.map(c => valueAt(c, t)).filter(v => v !== null);
-        const digits = v => Table.text(+v.toPrecision(3)), of = label.curves[0], end = side => valueAt({times: of.times, values: of[side]}, t);
+        const digits = v => Table.text(Math.abs(v) < least ? 0 : +v.toPrecision(3)), of = label.curves[0], end = side => valueAt({times: of.times, values: of[side]}, t);
         label.value.textContent = values.map(digits).join(' / ') + (of.low && values.length ? ` (${digits(end('low'))} to ${digits(end('high'))})` : '');
       }
     }

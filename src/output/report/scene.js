@@ -259,7 +259,7 @@ const Scene = (() => {
     sun.position.copy(centre).addScaledVector(key, 4 * radius);
     sun.target.position.copy(centre);
     sun.castShadow = true;
-    sun.shadow.mapSize.setScalar(plain ? 1024 : 2048);
+    sun.shadow.mapSize.setScalar(2048);
     Object.assign(sun.shadow.camera, {left: -1.3 * radius, right: 1.3 * radius, top: 1.3 * radius, bottom: -1.3 * radius, near: radius, far: 8 * radius});
     sun.shadow.bias = -0.0008;
     sun.shadow.radius = 2.5;
@@ -525,7 +525,7 @@ const Scene = (() => {
       const coarse = on && plain, ratio = sharp * (coarse ? 0.7 : 1), {shadow} = lit[0];
       if (ratio === renderer.getPixelRatio()) return;
       renderer.setPixelRatio(ratio);
-      shadow.mapSize.setScalar(coarse ? 512 : 1024);
+      shadow.mapSize.setScalar(coarse ? 512 : 2048);
       if (shadow.map) shadow.map.dispose();
       shadow.map = null;
       changed();

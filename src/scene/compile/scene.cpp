@@ -1,10 +1,12 @@
 #include "handsim/scene/compile/scene.h"
 
 #include <algorithm>
+#include <array>
 #include <set>
 
 #include <fmt/format.h>
 
+#include "handsim/core/text.h"
 #include "handsim/scene/compile/idle_tables.h"
 #include "handsim/scene/compile/overruled.h"
 #include "handsim/scene/read/contact_groups.h"
@@ -341,6 +343,25 @@ Scene without_effect(const Scene& scene, model::Effect effect) {
   return out;
 }
 
+namespace {
+
+/// Adds to the title what `--set` has put in the place of the scene's objects, unless it sets the title, too.
+void retitle(YamlNode& root, const std::vector<std::string>& overrides) {
+  YamlNode* title = root.find("title");
+  const auto sets_title = [](const std::string& assignment) { return assignment.starts_with("title="); };
+  if (!title || title->kind != YamlNode::Kind::scalar || std::ranges::any_of(overrides, sets_title)) return;
+  for (const std::string& assignment : overrides) {
+    const std::string path = assignment.substr(0, assignment.find('='));
+    const std::string last = path.substr(path.rfind('.') + 1);
+    const bool form = std::ranges::any_of(std::array{"file", "shape", "parts", "mesh"},
+                                          [&](const char* key) { return last == key; });
+    const bool whole = last.find_first_not_of("0123456789") == std::string::npos || path == "objects";
+    if (path.starts_with("objects") && (form || whole)) title->text += " with " + printable(assignment);
+  }
+}
+
+}  // namespace
+
 Scene load_scene(YamlNode root, const std::vector<std::string>& overrides, Diagnostics diagnostics) {
   for (const std::string& assignment : overrides) {
     try {
@@ -350,6 +371,7 @@ Scene load_scene(YamlNode root, const std::vector<std::string>& overrides, Diagn
     }
   }
   diagnostics.throw_if_any();
+  retitle(root, overrides);
   Scene scene = compile_scene(std::move(root));
   for (const Overruled& each : overruled(scene))
     scene.warnings.push_back(fmt::format("--set {}: {}", each.path, each.text()));

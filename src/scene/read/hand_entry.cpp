@@ -4,10 +4,12 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <tuple>
 
 #include <fmt/format.h>
 
 #include "handsim/control/pose_table.h"
+#include "handsim/core/data_folder.h"
 #include "handsim/hand/doubts.h"
 #include "handsim/hand/what_if.h"
 #include "handsim/model/effects.h"
@@ -190,11 +192,21 @@ bool needs_muscles(const YamlNode& scene) {
          });
 }
 
+/// Names the anatomical hand where the scene names none.
+void choose_model(MapReader& reader) {
+  YamlNode& hand = reader.node();
+  if (reader.diagnostics().recorder || hand.kind != YamlNode::Kind::map || reader.has("model")) return;
+  YamlNode chosen = yaml_scalar((data_folder() / "handmodels/anatomical.yaml").string());
+  std::tie(chosen.file, chosen.line, chosen.column) = std::tie(hand.file, hand.line, hand.column);
+  hand.entries.push_back({"model", hand.line, hand.column, std::move(chosen)});
+}
+
 HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool with_muscles) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
-  if (YamlNode* node = referenced(reader, "model", FileKind::hand_model)) {
+  choose_model(reader);
+  if (YamlNode* node = referenced(reader, "model", FileKind::hand_model, false)) {
     // A scene without muscles does not pay for reading them.
     if (!with_muscles) node->entries.remove_if([](const YamlEntry& each) { return each.key == "muscles"; });
     entry.model = hand::shared_hand_spec(*node, reader.path_of("model"), diagnostics);

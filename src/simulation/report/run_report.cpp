@@ -92,7 +92,8 @@ void check_orientations(const RunFiles& run, const std::filesystem::path& path) 
 
 }  // namespace
 
-std::string run_report(const std::vector<std::filesystem::path>& folders) {
+std::string run_report(const std::vector<std::filesystem::path>& folders,
+                       const std::optional<RunTitle>& title) {
   output::require_three();
   Json data = {
       {"kind", "run"}, {"handsim", fmt::format("{} ({})", kVersion, kCommit)}, {"runs", Json::array()}};
@@ -100,6 +101,10 @@ std::string run_report(const std::vector<std::filesystem::path>& folders) {
     data["runs"].push_back(run_json(read_run(folder)));
     Json &first = data["runs"][0]["scene"], &scene = data["runs"].back()["scene"];
     if (&scene != &first && scene["skins"] == first["skins"]) scene.erase("skins");
+  }
+  if (title) {
+    data["runs"][0]["name"] = title->name;
+    data["runs"][0]["command"] = title->command;
   }
   return output::report_page(output::PageKind::run, data["runs"][0]["title"].get<std::string>(),
                              data.dump(-1, ' ', false, Json::error_handler_t::replace));

@@ -11,9 +11,16 @@ namespace handsim::study {
 
 namespace {
 
+void add_person(Json& entry, const RunRow& row) {
+  entry["stature_m"] = row.stature;
+  entry["hand_length_m"] = row.hand_length;
+  // A climb has that of its own table.
+  if (!entry.contains("grip_strength_N")) entry["grip_strength_N"] = row.grip_strength;
+}
+
 std::string csv(const std::vector<GraspRow>& rows) {
   std::string out =
-      "scene,side,object,held,outcome,margin,turning,slip[um/"
+      "scene,side,stature[m],hand_length[m],grip_strength[N],object,held,outcome,margin,turning,slip[um/"
       "s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],friction_used,force_closure,epsilon,"
       "wrench_volume,smallest_friction,criteria_held,wall[s],outcome_half_step,margin_half_step,uncertain\n";
   for (const GraspRow& row : rows) {
@@ -27,6 +34,7 @@ std::string csv(const std::vector<GraspRow>& rows) {
     const std::vector<std::string> cells = {
         row.scene,
         row.side,
+        fmt::format("{:.6g},{:.6g},{:.6g}", row.stature, row.hand_length, row.grip_strength),
         f.name,
         f.held ? "1" : "0",
         quoted(f.told()),
@@ -94,6 +102,7 @@ std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGra
                             {"shift_m", known(half.complete, half.shift)},
                             {"turn_rad", known(half.complete, half.turn)}};
     }
+    add_person(entry, row);
     if (!row.fault.empty()) entry["fault"] = row.fault;
     out.push_back(std::move(entry));
   }
@@ -104,14 +113,15 @@ std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGra
 
 std::string climbs_csv(const std::vector<ClimbRow>& rows) {
   std::string out =
-      "scene,side,climb,failed,load[N],norm[N],norm_deviation[N],grip_strength[N],load_over_norm,travel_at_"
-      "load[mm],contacts,criteria_held,wall[s]\n";
+      "scene,side,stature[m],hand_length[m],climb,failed,load[N],norm[N],norm_deviation[N],grip_strength[N],"
+      "load_over_norm,travel_at_load[mm],contacts,criteria_held,wall[s]\n";
   for (const ClimbRow& row : rows) {
     const simulation::ClimbFigures& f = row.figures;
-    out += fmt::format("{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.4g},{:.4g},{},{},{:.3g}\n", row.scene,
-                       row.side, f.name, f.failed ? 1 : 0, f.carried, f.strength.norm, f.strength.deviation,
-                       f.strength.own, f.share(), 1e3 * f.last.travel, f.last.contacts, row.passed ? 1 : 0,
-                       row.wall);
+    out += fmt::format(
+        "{},{},{:.6g},{:.6g},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.4g},{:.4g},{},{},{:.3g}\n", row.scene,
+        row.side, row.stature, row.hand_length, f.name, f.failed ? 1 : 0, f.carried, f.strength.norm,
+        f.strength.deviation, f.strength.own, f.share(), 1e3 * f.last.travel, f.last.contacts,
+        row.passed ? 1 : 0, row.wall);
   }
   return out;
 }
@@ -134,6 +144,7 @@ std::string climbs_json(const std::vector<ClimbRow>& rows) {
                   {"criteria_held", row.passed},
                   {"simulated_s", row.simulated},
                   {"wall_s", row.wall}};
+    add_person(entry, row);
     if (!row.fault.empty()) entry["fault"] = row.fault;
     out.push_back(std::move(entry));
   }

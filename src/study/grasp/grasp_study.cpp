@@ -6,7 +6,9 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
+#include "handsim/hand/grip_strength.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/simulation/simulation.h"
@@ -170,18 +172,39 @@ void scale_friction(scene::Scene& scene, double factor) {
   }
 }
 
+/// The shipped norms of grip strength.
+const hand::GripTable& norms() {
+  static const hand::GripTable table = [] {
+    YamlNode root = load_yaml(data_folder() / "handmodels/grip_strength.yaml");
+    Diagnostics diagnostics;
+    hand::GripTable out = hand::read_grip_table(root, "", diagnostics);
+    diagnostics.throw_if_any();
+    return out;
+  }();
+  return table;
+}
+
 /// A row for each of a run's grasps or climbs.
 /// @param plans one for each of them
 template <class Row, class Figures, class Plan>
 std::vector<Row> rows_of(const Work& work, const simulation::RunResult& result,
                          const std::vector<Figures>& figures, const std::vector<Plan>& plans) {
-  RunRow run{work.name, {}, result.passed(), result.simulated, result.wall, {}};
+  RunRow run{.scene = work.name,
+             .side = {},
+             .passed = result.passed(),
+             .simulated = result.simulated,
+             .wall = result.wall,
+             .fault = {}};
   if (result.fault) run.fault = Error(*result.fault).what();
   std::vector<Row> rows;
   for (std::size_t i = 0; i < figures.size(); ++i) {
     Row& row = rows.emplace_back();
     static_cast<RunRow&>(row) = run;
-    row.side = work.scene.spec.hands[plans[i].hand].placement.name;
+    const scene::HandEntry& hand = work.scene.spec.hands[plans[i].hand];
+    row.side = hand.placement.name;
+    row.stature = hand.person.stature;
+    row.hand_length = work.scene.hands[plans[i].hand].size.length;
+    row.grip_strength = hand::grip_strength(norms(), hand.person).own;
     row.figures = figures[i];
   }
   return rows;

@@ -43,6 +43,8 @@ struct RunRow {
   bool passed = false;             ///< every criterion of the run held
   double simulated = 0, wall = 0;  ///< [s]
   std::string fault;               ///< where the run diverged
+  double stature = 0, hand_length = 0;  ///< of the person [m]
+  double grip_strength = 0;             ///< the person's own, or the norm [N]
 };
 
 struct ClimbRow : RunRow {

@@ -93,7 +93,7 @@ void write_rows(const std::filesystem::path& file, const std::string& title, std
 void write_torques(const scene::Scene& scene, const InverseResult& result, const std::filesystem::path& out) {
   std::vector<std::string> names, axes, muscles;
   for (const InverseAxis& axis : result.axes) {
-    for (const char* part : {"_moment", "_passive", "_active"}) names.push_back(axis.name + part);
+    for (const char* part : {"_total", "_passive", "_active"}) names.push_back(axis.name + part);
     axes.push_back(axis.name);
   }
   write_rows(out / "torques.sto", scene.spec.title + ": torques about the joint axes [N m]", names, result,

@@ -28,17 +28,18 @@ const std::vector<Column> kLast = {{"error", ColumnRole::outcome, true},
                                    {"state_hash", ColumnRole::outcome, true}};
 
 /// Puts each file that a value of the scene names in its place, so that no rollout reads it again.
-/// @param resolved the same value after the scene was read.
-void follow_files(YamlNode& node, const YamlNode& resolved) {
+/// @param resolved the same value after the scene was read. @param key its dotted path
+void follow_files(YamlNode& node, const YamlNode& resolved, const std::string& key) {
   const bool names_file = node.kind == YamlNode::Kind::scalar && resolved.kind == YamlNode::Kind::map;
   if (names_file && resolved.file && *resolved.file != node.place().file) {
     YamlBudget budget;
-    follow_reference(node, "scene", budget);
+    follow_reference(node, key, budget);
   }
+  const std::string head = key.empty() ? "" : key + ".";
   for (YamlEntry& entry : node.entries)
-    if (const YamlNode* same = resolved.find(entry.key)) follow_files(entry.value, *same);
+    if (const YamlNode* same = resolved.find(entry.key)) follow_files(entry.value, *same, head + entry.key);
   for (std::size_t i = 0; i < std::min(node.items.size(), resolved.items.size()); ++i)
-    follow_files(node.items[i], resolved.items[i]);
+    follow_files(node.items[i], resolved.items[i], head + std::to_string(i));
 }
 
 std::string on_one_line(std::string text) {
@@ -131,7 +132,7 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
   // Bands of contact forces.
   if (spec_.bands && base.spec.solver.effects.any_contact() && !base.spec.solver.contact_forces)
     apply_override(root_, "record.contacts=true", diagnostics.budget);
-  follow_files(root_, base.resolved);
+  follow_files(root_, base.resolved, "");
   if (spec_.uncertain) add_uncertain(base);
   if (spec_.vary.empty())
     throw input_error("uncertain", "a scene without hands and without materials with a spread",

@@ -26,7 +26,7 @@ class RecordingReader {
   static constexpr double kFarthest = 1000;          ///< of a point from the origin [m]
 
   explicit RecordingReader(const std::filesystem::path& path)
-      : text_(read_text_file(path, "a recording (.csv, .json, .trc)", kMostBytes)),
+      : text_(read_text_file(path, "a recording (.csv, .json, .trc, .c3d)", kMostBytes)),
         place_{path.string(), 1, 1} {
     out_.file = path.string();
   }
@@ -387,7 +387,7 @@ class JsonReader : public RecordingReader {
 Recording read_recording(const std::filesystem::path& path) {
   const std::string ending = lower_case(path.extension().string());
   if (ending != ".csv" && ending != ".json" && ending != ".trc")
-    throw input_error(path.string(), "a file of another kind", "a recording: .csv, .json or .trc");
+    throw input_error(path.string(), "a file of another kind", "a recording: .csv, .json, .trc or .c3d");
   Recording out = ending == ".csv"    ? read_csv(path)
                   : ending == ".json" ? JsonReader(path).read()
                                       : read_trc(path);

@@ -40,7 +40,7 @@ std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand
 }
 
 /// The person with the size of the hand that the points show.
-hand::Person measured_person(const TrackInput& input, const Recording& recording,
+hand::Person fitted_person(const TrackInput& input, const Recording& recording,
                              std::vector<std::string>& warnings) {
   if (input.fit_bones && !input.markers) return fit_bones(recording, input.model, input.person);
   std::vector<HandFrames> hands;
@@ -57,6 +57,20 @@ hand::Person measured_person(const TrackInput& input, const Recording& recording
         "{}: {}: the hand is that of the {}, as no --person is given", recording.file,
         input.fit_bones ? "sensors show no sizes" : "--keep-person fits no sizes", input.person.title));
   return input.person;
+}
+
+/// The same. @throws Error (input) that names the recording where its points make no hand.
+hand::Person measured_person(const TrackInput& input, const Recording& recording,
+                             std::vector<std::string>& warnings) {
+  static_cast<void>(hand::build_hand(input.model, input.person));  // a problem of the person's own
+  try {
+    return fitted_person(input, recording, warnings);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input || !error.problems().front().place) throw;
+    const Problem& first = error.problems().front();
+    throw input_error(recording.file, fmt::format("points that make no hand: {} of {}", first.key, first.got),
+                      "points of one hand by their names or in order (docs/motion.md), or --keep-person");
+  }
 }
 
 /// @throws Error (input) for a hand that no person file may have.
