@@ -85,26 +85,22 @@ std::vector<std::pair<std::string, bool>> all_objects(const SceneHandle& of) {
 py::tuple takes(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
   const engine::Settings& settings = of.scene->spec.solver;
-  const auto fits = [](const auto& require) {
+  const auto fits = [&](const engine::StepInput& input) {
     try {
-      require();
+      return !engine::input_fault(model, settings, 0, input);
     } catch (const Error&) {
       return false;
     }
-    return true;
   };
   std::vector<std::string> bodies;
   for (std::size_t i = 1; i < model.bodies.size(); ++i) {
     engine::BodyForce force;
     force.body = static_cast<int>(i);
-    if (fits([&] { engine::require_outside(model, settings, {.forces = std::span(&force, 1)}); }))
-      bodies.push_back(model.bodies[i].name);
+    if (fits({.forces = std::span(&force, 1)})) bodies.push_back(model.bodies[i].name);
   }
   const std::vector<Pose> wrists(model.drives.size());
   const std::vector<double> excitations(model.muscles.size());
-  return py::make_tuple(
-      bodies, fits([&] { engine::require_outside(model, settings, {.drive_targets = wrists}); }),
-      fits([&] { engine::require_excitations(model, settings, excitations); }));
+  return py::make_tuple(bodies, fits({.drive_targets = wrists}), fits({.excitations = excitations}));
 }
 
 /// The fields of Muscle in _scene.py.

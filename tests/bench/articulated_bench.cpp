@@ -1,4 +1,5 @@
 // What a step of the articulated engine costs against a bare ODE loop on the same hand. Asserts nothing.
+#include <Eigen/Cholesky>
 #include <benchmark/benchmark.h>
 
 #include <ode/ode.h>

@@ -2,6 +2,7 @@
 #include "handsim/control/controller.h"
 #include "handsim/model/kinematics.h"
 
+#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -39,11 +39,11 @@ TEST(InputFile, IsReadWholeUpToItsLimit) {
 TEST(InputFile, OfTextHasNoByteOrderMarkAndIsNotUtf16) {
   const test::TemporaryFolder folder;
   const fs::path path = folder.path() / "f";
-  for (const std::string mark : {"", "\xef\xbb\xbf"}) {
+  for (const char* const mark : {"", "\xef\xbb\xbf"}) {
     std::ofstream(path, std::ios::binary) << mark << "a\xef\xbb\xbf\n";
     EXPECT_EQ(read_text_file(path, "a good file", 100), "a\xef\xbb\xbf\n");
   }
-  for (const std::string text : {std::string("\xff\xfe" "a\0", 4), std::string("\xfe\xff\0a", 4)}) {
+  for (const std::string& text : {std::string("\xff\xfe" "a\0", 4), std::string("\xfe\xff\0a", 4)}) {
     std::ofstream(path, std::ios::binary) << text;
     try {
       read_text_file(path, "a good file", 100);

@@ -16,7 +16,7 @@ namespace handsim::engine::test {
 
 /// Adds the shipped hand of a person of 1.755 m.
 inline void add_shipped_hand(model::Model& model, const char* name, const hand::Placement& placement) {
-  YamlNode node = load_yaml(test::in_source("handmodels/") + name);
+  YamlNode node = load_yaml(handsim::test::in_source("handmodels/") + name);
   Diagnostics diagnostics;
   const hand::HandSpec spec = hand::read_hand_spec(node, "", diagnostics);
   diagnostics.throw_if_any();

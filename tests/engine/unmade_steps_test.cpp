@@ -17,7 +17,7 @@ namespace {
 using model::Effect;
 using model::Servo;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 
 /// Five fingers on a driven palm, whose shapes touch, with three muscles. @param strain of elastic tendons
 model::Model fingers_with_muscles(std::optional<double> strain) {
@@ -115,7 +115,7 @@ void spoil(Action& action, const model::Model& model, std::mt19937& random) {
       action.excitations.back() = 1.5;
       return;
     case 5:
-      action.excitations.back() = kNan;
+      action.excitations.back() = kNotANumber;
       return;
     case 6:
       return action.excitations.push_back(0);
@@ -173,7 +173,7 @@ TEST_P(EveryEngine, TakesNothingFromAStepThatItRefuses) {
 // had asked for it or not. A torque that is no number fails before anything moves, one of 1e9 N m after that.
 TEST_P(EveryEngine, KeepsTheLastStateWhenAStepFails) {
   for (const bool contact : {true, false})
-    for (const double bad : {kNan, 1e9})
+    for (const double bad : {kNotANumber, 1e9})
       for (const int steps : {0, 1, 30}) {
         Settings with = with_;
         // Stops would hold any torque.
