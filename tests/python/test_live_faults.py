@@ -314,6 +314,12 @@ def test_a_full_disk_ends_the_recording_and_not_the_session(two_hands, tmp_path)
     assert found.end is None and path.read_bytes().endswith(b"\n")
 
 
+@pytest.mark.parametrize("wrong", [b"live.jsonl", 5, "a\0b", "x" * 5000])
+def test_a_recording_s_path_that_is_none_is_refused(two_hands, wrong):
+    with pytest.raises(hs.Error, match="record"):
+        hs.live(two_hands, page=False, record=wrong)
+
+
 def test_a_program_that_closes_no_session_ends_well():
     done = subprocess.run([sys.executable, "-c", "import handsim as hs, time\nlive = hs.live(hs.load('two_hands'), page=False, play=True)\ntime.sleep(0.3)"],
                           capture_output=True, text=True, timeout=120)

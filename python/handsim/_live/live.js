@@ -318,7 +318,8 @@
       }
       if (group.before) group.before();
       group.times[group.count] = time;
-      group.values.forEach((values, i) => { values[group.count] = group.value(i); });
+      // Rounding errors of what does not move are 0.
+      group.values.forEach((values, i) => { const value = group.value(i); values[group.count] = Math.abs(value) < 1e-9 ? 0 : value; });
       ++group.count;
       group.stale = true;
     }
@@ -363,7 +364,7 @@
     verdicts.replaceChildren(...(state.verdicts || []).map(v => {
       const known = v.measured !== null, [text, style] = !known ? ['not measured', 'open'] : v.limit === null ? ['', 'none'] : words_[v.held];
       return element('tr', {}, element('th', {scope: 'row'}, v.name.replace(/_/g, ' ')), element('td', {class: style}, text),
-        element('td', {class: 'number'}, known ? `${Table.text(+v.measured.toPrecision(3))} ${v.unit}` : '–'),
+        element('td', {class: 'number'}, known ? `${Table.text(Math.abs(v.measured) < 1e-12 ? 0 : +v.measured.toPrecision(3))} ${v.unit}` : '–'),
         element('td', {class: 'number'}, v.limit === null ? '' : `${v.least ? '≥' : '≤'} ${Table.text(+v.limit.toPrecision(3))}`));
     }));
     for (const control of controls) control.show();
@@ -371,7 +372,7 @@
   }
   let said = 0;
   function tellNotices() {
-    const list = [...(state.failed ? [`Diverged: ${state.failed}`] : []), ...(state.said > said && state.notices.length ? [state.notices[state.notices.length - 1]] : []), ...(problem ? [problem] : []),
+    const list = [...(state.failed ? [state.broken ? `Paused: ${state.failed}` : `Diverged: ${state.failed}`] : []), ...(state.said > said && state.notices[state.notices.length - 1] !== state.failed && state.notices.length ? [state.notices[state.notices.length - 1]] : []), ...(problem ? [problem] : []),
       ...(state.recording_full ? [`The recording has ended: ${state.recording_full}.`] : [])];
     notice.hidden = !list.length;
     notice.textContent = list.join('\n');

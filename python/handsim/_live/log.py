@@ -41,8 +41,8 @@ class Line(NamedTuple):
 
 def check_place(path: Union[str, "PathLike[str]"]) -> Path:
     """:raises Error: of kind input for a place that is no recording's: only an empty file or a recording is replaced"""
-    out = Path(path)
     try:
+        out = Path(path)
         if out.exists():
             if not out.is_file():
                 raise input_error("record", str(path), "a file")
@@ -54,7 +54,7 @@ def check_place(path: Union[str, "PathLike[str]"]) -> Path:
             raise input_error("record", f"{path}, whose folder is missing", "a file in a folder that is there")
         if not os.access(out if out.exists() else out.parent, os.W_OK):
             raise input_error("record", f"{path}, which cannot be written", "a place that can be written")
-    except (OSError, ValueError) as error:
+    except (OSError, TypeError, ValueError) as error:
         raise input_error("record", f"{path!r} ({error})", "a file") from None
     return out
 
@@ -93,7 +93,7 @@ class Log:
         except OSError as error:
             raise input_error("record", f"{self.path} ({error.strerror or error})", "a file that can be written") from None
         self._file.close()
-        self._file, self._size = out, 0  # type: ignore[assignment]
+        self._file, self._size = out, 0
         self._put(content)
 
     def _put(self, text: bytes) -> None:

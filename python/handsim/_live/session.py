@@ -242,12 +242,12 @@ class Session:
         self._since = (now, self.course.time, cpu)
 
     def _take(self) -> None:
-        with self._lock:
-            waiting = list(self._inbox.values())
-            self._inbox.clear()
         ready, self._ready = self._ready, None
         if ready is not None:
             self._swap(*ready)
+        with self._lock:
+            waiting = list(self._inbox.values())
+            self._inbox.clear()
         for command, future in waiting:
             if future is not None and not future.set_running_or_notify_cancel():
                 continue
