@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._errors import Error, Problem, flags, input_error, seed_of, whole
+from ._errors import Error, Problem, flags, input_error, numbers, seed_of, whole
 from ._glb import glb_of_hand
 from ._model import Model, SkinParts, bent, compose, inverse, skins_of
 from ._pictures import Picture, html_picture
@@ -199,12 +199,9 @@ class Hand:
             [m], shape (3,), in the body's frame
         :return: position in H [m], shape (3,)
         """
-        body, offset = self._point(point)
+        body, r = self._point(point)
         position, quaternion = self.poses(q)
-        w, v, r = quaternion[body, 0], quaternion[body, 1:], np.asarray(offset, dtype=np.float64)
-        if r.shape != (3,):
-            raise Error(f"offset: got shape {r.shape}, need shape (3,)", "input",
-                        [Problem(None, None, None, "offset", f"shape {r.shape}", "shape (3,)")])
+        w, v = quaternion[body, 0], quaternion[body, 1:]
         return np.asarray(position[body] + r + 2 * np.cross(v, np.cross(v, r) + w * r))
 
     def jacobian(self, q: ArrayLike, point: Point) -> NDArray[np.float64]:
@@ -252,8 +249,10 @@ class Hand:
                         [Problem(None, None, None, "muscles", "a hand without muscles", "Hand(..., muscles=True)")])
         return _core.hand_moment_arms(self.scene._core, q)
 
-    def _point(self, point: Point) -> tuple[int, ArrayLike]:
+    def _point(self, point: Point) -> tuple[int, NDArray[np.float64]]:
         """Row of the body, and offset in its frame."""
+        if not isinstance(point, str) and not (isinstance(point, (tuple, list)) and len(point) == 2 and isinstance(point[0], str)):
+            raise input_error("point", repr(point)[:80], "a name, or a body and its offset [m]")
         name, offset = (point, (0.0, 0.0, 0.0)) if isinstance(point, str) else point
         if isinstance(point, str) and name in self.tips["name"]:
             tip = self.tips.row(self.tips["name"].index(name))
@@ -262,7 +261,10 @@ class Hand:
             known = ", ".join([*self.tips["name"], *self.bodies])
             raise Error(f"point: got {name}, need one of {known}", "input",
                         [Problem(None, None, None, "point", name, f"one of {known}")])
-        return self.bodies.index(name), offset
+        place = numbers("offset", offset, "shape (3,)", 1)
+        if place.shape != (3,):
+            raise input_error("offset", f"shape {place.shape}", "shape (3,)")
+        return self.bodies.index(name), place
 
     @cached_property
     def dimensions(self) -> Quantities:

@@ -4,26 +4,34 @@
 
 Each case is a function of its number. What is a finding: a crash or a hang of the process, another exception than
 handsim.Error, TypeError, MemoryError or OSError, an error of kind input after which a simulation has moved, and a state that is
-not finite.
+not finite. Of a command: any exception, another exit status than 0, 1 and 2, a failure without a sentence, and a file that is left half-written.
 """
 import argparse
+import contextlib
 import copy
 import faulthandler
+import io
+import json
 import os
 import pathlib
 import pickle
 import random
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import warnings
+from importlib import import_module
 
 import numpy as np
 
 import handsim as hs
 from handsim import _core
+from handsim.__main__ import COMMANDS
+from handsim.identify import identify
 
 ALLOWED = (hs.Error, TypeError, MemoryError, OSError)
 MANY = ("substeps", "count", "n", "repeats", "draws", "frames")  # right, and long, where they are large
@@ -128,6 +136,49 @@ def wrong_array(chance, array):
         lambda: array.astype("V8"), lambda: readonly(array), lambda: array + 1j * np.nan])()
 
 
+WORDS = ["", "-", "--", "--out", "--set", "--nose", "=", "a=b", "nowhere", "..", "/", "/dev/null", "/dev/full", "/proc/self/mem", "\u00e9" * 200, "n" * 300, "nan", "-1", "1e400", "*", "[", "{}",
+         "objects.0.mass=nan", "objects.0.mass=1e309", "objects.0.nose=1", "solver.step=0.001", "duration=-1", "m=0", "--time=nan", "--fps=1e9", "--help", "\n", "'", '"', "%s", "~"]
+
+
+def wrong_words(chance, words):
+    out, at = list(words), chance.randrange(len(words))
+    kind = chance.randrange(5)
+    if kind == 0:
+        del out[at]
+    elif kind == 1:
+        out.insert(at, chance.choice(WORDS))
+    elif kind == 2:
+        out[at] += chance.choice(WORDS)
+    elif kind == 3:
+        out.append(out[at])
+    else:
+        out[at] = chance.choice(WORDS)
+    return out or ["--help"]
+
+
+def wrong_bytes(chance, content):
+    """A file that is cut, has other bytes, other numbers or lines, or grows."""
+    kind = chance.randrange(6)
+    lines = content.split(b"\n")
+    if kind == 0:
+        return content[:chance.randrange(len(content) + 1)]
+    if kind == 1:
+        return b"\n".join(chance.sample(lines, chance.randint(0, len(lines))))
+    if kind == 2:
+        word = chance.choice([b"nan", b"inf", b"-1e400", b"null", b"[]", b"{}", b"\xff\xfe", b"\0", b"&a [*a]", b"!!python/object:os.system x", b"1" * 400, b"~", b"true", b'"', b"'"])
+        parts = re.split(rb"([-0-9.]+)", content)
+        at = chance.randrange(len(parts))
+        return b"".join([*parts[:at], word, *parts[at + 1:]])
+    if kind == 3:
+        out = bytearray(content or b"x")
+        for _ in range(chance.choice([1, 1, 3, 50])):
+            out[chance.randrange(len(out))] = chance.randrange(256)
+        return bytes(out)
+    if kind == 4:
+        return b"\xef\xbb\xbf" + content
+    return content + chance.choice([b"\n" + lines[0], b"\n,,,", b"\n- [", b"\n" * 1000, bytes(1000)])
+
+
 def readonly(array):
     array.flags.writeable = False
     return array
@@ -173,10 +224,21 @@ class World:
             (hs.gym.Episodes, {"task": hs.gym.SceneTask(self.scenes[0], lambda batch: np.zeros(len(batch))), "n": 2, "seed": 1,
                                "threads": 1})]
         self.hand = hs.Hand(1.75, 72)
+        self.small = hs.load({**BALLS, "solver": {"engine": "articulated", "step": 0.002}, "duration": 0.02})
+        (here / "balls.yaml").write_text(json.dumps({**BALLS, "record": {"every": 0.004}}))
+        self.small.run(here / "run", frames=0)
+        (here / "reach.csv").write_text("time[s],low.x[m],low.force.z[N]\n0,0,1\n0.004,0,1\n0.01,0,1\n")
+        (here / "goal.yaml").write_text("actions: torques\nof: ['right.index_*']\nhold: 10 ms\nduration: 20 ms\ntouch: [[a, b]]\n"
+                                        "costs:\n  - {angle: right.index_pip.flexion, is: 0.01, at: 20 ms, weight: 100}\n")
+        (here / "points.c3d").write_bytes(bytes([2, 0x50]) + bytes(2000))
 
     def calls(self, chance):
         """A function and its right arguments, by name; the simulation that it changes, or None."""
-        kind = chance.randrange(12)
+        kind = chance.randrange(16)
+        if kind >= 14:
+            return self.of_command(chance)
+        if kind >= 12:
+            return self.of_gradients(chance)
         if kind < 4:
             return self.of_simulation(chance)
         if kind < 7:
@@ -186,6 +248,76 @@ class World:
         if kind < 10:
             return self.of_scene(chance)
         return (*chance.choice(self.pure), None)
+
+    def of_gradients(self, chance):
+        simulation = hs.Simulation(self.small)
+        rows, batch = np.zeros((3, 0)), hs.Batch(self.small, 2, threads=1)
+        run = hs.Rollout(simulation, rows)
+        size = run._measured()
+        calls = [
+            (hs.Rollout, {"simulation": simulation, "actions": rows, "kind": "torques", "every": 2, "keep": True, "smoothing": None}),
+            (run.vjp, {"end": np.ones(size), "along": np.ones((3, size))}), (run.jvp, {"start": np.ones(size), "actions": rows}),
+            (run.sensitivities, {"parameters": simulation.parameters({"gravity": None})}),
+            (simulation.parameters, {"numbers": {"objects.0.mass": 0.1, "gravity": None}}),
+            (simulation.derivatives, {"torques": np.zeros(0), "forces": {"high": np.ones(3)}, "bodies": ["high"], "advance": True, "smoothing": 1e-4}),
+            (simulation.derivatives, {"smoothing": hs.Smoothing(1e-4, 2, 1)}),
+            (lambda **given: simulation.derivatives(smoothing=hs.Smoothing(**given)), {"deviation": 1e-4, "pairs": 2, "seed": 1}),
+            (batch.vjp, {"actions": np.zeros((2, 3, 0)), "end": np.ones((2, size)), "kind": "torques", "every": 1}),
+            (batch.jvp, {"actions": np.zeros((2, 3, 0)), "start": np.ones((2, size)), "changes": np.zeros((2, 3, 0)), "kind": "torques"}),
+            (batch.replace, {"environment": 1, "scene": self.small}),
+            (identify, {"scene": self.small, "numbers": {"objects.0.mass": 0.1}, "actions": rows, "recorded": {"high.shift.z": np.array([9.0, 9, 9])},
+                        "deviation": 1e-3, "kind": "torques", "times": np.array([0.002, 0.004, 0.006]), "most": 2}),
+            (hs.draw_persons, {"count": 3, "population": "ansur2", "seed": 1}), (hs.study.read_sto, {"path": self.path}), (hs.study.read_h5, {"path": self.path, "name": "rollouts"}),
+            (hs.study.uncertain, {"scene": "nowhere", "count": 2, "threads": 1}), (hs.study.validate, {"measurements": self.path, "uncertain": 2}),
+            (hs.gym.Pose, {"drive": "targets", "hands": 3, "persons": 2}), (hs.gym.SceneTask, {"scene": self.small, "reward": 5, "terminated": 5}),
+            (self.hand.position, {"q": np.zeros(len(self.hand.coordinates)), "point": ("index_distal", np.zeros(3))}),
+            (self.hand.inverse_dynamics, {key: np.zeros(len(self.hand.coordinates)) for key in "qua"}), (self.hand.mesh, {"q": np.zeros(len(self.hand.coordinates))}),
+            (self.hand.to_glb, {"q": np.zeros((2, len(self.hand.coordinates))), "times": np.array([0.0, 1])}), (self.hand.jacobian, {"q": np.zeros(20), "point": "index_tip"})]
+        return (*chance.choice(calls), None)
+
+    def of_command(self, chance):
+        """A command whose words, or one of whose files, are wrong in some places."""
+        here = pathlib.Path(self.folder.name)
+        out = here / "made"
+        commands = {
+            "identify": ["here/reach.csv", "--scene", "here/balls.yaml", "--free", "objects.0.mass=0.1", "--out", "here/made", "--deviation", "m=1e-3", "--columns", "low.*",
+                         "--set", "duration=0.02"],
+            "optimise": ["reach", "--goal", "here/goal.yaml", "--out", "here/made", "--iterations", "1", "--no-run", "--quiet"],
+            "export": ["here/balls.yaml", "--out", "here/made/a." + chance.choice(["obj", "stl", "usda", "glb"]), "--time", "0.002", "--set", "duration=0.004", "--hands", "shapes"],
+            "compare": ["here/balls.yaml", "here/balls.yaml", "--set", "hands.0.strength=0.5", "--out", "here/made"],
+            "track": ["here/points.c3d", "--names", "here/reach.csv", "--up", "y", "--out", "here/made"]}
+        name = chance.choice(list(commands))
+        words = [word.replace("here", str(here)) for word in commands[name]]
+        files = [path for path in (here / "reach.csv", here / "balls.yaml", here / "goal.yaml", here / "points.c3d") if any(str(path) in word for word in words)]
+        if chance.random() < 0.5:
+            for _ in range(chance.choice([1, 1, 2])):
+                words = wrong_words(chance, words)
+            changed = None
+        else:
+            changed = chance.choice(files)
+
+        def run(words, content):
+            before = changed.read_bytes() if changed else b""
+            out.mkdir(exist_ok=True)
+            said, told = io.StringIO(), io.StringIO()
+            try:
+                if changed:
+                    changed.write_bytes(content)
+                with contextlib.redirect_stderr(said), contextlib.redirect_stdout(told):
+                    status = import_module(COMMANDS[name]).main(words)
+            except SystemExit as end:  # of argparse's --help
+                status = end.code or 0
+            finally:
+                if changed:
+                    changed.write_bytes(before)
+            wrong = [path.name for path in out.rglob("*") if ".part" in path.name]
+            shutil.rmtree(out, ignore_errors=True)
+            # The program's own export and track write to the descriptor.
+            if status not in (0, 1, 2) or wrong or status and name not in ("track", "export") and not (said.getvalue() + told.getvalue()).strip():
+                raise AssertionError(f"status {status}, left {wrong}, said {said.getvalue()[:200]}")
+            raise TypeError("as it should")  # for the count: no state is compared
+        content = wrong_bytes(chance, changed.read_bytes()) if changed else b""
+        return (lambda **given: run(words, content)), {f"{name} {' '.join(words)} {changed and changed.name} {content[:300]!r}": 0}, None
 
     def of_simulation(self, chance):
         simulation = chance.choice(self.simulations)
@@ -343,7 +475,7 @@ def one_case(world, number):
         return None
     call, arguments, simulation = world.calls(chance)
     arguments = dict(arguments)
-    for key in chance.sample(list(arguments), min(len(arguments), chance.choice([1, 1, 1, 2]))):
+    for key in () if " " in next(iter(arguments)) else chance.sample(list(arguments), min(len(arguments), chance.choice([1, 1, 1, 2]))):
         arguments[key] = mutated(chance, arguments[key])
         if key in MANY and isinstance(arguments[key], int) and 1000 < arguments[key] < 2**63:
             arguments[key] = 1000

@@ -1,6 +1,7 @@
 """Environments for learning."""
 import json
 import multiprocessing
+import os
 import subprocess
 import sys
 import warnings
@@ -371,33 +372,40 @@ def test_options_of_a_task_have_bounds(options, said):
         hs.draw_persons(10**9)
 
 
-def policy(path, task="pose", options="{}", width=80, actions=20, value=0.0):
-    """A model that gives the same actions to every observation of some width."""
-    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
-    pytest.importorskip("onnx.reference", reason="onnx is older than 1.13")
-    from onnx import TensorProto, helper
+RUNTIME = """
+import json, types
+import numpy as np
+class InferenceSession:
+    def __init__(self, path, providers):
+        self.of = json.load(open(path))
+    def get_inputs(self):
+        return [types.SimpleNamespace(name="x")]
+    def get_modelmeta(self):
+        return types.SimpleNamespace(custom_metadata_map={"task": self.of["task"], "options": self.of["options"]})
+    def run(self, names, inputs):
+        if inputs["x"].shape[1] != self.of["width"]:
+            raise Exception("INVALID_ARGUMENT : Got invalid dimensions for input: x")
+        return [np.full((len(inputs["x"]), self.of["actions"]), float(self.of["value"]))]
+"""
 
-    weights = helper.make_tensor("w", TensorProto.FLOAT, [width, actions], np.zeros(width * actions, np.float32))
-    bias = helper.make_tensor("b", TensorProto.FLOAT, [actions], np.full(actions, value, np.float32))
-    graph = helper.make_graph([helper.make_node("MatMul", ["x", "w"], ["z"]), helper.make_node("Add", ["z", "b"], ["y"])], "policy",
-                              [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", width])], [helper.make_tensor_value_info("y", TensorProto.FLOAT, None)], [weights, bias])
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)])
-    model.ir_version = 8
-    for key, text in {"task": task, "options": options}.items():
-        entry = model.metadata_props.add()
-        entry.key, entry.value = key, text
-    path.write_bytes(model.SerializeToString())
-    return path
+
+def play_words(folder, out, task="pose", options="{}", width=80, actions=20, value="0"):
+    """Plays a policy that gives the same actions to every observation of some width, by a module in the place of onnxruntime."""
+    (folder / "modules").mkdir(exist_ok=True)
+    (folder / "modules/onnxruntime.py").write_text(RUNTIME)
+    (folder / "p.onnx").write_text(json.dumps({"task": task, "options": options, "width": width, "actions": actions, "value": value}))
+    path = os.pathsep.join([str(folder / "modules"), os.environ.get("PYTHONPATH", "")])
+    return subprocess.run([sys.executable, "-m", "handsim.gym", str(folder / "p.onnx"), "--out", str(out), "--episodes", "2"], capture_output=True, text=True,
+                          timeout=120, env={**os.environ, "PYTHONPATH": path})
 
 
 @pytest.mark.parametrize("given, said", [
     ({"options": "{"}, "options: got '{'"), ({"options": "[1]"}, "options: got"), ({"options": "null"}, "options: got"), ({"options": '{"nope": 1}'}, "got nope, need options of pose: drive"),
     ({"options": '{"self": 2}'}, "got self"), ({"options": '{"persons": 1e9}'}, "persons: got"), ({"options": '{"hands": [1]}'}, "options: got"), ({"options": "[" * 100000}, "options: got"),
-    ({"task": "../x"}, "task: got ../x"), ({"width": 7}, "a model that fails on observations of shape"), ({"actions": 3}, "action: got shape"), ({"value": np.inf}, "action: got inf"),
-    ({"value": np.nan}, "action: got nan")])
+    ({"task": "../x"}, "task: got ../x"), ({"width": 7}, "a model that fails on observations of shape"), ({"actions": 3}, "action: got shape"), ({"value": "inf"}, "action: got inf"),
+    ({"value": "nan"}, "action: got nan")])
 def test_a_policy_that_does_not_fit_is_refused_in_a_sentence(tmp_path, given, said):
-    done = subprocess.run([sys.executable, "-m", "handsim.gym", str(policy(tmp_path / "p.onnx", **given)), "--out", str(tmp_path / "out"), "--episodes", "2"],
-                          capture_output=True, text=True, timeout=120)
+    done = play_words(tmp_path, tmp_path / "out", **given)
     assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr and not (tmp_path / "out").exists(), done.stderr
 
 
@@ -406,8 +414,13 @@ def test_playing_keeps_what_it_did_not_write(tmp_path, name):
     mine = tmp_path / "out" / name
     mine.parent.mkdir(parents=True)
     mine.write_text("mine")
-    words = [sys.executable, "-m", "handsim.gym", str(policy(tmp_path / "p.onnx")), "--episodes", "2", "--out"]
-    done = subprocess.run([*words, str(tmp_path / "out")], capture_output=True, text=True, timeout=120)
+    done = play_words(tmp_path, tmp_path / "out")
     assert done.returncode == 2 and mine.read_text() == "mine" and "Traceback" not in done.stderr, done.stderr
-    done = subprocess.run([*words, str(mine)], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 2 and "not a folder" in done.stderr and mine.read_text() == "mine", done.stderr
+    done = play_words(tmp_path, mine)
+    assert done.returncode == 2 and "need a folder" in done.stderr and mine.read_text() == "mine", done.stderr
+
+
+def test_playing_again_replaces_its_own(tmp_path):
+    for _ in range(2):
+        done = play_words(tmp_path, tmp_path / "out", options='{"drive": "muscles"}', width=101, actions=41, value="-1")
+        assert done.returncode == 0 and "new episodes end with success" in done.stdout and (tmp_path / "out/actions.csv").is_file(), done.stderr

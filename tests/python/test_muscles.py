@@ -170,3 +170,47 @@ def test_a_batch_outlives_the_environment_it_was_made_of():
         alone = hs.Simulation(scene)
         alone.step(excitations=rows[i], substeps=steps)
         assert np.array_equal(batch.q[i], alone.q)
+
+
+def undone(scene, **motion):
+    found = hs.study.inverse(scene, muscles=True, check=False, **motion).summary
+    causes = found["undone"]
+    weak = sum(causes["beyond_strength"].values())
+    assert weak + causes["no_balance"] + causes["faster_than_muscles"] + causes["other"] == pytest.approx(1, abs=1e-9)
+    return weak, causes
+
+
+def test_what_muscles_leave_undone_has_its_causes(tmp_path):
+    """Oracles: shares add up to 1; fingers that muscles of a hundredth of their strength cannot lift are beyond that strength, by the muscles that
+    extend them over a palm that faces down; noise of 1 deg at each of 100 points a second is what muscles are too slow for."""
+    scene = {"hands": [{"model": str(hs.data_path() / "handmodels/anatomical.yaml"), "person": str(hs.data_path() / "config/persons/median_man.yaml"), "side": "right",
+                        "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}],
+             "effects": ["gravity", "joint_stops", "passive_tissue", "muscles", "tendon_coupling"], "solver": {"engine": "articulated", "step": 0.001}, "duration": 0.5}
+    names, times, random = hs.load(scene).coordinates, np.arange(51) / 100, np.random.default_rng(1)
+    bend = 0.6 * np.array([name.endswith("mcp.flexion") and "thumb" not in name for name in names])
+    still = np.outer(np.ones(51), 0.1 + bend)
+
+    def table(name, angles):
+        np.savetxt(tmp_path / name, np.column_stack([times, angles]), delimiter=",", comments="", header=",".join(["time[s]", *(f"{each}[rad]" for each in names)]))
+        return tmp_path / name
+
+    weak, causes = undone({**scene, "hands": [{**scene["hands"][0], "strength": 0.01}]}, motion=table("still.csv", still), cutoff=None)
+    strongest = max(causes["beyond_strength"], key=causes["beyond_strength"].get)
+    assert weak > 0.5 and strongest.startswith("right.E"), causes
+    _, causes = undone(scene, motion=table("noisy.csv", still + np.radians(random.normal(size=still.shape))), cutoff=None)
+    assert causes["faster_than_muscles"] > 0.5 > sum(causes["beyond_strength"].values())
+
+
+def test_torques_beside_an_object_say_that_the_hand_is_empty(tmp_path):
+    """Oracle: the line, with the object's name; with its forces there is none."""
+    scene = {"hands": [{"model": str(hs.data_path() / "handmodels/anatomical.yaml"), "person": str(hs.data_path() / "config/persons/median_man.yaml"), "side": "right",
+                        "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}], "objects": [{"name": "ball", "shape": "sphere", "radius": 0.03, "mass": 0.1, "position": [0.5, 0, 0.1]}],
+             "effects": ["gravity", "joint_stops", "passive_tissue"], "solver": {"engine": "articulated"}, "duration": 0.05}
+    names = hs.load(scene).coordinates
+    np.savetxt(tmp_path / "a.csv", np.column_stack([np.arange(6) / 100, np.full((6, len(names)), 0.1)]), delimiter=",", comments="",
+               header=",".join(["time[s]", *(f"{each}[rad]" for each in names)]))
+    (tmp_path / "loads.csv").write_text("time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]\n0,right.index_distal,0,0.1,0.2,0,0,-1\n")
+    said = hs.study.inverse(scene, motion=tmp_path / "a.csv", check=False).summary["warnings"]
+    assert any("THOSE OF AN EMPTY HAND: what ball weighs" in line for line in said)
+    said = hs.study.inverse(scene, motion=tmp_path / "a.csv", loads=tmp_path / "loads.csv", check=False).summary["warnings"]
+    assert not any("EMPTY" in line for line in said)

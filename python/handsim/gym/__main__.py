@@ -128,7 +128,7 @@ def films(count: int) -> bool:
 
 def check_folder(out: Path, inputs: list[Path]) -> None:
     """Before the episodes. :raises Error: of kind input where files in it are not those of an earlier call"""
-    with OutputFolder(out, "scene/resolved.yaml", b"", ["actions.csv"], inputs):
+    with OutputFolder(out, "scene/resolved.yaml", b"title: ", ["actions.csv"], inputs):
         pass
     if os.path.lexists(out / "played.mp4"):
         check_target("--out", out / "played.mp4", "mp4", inputs)

@@ -151,7 +151,7 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
   if (result.reserve_share) out["reserve_share"] = *result.reserve_share;
   if (result.reserve_share && result.undone)
     out["undone"] = {{"beyond_strength", result.undone->beyond},
-                     {"no_muscle", result.undone->no_muscle},
+                     {"no_balance", result.undone->no_balance},
                      {"faster_than_muscles", result.undone->late},
                      {"other", result.undone->other}};
   add_origin(out);

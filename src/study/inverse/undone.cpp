@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/model/motion.h"
 #include "handsim/model/muscle.h"
 
 namespace handsim::study {
@@ -35,7 +34,7 @@ void UndoneCauses::beyond(std::size_t dof, double missing, double square) {
     return value * missing > 0 ? std::abs(value) : 0.0;
   };
   for (std::size_t m = 0; m < model_.muscles.size(); ++m) all += pull(m);
-  if (all == 0) sums_.no_muscle += square;
+  if (all == 0) sums_.no_balance += square;
   for (std::size_t m = 0; m < model_.muscles.size() && all > 0; ++m)
     if (pull(m) > 0) sums_.beyond[model_.muscles[m].name] += square * pull(m) / all;
 }
@@ -73,7 +72,7 @@ Undone UndoneCauses::shares() const {
   Undone out = sums_;
   if (all_ == 0) return out;
   for (auto& [name, share] : out.beyond) share /= all_;
-  for (double* share : {&out.no_muscle, &out.late, &out.other}) *share /= all_;
+  for (double* share : {&out.no_balance, &out.late, &out.other}) *share /= all_;
   return out;
 }
 
@@ -87,7 +86,7 @@ std::string undone_text(const Undone& undone) {
     names += fmt::format("{}{} {:.0f} %", i == 0 ? "" : ", ", muscles[i].second, 100 * muscles[i].first);
   if (muscles.size() > kMostMuscles) names += ", ...";
   causes.emplace_back(all, "beyond the strength of muscles: " + names);
-  causes.emplace_back(undone.no_muscle, "where no muscle pulls");
+  causes.emplace_back(undone.no_balance, "that no balance of muscles gives, which turn several axes at once");
   causes.emplace_back(undone.late,
                       "in changes that are faster than muscles follow, as noise of points makes them");
   causes.emplace_back(undone.other, "in tendons that stretch, bands and fused joints");

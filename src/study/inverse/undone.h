@@ -14,7 +14,7 @@ namespace handsim::study {
 /// Shares of the sum of squares of all reserves; together 1. One below 0 makes the others' sum smaller.
 struct Undone {
   std::map<std::string, double> beyond;  ///< the strength of a muscle, which is fully active
-  double no_muscle = 0;                  ///< no muscle that is left pulls that way
+  double no_balance = 0;                  ///< no balance of muscles, which turn several axes at once, gives it
   double late = 0;   ///< the torque changes faster than activations follow: as noise of points makes it
   double other = 0;  ///< tendons that stretch, bands, and joints that are fused
 };
