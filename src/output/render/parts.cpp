@@ -123,8 +123,9 @@ void Meshes::add_annotations(const LitScene& scene, std::vector<Part>& parts) co
     const double width = head / kHeadLength, radius = width / kHeadWidth, shaft = length - head;
     const Vec3 sight = scene.camera.position - arrow.to;
     const double sine = along.cross(sight).norm() / (length * sight.norm());
-    // The head is a blot unless its tip stands out beside its disc, which hides the shaft.
-    if (head * sine < width * (std::sqrt(1 - std::min(1.0, sine * sine)) + 0.2)) {
+    const double cosine = std::sqrt(1 - std::min(1.0, sine * sine));
+    // A short arrow is a blot, and a longer one, too, unless the tip of its head stands out beside the disc.
+    if (std::max(head, shaft) * sine < 1.5 * width || head * sine < width * (cosine + 0.2)) {
       // As in drawings, a ring with a dot points to the reader, a ring with a cross away.
       const Quat q = rotation_between(Vec3::UnitZ(), sight);
       add({Core::cylinder, Vec3::Constant(width), 0, {arrow.to, q}, {}}, ring_);
