@@ -110,10 +110,12 @@ void run_other_command(int argc, const char* const* argv) {
   std::string tried;
   for (std::size_t i = 0; i < pythons.size(); ++i) {
     const std::string next = i + 1 < pythons.size() ? pythons[i + 1] : "";
-    become(pythons[i], {pythons[i].c_str(), "-c", kStart, kStart, folder.c_str(), tried.c_str(), next.c_str()});
+    become(pythons[i],
+           {pythons[i].c_str(), "-c", kStart, kStart, folder.c_str(), tried.c_str(), next.c_str()});
     tried += fmt::format("{}{} ({})", tried.empty() ? "" : ", ", pythons[i], std::strerror(errno));
   }
-  throw input_error("python3", "no program that starts: " + tried, "Python 3, in which this command is written");
+  throw input_error("python3", "no program that starts: " + tried,
+                    "Python 3, in which this command is written");
 }
 
 void add_other_commands(CommandLine& line) {

@@ -51,8 +51,8 @@ inline constexpr std::size_t kLongestLine = 16U << 20U;  ///< Bytes of a line at
 /// All bytes of a file. @throws Error (input) as InputFile.
 std::string read_input_file(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
 
-/// The text of a file, without the byte order mark that spreadsheets write before it. @throws Error (input) as
-/// InputFile, and for UTF-16, by its mark
+/// The text of a file, without the byte order mark that spreadsheets write before it. @throws Error (input)
+/// as InputFile, and for UTF-16, by its mark
 std::string read_text_file(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
 
 /// True if a folder has an entry of this name, of any kind: also a link without a target.

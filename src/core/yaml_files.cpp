@@ -194,8 +194,8 @@ void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget
   if (node.kind != YamlNode::Kind::scalar) return;
   const auto file = named_file(node, key);
   if (!file)
-    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is not a file",
-                                      need_file(node, key, "YAML")}});
+    throw Error(std::vector<Problem>{
+        {node.place(), key, node.described() + ", which is not a file", need_file(node, key, "YAML")}});
   node = load_yaml(*file, budget);
 }
 

@@ -69,8 +69,8 @@ double* Muscles::fibres(int block) const {
 
 void Muscles::pull(const Start& start) {
   kernel_->pull(layout_.arrays(),
-                {start.q.data(), start.u.data(), start.excitations.empty() ? nullptr : start.excitations.data(),
-                 step_, goes_on_});
+                {start.q.data(), start.u.data(),
+                 start.excitations.empty() ? nullptr : start.excitations.data(), step_, goes_on_});
   goes_on_ = true;
 }
 
@@ -99,8 +99,7 @@ void Muscles::go_back() {
   for (int i = 0; i < layout_.arrays().blocks; ++i) {
     std::copy_n(&start_.activations[at(i) * kTendonLanes], kTendonLanes,
                 layout_.arrays().block[i].activation);
-    if (double* lanes = fibres(i))
-      std::copy_n(&start_.fibres[at(i) * kTendonLanes], kTendonLanes, lanes);
+    if (double* lanes = fibres(i)) std::copy_n(&start_.fibres[at(i) * kTendonLanes], kTendonLanes, lanes);
   }
   goes_on_ = false;
   // The step before leaves its tensions and rates again, which `end` and the next step ask for.

@@ -362,7 +362,8 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   carry(in, state);
   const double step = scene_->spec.solver.step;
   const double time = static_cast<double>(steps) * step;
-  // A start may be at any time, and `reset(state)` rounds it to half a step; sums of steps add rounding errors.
+  // A start may be at any time, and `reset(state)` rounds it to half a step; sums of steps add rounding
+  // errors.
   if (state.time != snapshot.time || !(std::abs(time - state.time) <= 0.6 * step))
     in.refuse(fmt::format("a state at {:g} s after {} steps", state.time, steps), "times that agree");
   restore_motion(state, in);

@@ -50,11 +50,14 @@ struct Kind {
   const char* about;
   const char* row;  ///< what a row is, for the title of a study without one
 };
-constexpr Kind kStudyTables[] = {
-    {"accuracy.csv", "accuracy.json", "method"},   {"effects.csv", "effects.json", "effect"},
-    {"stability.csv", "stability.json", "figure"}, {"uncertain.csv", nullptr, "figure"},
-    {"rollouts.csv", "summary.json", "rollout"},   {"grasps.csv", nullptr, "grasp"},
-    {"climbs.csv", nullptr, "climb"},              {"validate.csv", "validate.json", "measurement"}};
+constexpr Kind kStudyTables[] = {{"accuracy.csv", "accuracy.json", "method"},
+                                 {"effects.csv", "effects.json", "effect"},
+                                 {"stability.csv", "stability.json", "figure"},
+                                 {"uncertain.csv", nullptr, "figure"},
+                                 {"rollouts.csv", "summary.json", "rollout"},
+                                 {"grasps.csv", nullptr, "grasp"},
+                                 {"climbs.csv", nullptr, "climb"},
+                                 {"validate.csv", "validate.json", "measurement"}};
 
 std::string text_of(const fs::path& path) {
   constexpr std::size_t kLargest = 1UL << 30U;

@@ -77,7 +77,8 @@ TEST(PythonCommands, RunByTheNextInterpreterWhereTheFirstIsMissing) {
   EXPECT_EQ(outcome.out, "compare|a|");
 }
 
-// A python3 that stands first in the path may have no NumPy. Oracle: the status of one that does nothing else.
+// A python3 that stands first in the path may have no NumPy. Oracle: the status of one that does nothing
+// else.
 TEST(PythonCommands, AreNotRunByWhateverStandsFirstInThePath) {
   if (std::string_view(HANDSIM_PYTHON_PROGRAM).empty()) GTEST_SKIP() << "built without the Python package";
   const TemporaryFolder folder;

@@ -25,7 +25,8 @@ struct Outcome {
     std::vector<std::string> lines;
     std::istringstream stream(err);
     for (std::string line; std::getline(stream, line);)
-      if (!line.empty() && !line.starts_with("warning: ") && !line.starts_with("progress: ")) lines.push_back(line);
+      if (!line.empty() && !line.starts_with("warning: ") && !line.starts_with("progress: "))
+        lines.push_back(line);
     return lines;
   }
 };

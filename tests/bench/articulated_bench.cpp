@@ -1,6 +1,6 @@
 // What a step of the articulated engine costs against a bare ODE loop on the same hand. Asserts nothing.
-#include <Eigen/Cholesky>
 #include <benchmark/benchmark.h>
+#include <Eigen/Cholesky>
 
 #include <ode/ode.h>
 

@@ -2,8 +2,8 @@
 #include "handsim/control/controller.h"
 #include "handsim/model/kinematics.h"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 #include <cmath>
 #include <random>

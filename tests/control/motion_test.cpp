@@ -160,9 +160,9 @@ TEST(MotionTable, AByteOrderMarkAndTheCaseOfKeysChangeNothing) {
   for (const std::string first : {"inDegrees=yes\n", "indegrees=YES\n"})
     for (const std::string& text : {first + rows, mark + first + rows})
       EXPECT_NEAR(target(Played(text, "a.mot").scene(), 0, "index_mcp.flexion", 0), 1.2, 1e-12) << text;
-  EXPECT_NEAR(target(Played(mark + "time[s],index_mcp.flexion[deg]\n0,1\n1,2\n").scene(), 0,
-                     "index_mcp.flexion", 1),
-              2, 1e-12);
+  EXPECT_NEAR(
+      target(Played(mark + "time[s],index_mcp.flexion[deg]\n0,1\n1,2\n").scene(), 0, "index_mcp.flexion", 1),
+      2, 1e-12);
 }
 
 // Oracle: the definition. Each run is 1 s; what holds still by itself, and what moves within, is no mistake.

@@ -23,8 +23,8 @@ std::shared_ptr<const model::ConvexMesh> pyramid() {
   const std::vector<Vec3> corners = {
       {-0.03, -0.02, 0}, {0.03, -0.02, 0}, {0.03, 0.025, 0}, {-0.03, 0.025, 0}, {0.005, 0.002, 0.08}};
   Vec3 centroid;
-  return std::make_shared<const model::ConvexMesh>(model::make_convex_mesh(
-      corners, {{0, 3, 2, 1}, {0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}}, centroid));
+  return std::make_shared<const model::ConvexMesh>(
+      model::make_convex_mesh(corners, {{0, 3, 2, 1}, {0, 1, 4}, {1, 2, 4}, {2, 3, 4}, {3, 0, 4}}, centroid));
 }
 
 /// The shapes of a solid, in its body's frame.
@@ -102,8 +102,7 @@ model::Model touching(const std::string& below, const Quat& turn_below, const st
   const std::vector<model::Shape> free = shapes_of(above);
   const Vec3 low = turn_above * farthest(free, turn_above.conjugate() * -Vec3::UnitZ());
   const Pose start{tilt * (top - low), tilt * turn_above};
-  const int body =
-      test::add_body(model, test::body("free", 0.1, Vec3::Constant(0.1 * kHalf * kHalf), start));
+  const int body = test::add_body(model, test::body("free", 0.1, Vec3::Constant(0.1 * kHalf * kHalf), start));
   for (model::Shape shape : free) {
     shape.name = "free" + std::to_string(model.shapes.size());
     shape.body = body;
@@ -145,9 +144,9 @@ TEST_P(AtNoGap, StartsWithoutAFaultAndWithoutAJump) {
   const std::string& below = std::get<1>(GetParam());
   const bool flat = below == "plane" || below == "box" || below == "cylinder";
   for (const Vec3& turn_below : {Vec3(0, 0, 0), Vec3(0.5, 0, 0), Vec3(M_PI / 2, 0, 0)})
-    for (const Vec3& turn_above : {Vec3(0, 0, 0), Vec3(0.5, 0, 0), Vec3(0, 0.3, 0), Vec3(M_PI / 2, 0, 0),
-                                   Vec3(M_PI, 0, 0), Vec3(0, 0, 0.4), Vec3(0.3, 0.6, 0.15),
-                                   Vec3(7e-4, 7e-4, 0)})
+    for (const Vec3& turn_above :
+         {Vec3(0, 0, 0), Vec3(0.5, 0, 0), Vec3(0, 0.3, 0), Vec3(M_PI / 2, 0, 0), Vec3(M_PI, 0, 0),
+          Vec3(0, 0, 0.4), Vec3(0.3, 0.6, 0.15), Vec3(7e-4, 7e-4, 0)})
       for (const Vec3& tilt : {Vec3(0, 0, 0), Vec3(0.3, -0.2, 0)}) {
         SCOPED_TRACE(testing::Message() << turn_below.transpose() << " under " << turn_above.transpose()
                                         << ", tilted by " << tilt.transpose());

@@ -419,8 +419,7 @@ TEST(Refused, WhatIsNotThere) {
   Environment environment(scene);
   const std::uint64_t before = bits(environment);
   const std::vector<double> few(3), bad(static_cast<std::size_t>(scene.model.dof_count()), std::nan(""));
-  EXPECT_NE(text([&] { environment.step({.torques = few}); }).find("torques: got 3"),
-            std::string::npos);
+  EXPECT_NE(text([&] { environment.step({.torques = few}); }).find("torques: got 3"), std::string::npos);
   EXPECT_NE(text([&] { environment.step({.torques = bad}); }).find("finite"), std::string::npos);
   EXPECT_NE(text([&] { environment.step({.angles = few}); }).find("drives no joint"), std::string::npos);
   EXPECT_NE(text([&] { environment.step({}, 0); }).find("substeps"), std::string::npos);

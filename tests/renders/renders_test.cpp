@@ -89,7 +89,8 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
   // A figure in a caption is too few pixels for this comparison.
   const bool sheet = GetParam().made == std::string("contact_sheet.png");
   EXPECT_NE(captions(folder.path() / GetParam().made).empty(), sheet);
-  EXPECT_EQ(captions(test::source("renders") / GetParam().picture), captions(folder.path() / GetParam().made));
+  EXPECT_EQ(captions(test::source("renders") / GetParam().picture),
+            captions(folder.path() / GetParam().made));
 }
 
 // The comparison can fail: the same hands a little later are another picture.

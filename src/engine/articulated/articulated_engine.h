@@ -88,7 +88,7 @@ class ArticulatedEngine final : public Engine {
   MomentumBalance momentum_;
   std::unique_ptr<StepSlopes> slopes_;  ///< with derivatives only
   mutable StepDerivatives* derive_ = nullptr;
-  std::string derived_from_;  ///< what `save` writes, of the step with derivatives
+  std::string derived_from_;             ///< what `save` writes, of the step with derivatives
   std::vector<double> uncorrected_;      ///< rates
   std::vector<double> saved_;            ///< positions, rates and torques before the step
   std::vector<BaseMotion> saved_bases_;  ///< of the drives

@@ -32,7 +32,8 @@ class ContactSheet {
   /// @param scale of the picture [pixels/m]: draws a scale bar into it, and an arrow of forces beside it.
   /// @throws Error (input) for a picture whose size is not the format's, or if all cells are full.
   void add(const Image& image, const std::string& caption, std::optional<double> scale = {});
-  /// The page with the pictures so far; its text is the title and the captions, a line each. @throws Error (input) for a title or caption that is not UTF-8.
+  /// The page with the pictures so far; its text is the title and the captions, a line each. @throws Error
+  /// (input) for a title or caption that is not UTF-8.
   Image image() const;
 
  private:

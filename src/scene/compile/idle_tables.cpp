@@ -29,9 +29,9 @@ bool idles(const control::Trajectory& motion, const SceneSpec& spec) {
 void warn_of_idle_tables(const Scene& scene, Diagnostics& diagnostics) {
   const SceneSpec& spec = scene.spec;
   const auto warn = [&](const std::string& what) {
-    diagnostics.warnings.push_back(
-        fmt::format("{}: nothing changes during the run, from 0 to {:g} s: its times are before or after that",
-                    what, spec.duration));
+    diagnostics.warnings.push_back(fmt::format(
+        "{}: nothing changes during the run, from 0 to {:g} s: its times are before or after that", what,
+        spec.duration));
   };
   const auto outside = [&](double begin, double end) {
     return end > begin && (begin >= spec.duration || end <= 0);

@@ -36,7 +36,8 @@ void each_path(YamlNode& scene, const Visit& visit) {
       if (YamlNode* table = motion ? motion->find("table") : nullptr) visit(*table);
     }
   const auto visit_table = [&](YamlNode* choice) {
-    if (choice && choice->kind == YamlNode::Kind::scalar && control::is_motion_file(choice->text)) visit(*choice);
+    if (choice && choice->kind == YamlNode::Kind::scalar && control::is_motion_file(choice->text))
+      visit(*choice);
   };
   visit_table(scene.find("excitations"));
   YamlNode* control = scene.find("control");

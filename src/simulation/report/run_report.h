@@ -14,7 +14,8 @@ struct RunTitle {
 };
 
 /// Text of the page. A second run is drawn over the first one as a ghost.
-/// @param folders of one or two runs. @param title absent: of the first folder. @throws Error (input) for no run, other tables, a build without three.
+/// @param folders of one or two runs. @param title absent: of the first folder. @throws Error (input) for no
+/// run, other tables, a build without three.
 std::string run_report(const std::vector<std::filesystem::path>& folders,
                        const std::optional<RunTitle>& title = {});
 

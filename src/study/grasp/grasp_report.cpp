@@ -117,11 +117,10 @@ std::string climbs_csv(const std::vector<ClimbRow>& rows) {
       "load_over_norm,travel_at_load[mm],contacts,criteria_held,wall[s]\n";
   for (const ClimbRow& row : rows) {
     const simulation::ClimbFigures& f = row.figures;
-    out += fmt::format(
-        "{},{},{:.6g},{:.6g},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.4g},{:.4g},{},{},{:.3g}\n", row.scene,
-        row.side, row.stature, row.hand_length, f.name, f.failed ? 1 : 0, f.carried, f.strength.norm,
-        f.strength.deviation, f.strength.own, f.share(), 1e3 * f.last.travel, f.last.contacts,
-        row.passed ? 1 : 0, row.wall);
+    out += fmt::format("{},{},{:.6g},{:.6g},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{:.4g},{:.4g},{},{},{:.3g}\n",
+                       row.scene, row.side, row.stature, row.hand_length, f.name, f.failed ? 1 : 0, f.carried,
+                       f.strength.norm, f.strength.deviation, f.strength.own, f.share(), 1e3 * f.last.travel,
+                       f.last.contacts, row.passed ? 1 : 0, row.wall);
   }
   return out;
 }

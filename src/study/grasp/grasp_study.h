@@ -38,11 +38,11 @@ struct GraspStudy {
 
 /// What a row says of its run.
 struct RunRow {
-  std::string scene;               ///< file name without extension
-  std::string side;                ///< of the hand
-  bool passed = false;             ///< every criterion of the run held
-  double simulated = 0, wall = 0;  ///< [s]
-  std::string fault;               ///< where the run diverged
+  std::string scene;                    ///< file name without extension
+  std::string side;                     ///< of the hand
+  bool passed = false;                  ///< every criterion of the run held
+  double simulated = 0, wall = 0;       ///< [s]
+  std::string fault;                    ///< where the run diverged
   double stature = 0, hand_length = 0;  ///< of the person [m]
   double grip_strength = 0;             ///< the person's own, or the norm [N]
 };

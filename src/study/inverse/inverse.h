@@ -64,7 +64,7 @@ struct InverseResult {
   std::optional<double> rms_error;  ///< of the check over all axes and steps; absent: not made [rad]
   /// With activations: RMS of the reserves over that of the active torques, over all axes.
   std::optional<double> reserve_share;
-  std::optional<Undone> undone;  ///< with activations: why
+  std::optional<Undone> undone;      ///< with activations: why
   std::optional<std::string> fault;  ///< why the check ended early
   std::vector<std::string> warnings;
 

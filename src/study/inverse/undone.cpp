@@ -52,8 +52,7 @@ void UndoneCauses::add(std::span<const double> q, std::span<const double> missin
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
       const std::size_t dof = at(muscle.path.arms[i].dof);
       if (late) waits_[dof] = 1;
-      if (best[m] >= kFull)
-        pull_[m * waits_.size() + dof] = path.arm[i] * muscle.force * muscle.excitable;
+      if (best[m] >= kFull) pull_[m * waits_.size() + dof] = path.arm[i] * muscle.force * muscle.excitable;
     }
   }
   for (std::size_t i = 0; i < asked_.size(); ++i) {

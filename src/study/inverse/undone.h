@@ -1,5 +1,5 @@
-// Why muscles leave a part of the torques of a motion undone. Each step's reserve is what the best activations
-// would leave, and what the activations that are reached leave beside it.
+// Why muscles leave a part of the torques of a motion undone. Each step's reserve is what the best
+// activations would leave, and what the activations that are reached leave beside it.
 #pragma once
 
 #include <map>
@@ -14,7 +14,7 @@ namespace handsim::study {
 /// Shares of the sum of squares of all reserves; together 1. One below 0 makes the others' sum smaller.
 struct Undone {
   std::map<std::string, double> beyond;  ///< the strength of a muscle, which is fully active
-  double no_balance = 0;                  ///< no balance of muscles, which turn several axes at once, gives it
+  double no_balance = 0;                 ///< no balance of muscles, which turn several axes at once, gives it
   double late = 0;   ///< the torque changes faster than activations follow: as noise of points makes it
   double other = 0;  ///< tendons that stretch, bands, and joints that are fused
 };
@@ -37,7 +37,7 @@ class UndoneCauses {
 
   const model::Model& model_;
   std::vector<std::size_t> asked_, fused_;
-  std::vector<double> pull_;           ///< of each muscle, where it is fully active: [N m] about each coordinate
+  std::vector<double> pull_;  ///< of each muscle, where it is fully active: [N m] about each coordinate
   std::vector<unsigned char> waits_;  ///< for activations, by coordinate
   Undone sums_;
   double all_ = 0;

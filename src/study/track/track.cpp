@@ -41,7 +41,7 @@ std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand
 
 /// The person with the size of the hand that the points show.
 hand::Person fitted_person(const TrackInput& input, const Recording& recording,
-                             std::vector<std::string>& warnings) {
+                           std::vector<std::string>& warnings) {
   if (input.fit_bones && !input.markers) return fit_bones(recording, input.model, input.person);
   std::vector<HandFrames> hands;
   for (const model::Side side : {model::Side::right, model::Side::left})
@@ -335,10 +335,10 @@ std::vector<std::string> recording_warnings(const TrackInput& input, const Recor
   if (unused > 0)
     out.push_back(fmt::format("{}: {} names that no hand uses: {}", recording.file, unused, names));
   if (!things.empty())
-    out.push_back(
-        fmt::format("{}: if {} is on an object in the hand, TORQUES AND ACTIVATIONS OF THIS MOTION ARE THOSE OF "
-                    "AN EMPTY HAND: handsim inverse --loads adds the forces on it",
-                    recording.file, things));
+    out.push_back(fmt::format(
+        "{}: if {} is on an object in the hand, TORQUES AND ACTIVATIONS OF THIS MOTION ARE THOSE OF "
+        "AN EMPTY HAND: handsim inverse --loads adds the forces on it",
+        recording.file, things));
   const double interval = (recording.times.back() - recording.times.front()) /
                           static_cast<double>(std::max<std::size_t>(1, recording.times.size() - 1));
   if (interval > kLongestInterval)

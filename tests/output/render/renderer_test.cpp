@@ -222,8 +222,8 @@ TEST(Renderer, ArrowAlongTheSightIsARingWithADotOrACross) {
       EXPECT_FALSE(drawn(1.15, degrees)) << towards << degrees;
       crossed += drawn(0.55, degrees) ? 1 : 0;
     }
-    // Each of four arms takes about 4 of 72 directions at this radius, a blot all; beside the picture's middle
-    // arms are thicker than their projection.
+    // Each of four arms takes about 4 of 72 directions at this radius, a blot all; beside the picture's
+    // middle arms are thicker than their projection.
     EXPECT_GE(crossed, towards ? 0 : 4);
     EXPECT_LE(crossed, towards ? 0 : tilt > 0 ? 36 : 24);
   };
