@@ -1,5 +1,6 @@
 #include "handsim/core/least_squares.h"
 
+#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>

@@ -1,5 +1,6 @@
 // Jacobians, mass matrix, inverse dynamics, energy and momentum of a tree that has every kind of joint, and
 // of hands.
+#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
 
 #include <cmath>
