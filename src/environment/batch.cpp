@@ -43,37 +43,27 @@ int checked(int threads) {
 struct Batch::Impl {
   explicit Impl(int threads) : arena(checked(threads)) {}
 
-  /// Calls f(first, last) for groups of environments, on all cores. The first error in their order is thrown.
-  /// A single group needs no other thread: entering the arena costs more than a step of some scenes.
-  template <class F>
-  void each_group(const F& f) {
-    const std::size_t groups = (environments.size() + kGrain - 1) / kGrain;
-    if (groups == 1) return f(0, environments.size());
-    std::vector<std::optional<Error>> errors(groups);
-    arena.execute([&] {
-      tbb::parallel_for(std::size_t{0}, groups, [&](std::size_t group) {
-        try {
-          f(group * kGrain, std::min((group + 1) * kGrain, environments.size()));
-        } catch (const Error& error) {
-          errors[group].emplace(error);
-        }
-      });
-    });
-    for (const std::optional<Error>& error : errors)
-      if (error) throw Error(*error);
-  }
-  /// As each_group(), but calls f(i) for each environment, also for those after one that throws.
+  /// Calls f(i) for each environment, on all cores, also for those after one that throws. The first error in
+  /// their order is thrown. A single group needs no other thread: entering the arena costs more than a step
+  /// of some scenes.
   template <class F>
   void each(const F& f) {
-    each_group([&](std::size_t first, std::size_t last) {
-      std::optional<Error> found;
-      for (std::size_t i = first; i < last; ++i) try {
+    const std::size_t groups = (environments.size() + kGrain - 1) / kGrain;
+    std::vector<std::optional<Error>> errors(groups);
+    const auto each_of_group = [&](std::size_t group) {
+      const std::size_t end = std::min((group + 1) * kGrain, environments.size());
+      for (std::size_t i = group * kGrain; i < end; ++i) try {
           f(i);
         } catch (const Error& error) {
-          if (!found) found.emplace(error);
+          if (!errors[group]) errors[group].emplace(error);
         }
-      if (found) throw Error(*found);
-    });
+    };
+    if (groups == 1)
+      each_of_group(0);
+    else
+      arena.execute([&] { tbb::parallel_for(std::size_t{0}, groups, each_of_group); });
+    for (const std::optional<Error>& error : errors)
+      if (error) throw Error(*error);
   }
   void observe(std::size_t i) {
     const std::span<const double> now = environments[i].observe();

@@ -89,8 +89,11 @@ void Mechanism::update_gyroscopic_torques(double step) {
 }
 
 int Mechanism::stops_in_force() const {
-  return static_cast<int>(
-      std::ranges::count_if(singles_, [&](int single) { return *views_[at(single)].side != 0; }));
+  return in_lanes([&](const auto& in) {
+    return static_cast<int>(std::ranges::count_if(singles_, [&](int single) {
+      return in.axis[slots_[at(single)].axis].side[slots_[at(single)].lane] != 0;
+    }));
+  });
 }
 
 void Mechanism::forget_contacts() {

@@ -27,31 +27,41 @@ template Work3<2>* thread_work3<2>(std::size_t);
 template Work3<4>* thread_work3<4>(std::size_t);
 template Work3<8>* thread_work3<8>(std::size_t);
 
+namespace {
+
+#if defined(HANDSIM_AVX2_KERNEL)
+bool has_avx2() { return __builtin_cpu_supports("avx2"); }
+#endif
+#if defined(HANDSIM_AVX512_KERNEL)
+bool has_avx512() {
+  return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+         __builtin_cpu_supports("avx512vl");
+}
+#endif
+
+}  // namespace
+
 std::vector<const Kernel*> kernels() {
   std::vector<const Kernel*> out = {&kScalarKernel};
 #if defined(HANDSIM_AVX2_KERNEL)
-  if (__builtin_cpu_supports("avx2")) out.push_back(&kAvx2Kernel);
+  if (has_avx2()) out.push_back(&kAvx2Kernel);
 #else
   if (kBaselineKernel.width > 1) out.push_back(&kBaselineKernel);
 #endif
 #if defined(HANDSIM_AVX512_KERNEL)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-      __builtin_cpu_supports("avx512vl"))
-    out.push_back(&kAvx512Kernel);
+  if (has_avx512()) out.push_back(&kAvx512Kernel);
 #endif
   return out;
 }
 
 std::vector<const RowKernel*> row_kernels() {
   std::vector<const RowKernel*> out = {&kBaselineRows};
-  for (const Kernel* kernel : kernels()) {
 #if defined(HANDSIM_AVX2_KERNEL)
-    if (kernel == &kAvx2Kernel) out.push_back(&kAvx2Rows);
+  if (has_avx2()) out.push_back(&kAvx2Rows);
 #endif
 #if defined(HANDSIM_AVX512_KERNEL)
-    if (kernel == &kAvx512Kernel) out.push_back(&kAvx512Rows);
+  if (has_avx512()) out.push_back(&kAvx512Rows);
 #endif
-  }
   return out;
 }
 
