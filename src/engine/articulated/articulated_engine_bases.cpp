@@ -1,4 +1,4 @@
-// Bodies that drives move: the bases of a mechanism's trees.
+// Bodies that drives move: the bases of a mechanism's trees; and what a state has beside poses of nodes.
 #include "handsim/engine/articulated/articulated_engine.h"
 
 namespace handsim::engine::articulated {
@@ -39,6 +39,16 @@ bool ArticulatedEngine::set_base_velocities() {
 void ArticulatedEngine::place_bases() {
   for (std::size_t i = 0; i < drives().size(); ++i) mechanism_.base(drives()[i].body).pose = targets_[i];
   mechanism_.update_bases();
+}
+
+/// All of the state but the bodies of nodes.
+void ArticulatedEngine::give_rest() const {
+  for (const model::Drive& drive : drives()) {
+    const BaseMotion& base = mechanism_.base(drive.body);
+    state_.bodies[at(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
+  }
+  mechanism_.give_coordinates(state_);
+  state_.time = time_;
 }
 
 }  // namespace handsim::engine::articulated

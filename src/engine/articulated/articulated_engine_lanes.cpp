@@ -28,7 +28,7 @@ bool ArticulatedEngine::stands() {
 }
 
 model::State& ArticulatedEngine::state_in_lanes() {
-  made_.store(Made::no, std::memory_order_relaxed);
+  phase_.store(Phase::stepped, std::memory_order_relaxed);
   return state_;
 }
 
@@ -47,21 +47,10 @@ void ArticulatedEngine::arrive_from_lanes(double time, bool with_bodies) {
   fast_spin_->forget();
   if (contact_) contact_->forget();
   time_ = time;
-  had_torques_ = stepped_ = true;
   placed_ = false;
   if (with_bodies) give_rest();
-  made_.store(with_bodies ? Made::yes : Made::no, std::memory_order_relaxed);
-}
-
-/// All of the state but the bodies of nodes.
-void ArticulatedEngine::give_rest() const {
-  for (const model::Drive& drive : drives()) {
-    const BaseMotion& base = mechanism_.base(drive.body);
-    state_.bodies[at(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
-  }
-  mechanism_.give_coordinates(state_);
-  if (muscles_ && stepped_) muscles_->give(state_);
-  state_.time = time_;
+  if (with_bodies && muscles_) muscles_->give(state_);
+  phase_.store(with_bodies ? Phase::stated : Phase::stepped, std::memory_order_relaxed);
 }
 
 }  // namespace handsim::engine::articulated
