@@ -43,7 +43,7 @@ TEST(InputFile, OfTextHasNoByteOrderMarkAndIsNotUtf16) {
     std::ofstream(path, std::ios::binary) << mark << "a\xef\xbb\xbf\n";
     EXPECT_EQ(read_text_file(path, "a good file", 100), "a\xef\xbb\xbf\n");
   }
-  for (const std::string text : {std::string("\xff\xfe" "a\0", 4), std::string("\xfe\xff\0a", 4)}) {
+  for (const std::string& text : {std::string("\xff\xfe" "a\0", 4), std::string("\xfe\xff\0a", 4)}) {
     std::ofstream(path, std::ios::binary) << text;
     try {
       read_text_file(path, "a good file", 100);
