@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -182,10 +183,11 @@ std::optional<PhysicsFault> input_fault(const model::Model& model, const Setting
                                         const StepInput& input) {
   require_outside(model, settings, input);
   require_excitations(model, settings, input.excitations);
-  std::optional<PhysicsFault> of_torques, of_servos;
-  if (!input.torques.empty()) of_torques = torque_fault(model, time, input.torques);
-  if (!input.servos.empty()) of_servos = servo_fault(model, settings, time, input.servos);
-  return of_torques ? of_torques : of_servos;
+  std::optional<PhysicsFault> fault;
+  if (!input.servos.empty()) fault = servo_fault(model, settings, time, input.servos);
+  if (!input.torques.empty())
+    if (auto of_torques = torque_fault(model, time, input.torques)) fault = std::move(of_torques);
+  return fault;
 }
 
 void require_state(const model::Model& model, const model::State& state) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <thread>
 
 #include <fmt/format.h>
 
@@ -95,20 +94,24 @@ void ArticulatedEngine::start(const model::State& state) {
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
-  stepped_ = false;
   state_ = std::move(next);
-  made_.store(Made::no, std::memory_order_relaxed);
+  write_state();
+  phase_.store(Phase::stated, std::memory_order_relaxed);
+}
+
+/// All of state_ but the muscles' part, which is as it was handed over until there is a step.
+void ArticulatedEngine::write_state() const {
+  mechanism_.give(state_);
+  give_rest();
 }
 
 const model::State& ArticulatedEngine::state() const {
-  if (made_.load(std::memory_order_acquire) == Made::yes) return state_;
-  if (Made no = Made::no; !made_.compare_exchange_strong(no, Made::under_way, std::memory_order_acquire)) {
-    while (made_.load(std::memory_order_acquire) != Made::yes) std::this_thread::yield();
-    return state_;
-  }
-  mechanism_.give(state_);
-  give_rest();
-  made_.store(Made::yes, std::memory_order_release);
+  if (phase_.load(std::memory_order_acquire) == Phase::stated) return state_;
+  const std::lock_guard lock(writing_);
+  if (phase_.load(std::memory_order_relaxed) == Phase::stated) return state_;
+  write_state();
+  if (muscles_) muscles_->give(state_);
+  phase_.store(Phase::stated, std::memory_order_release);
   return state_;
 }
 
@@ -149,12 +152,10 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
   if (muscles_) muscles_->start(state);
-  stepped_ = false;
-  had_torques_ = true;
   time_ = state.time;
   state_ = state;
-  made_.store(Made::no, std::memory_order_relaxed);
-  this->state();
+  write_state();
+  phase_.store(Phase::stated, std::memory_order_relaxed);
   // Coordinates say where the bodies are: what is said twice has to agree.
   if (!same_motion(state, state_))
     in.refuse("bodies that are not where the joints are", "a state that agrees");
@@ -177,11 +178,7 @@ void ArticulatedEngine::check_input(const StepInput& input) {
 }
 
 void ArticulatedEngine::accept(const StepInput& input) {
-  if (muscles_)
-    mechanism_.set_torques(muscles_->begin(input));
-  else if (!input.torques.empty() || had_torques_)
-    mechanism_.set_torques(input.torques);
-  had_torques_ = !input.torques.empty();
+  mechanism_.set_torques(muscles_ ? muscles_->begin(input) : input.torques);
   mechanism_.set_servos(input.servos, smooth(settings_));
 }
 
@@ -316,8 +313,7 @@ StepReport ArticulatedEngine::make_step(const StepInput& input) {
   }
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
-  stepped_ = true;
-  made_.store(Made::no, std::memory_order_relaxed);
+  phase_.store(Phase::stepped, std::memory_order_relaxed);
   return report;
 }
 

@@ -11,6 +11,7 @@
 
 #include <atomic>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
@@ -64,6 +65,7 @@ class ArticulatedEngine final : public Engine {
   void undo_derivatives();
   void compute_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
+  void write_state() const;
   void give_rest() const;
   /// In force.
   std::span<const model::Drive> drives() const {
@@ -96,12 +98,11 @@ class ArticulatedEngine final : public Engine {
   std::vector<Pose> targets_;            ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;
-  bool had_torques_ = false;
-  bool stepped_ = false;  ///< muscles_ has the tensions of a step
   mutable model::State state_;
-  /// Whether state_ is of the coordinates: several threads may ask for it at once.
-  enum class Made : char { no, under_way, yes };
-  mutable std::atomic<Made> made_ = Made::no;
+  /// `stepped`: a step has moved the coordinates on since state_ was written, which the next `state()` does.
+  enum class Phase : char { stated, stepped };
+  mutable std::atomic<Phase> phase_ = Phase::stated;
+  mutable std::mutex writing_;  ///< of state_: several threads may ask for it at once
   std::optional<Error> failure_;
 };
 

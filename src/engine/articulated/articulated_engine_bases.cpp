@@ -48,7 +48,6 @@ void ArticulatedEngine::give_rest() const {
     state_.bodies[at(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
   mechanism_.give_coordinates(state_);
-  if (muscles_ && stepped_) muscles_->give(state_);
   state_.time = time_;
 }
 

@@ -43,9 +43,9 @@ void Approach::touch(const Side& a, const Pose& x_WA, const Side& b, const Pose&
   const dGeomID geom_a = geom(a.shape), geom_b = geom(b.shape);
   place_geom(geom_a, of_a, x_WA);
   place_geom(geom_b, of_b, x_WB);
-  OdePoints found;
-  const std::span<const ManifoldPoint> points = ode_points(geom_a, geom_b, found);
-  points_.assign(points.begin(), points.end());
+  add_ode_points(geom_a, geom_b, [&](const Vec3& position, const Vec3& normal, double depth) {
+    points_.push_back({position, normal, depth});
+  });
 }
 
 double Approach::gap(const Side& a, const Side& b, double share) const {

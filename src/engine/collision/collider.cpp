@@ -222,10 +222,7 @@ int Collider::narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const
     place_shape(geoms_[a], model_.shapes[a], x_WA);
     place_shape(geoms_[b], model_.shapes[b], x_WB);
   }
-  OdePoints found;
-  const std::span<const ManifoldPoint> points = ode_points(geoms_[a], geoms_[b], found);
-  for (const ManifoldPoint& point : points) add(point.position, point.normal, point.depth);
-  return static_cast<int>(points.size());
+  return add_ode_points(geoms_[a], geoms_[b], add);
 }
 
 std::span<const Contact> Collider::touch_at(std::size_t a, const Pose& x_WA, std::size_t b,

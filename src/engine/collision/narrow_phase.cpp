@@ -58,20 +58,6 @@ bool NarrowPhase::polyhedral(std::size_t shape) const {
   return model_.shapes[shape].kind == ShapeKind::box || model_.shapes[shape].kind == ShapeKind::convex_mesh;
 }
 
-std::span<const ManifoldPoint> ode_points(dGeomID a, dGeomID b, OdePoints& out) {
-  std::array<dContactGeom, kMaxPairContacts> found;
-  const int found_count = dCollide(a, b, kMaxPairContacts, found.data(), sizeof(dContactGeom));
-  std::size_t count = 0;
-  for (int i = 0; i < found_count; ++i) {
-    const dContactGeom& point = found[at(i)];
-    const Vec3 normal(point.normal[0], point.normal[1], point.normal[2]);
-    // Written so that NaN fails.
-    if (!(normal.squaredNorm() > 0.5)) continue;
-    out[count++] = {Vec3(point.pos[0], point.pos[1], point.pos[2]), normal, point.depth};
-  }
-  return std::span(out).first(count);
-}
-
 /// Rigid boxes have ODE's points.
 std::optional<Manifold> NarrowPhase::manifold(std::size_t a, const Pose& x_WA, std::size_t b,
                                               const Pose& x_WB, bool pad) const {

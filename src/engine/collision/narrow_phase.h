@@ -4,7 +4,6 @@
 #include <array>
 #include <memory>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "handsim/engine/collision/manifold.h"
@@ -14,12 +13,26 @@
 namespace handsim::engine {
 
 inline constexpr int kMaxPairContacts = 8;  ///< Contact points that one pair of shapes can have.
-using OdePoints = std::array<ManifoldPoint, kMaxPairContacts>;
 
-/// ODE's contact points of two geoms, normals out of b into a. A point without a normal is left out: libccd,
-/// which ODE asks about cylinders and meshes, gives one where surfaces touch at a depth of 0 to rounding. A
-/// step later they are deeper, and the point has its normal. @throws OdeFault
-std::span<const ManifoldPoint> ode_points(dGeomID a, dGeomID b, OdePoints& out);
+/// Calls add(position, normal, depth) for ODE's contact points of two geoms, world, normals out of b into a.
+/// A point without a normal is left out: libccd, which ODE asks about cylinders and meshes, gives one where
+/// surfaces touch at a depth of 0 to rounding. A step later they are deeper, and the point has its normal.
+/// @return the number of points. @throws OdeFault
+template <class Add>
+int add_ode_points(dGeomID a, dGeomID b, const Add& add) {
+  std::array<dContactGeom, kMaxPairContacts> found;
+  const int found_count = dCollide(a, b, kMaxPairContacts, found.data(), sizeof(dContactGeom));
+  int count = 0;
+  for (int i = 0; i < found_count; ++i) {
+    const dContactGeom& point = found[at(i)];
+    const Vec3 normal(point.normal[0], point.normal[1], point.normal[2]);
+    // Written so that NaN fails.
+    if (!(normal.squaredNorm() > 0.5)) continue;
+    add(Vec3(point.pos[0], point.pos[1], point.pos[2]), normal, point.depth);
+    ++count;
+  }
+  return count;
+}
 
 /// The model's shapes, and polyhedra of its boxes.
 class NarrowPhase {
