@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Optional, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._errors import Error, Problem
+from ._errors import Error, Problem, numbers
 from ._model import Model, Shape, SkinParts, compose, inverse, matrices, normals_of, surface
 
 if TYPE_CHECKING:
@@ -202,8 +202,8 @@ def glb_of_model(model: Model, skins: Sequence[SkinParts], poses: Array, times: 
 def glb_of_hand(hand: "Hand", q: Optional[ArrayLike], times: Optional[ArrayLike]) -> bytes:
     """See `Hand.to_glb`."""
     zero = np.zeros(len(hand.coordinates))
-    angles = np.asarray(zero if q is None else q, dtype=np.float64)
-    clock = None if times is None else np.asarray(times, dtype=np.float64)
+    angles = numbers("q", zero if q is None else q, "angles [rad]")
+    clock = None if times is None else numbers("times", times, "shape (times,)")
     if clock is not None and (clock.ndim != 1 or len(clock) == 0 or np.any(np.diff(clock) <= 0) or clock[0] < 0 or
                               angles.shape != (len(clock), len(zero))):
         got = f"shapes {clock.shape} and {angles.shape}"

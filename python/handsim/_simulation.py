@@ -129,11 +129,14 @@ class Simulation:
             method does not solve
         """
         action = {"torques": torques, "targets": targets, "excitations": excitations, "wrists": wrists, "forces": forces}
-        smooth = smoothing_of(smoothing)
+        smooth, asked = smoothing_of(smoothing), [bodies] if isinstance(bodies, str) else bodies
+        flag("advance", advance)
+        if not isinstance(asked, (list, tuple)) or not all(isinstance(each, str) for each in asked):
+            raise input_error("bodies", repr(bodies)[:80], "names of bodies")
         before = self.motion()
         made = False
         try:
-            found = step_with_derivatives(self, action, [bodies] if isinstance(bodies, str) else list(bodies), smooth)
+            found = step_with_derivatives(self, action, list(asked), smooth)
             made = advance
             return found
         finally:

@@ -35,7 +35,7 @@ class Smoothing(NamedTuple):
         moving = len(names) - len(simulation.scene.muscles)
         try:
             out = np.array(self.deviation, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             out = np.array([np.nan])
         if out.shape not in ((), (moving,)) or not (np.isfinite(out) & (out >= 0)).all():
             raise input_error("smoothing", f"{self.deviation!r}", f"a deviation [m], or one for each position and rate, "

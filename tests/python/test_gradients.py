@@ -170,7 +170,7 @@ FIVE = 5
 
 
 # Oracle: the argument's name, whatever it is.
-@pytest.mark.parametrize("strange", [None, "a", b"a", FIVE, np.nan, object(), [[1], [1, 2]], {"a": 1}, np.zeros(3), np.array("a"), [[None]], 1j])
+@pytest.mark.parametrize("strange", [None, "a", b"a", FIVE, np.nan, object(), [[1], [1, 2]], {"a": 1}, np.zeros(3), np.array("a"), [[None]], 1j, 10**400])
 def test_strange_values_are_refused_by_name(held, strange):
     sim, batch = held, hs.Batch(held.scene, 2)
     before = sim.motion()
@@ -184,7 +184,8 @@ def test_strange_values_are_refused_by_name(held, strange):
              "objects.0.mass": lambda: sim.parameters({"objects.0.mass": strange}), "parameters": lambda: run.sensitivities(strange),
              "smoothing": lambda: hs.Rollout(sim, np.zeros((2, width)), smoothing=strange), "batch": lambda: batch.vjp(strange, np.zeros((2, 5))),
              "batch end": lambda: batch.vjp(stacked, strange), "batch start": lambda: batch.jvp(stacked, strange), "changes": lambda: batch.jvp(stacked, None, strange),
-             "scene": lambda: batch.replace(0, strange)}
+             "scene": lambda: batch.replace(0, strange), "advance": lambda: sim.derivatives(advance=strange), "bodies": lambda: sim.derivatives(bodies=strange),
+             "deviation smoothing": lambda: sim.derivatives(smoothing=hs.Smoothing([10**400, strange]))}
     optional = ("along", "start", "every", "smoothing", "batch start", "changes")
     for name, call in calls.items():
         if strange is None and name in optional or name in ("smoothing", "every") and strange is FIVE:

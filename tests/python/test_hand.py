@@ -93,3 +93,15 @@ def test_tables_print_and_become_frames(hand):
     pytest.importorskip("pandas", reason="pandas is not installed: there are no frames")
     frame = hand.segments.to_pandas()
     assert len(frame) == 16 and "centre_of_mass.y" in frame.columns
+
+
+# Oracle: the argument's name.
+@pytest.mark.parametrize("strange", ["a", 5, [[1, 2], [3]], memoryview(b"abc"), ("index_distal", "a"), ("index_distal", [1]), ("index_distal", [[1], [1, 2]]), object(), 10**400])
+def test_points_and_angles_of_other_kinds_are_refused_by_name(hand, strange):
+    q = np.zeros(len(hand.coordinates))
+    for call in (hand.position, hand.jacobian):
+        with pytest.raises(hs.Error, match="point: got|offset: got"):
+            call(q, strange)
+    for call in (lambda: hand.to_glb(strange), lambda: hand.to_glb(np.array([q, q]), times=strange), lambda: hand.mesh(strange), lambda: hand.poses(strange)):
+        with pytest.raises(hs.Error, match="q: got|times: got"):
+            call()

@@ -755,7 +755,7 @@ class Episodes:
         shape = (len(self.batch), self.task.actions)
         try:
             out: Array = np.asarray(action, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise input_error("action", type(action).__name__, f"numbers of shape {shape}") from None
         if out.shape != shape:
             raise input_error("action", f"shape {out.shape}", f"shape {shape}")
