@@ -43,6 +43,8 @@ def check_place(path: Union[str, "PathLike[str]"]) -> Path:
     """:raises Error: of kind input for a place that is no recording's: only an empty file or a recording is replaced"""
     try:
         out = Path(path)
+        if "\0" in str(out):
+            raise ValueError("a byte of 0")
         if out.exists():
             if not out.is_file():
                 raise input_error("record", str(path), "a file")
