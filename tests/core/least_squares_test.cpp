@@ -1,7 +1,7 @@
 #include "handsim/core/least_squares.h"
 
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 #include <Eigen/Dense>
 

@@ -1,7 +1,7 @@
 // Jacobians, mass matrix, inverse dynamics, energy and momentum of a tree that has every kind of joint, and
 // of hands.
-#include <Eigen/Eigenvalues>
 #include <gtest/gtest.h>
+#include <Eigen/Eigenvalues>
 
 #include <cmath>
 #include <numeric>

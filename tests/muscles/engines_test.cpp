@@ -276,8 +276,8 @@ std::vector<double> angles_of(const std::string& side, const std::string& engine
                               double factor = 1) {
   const scene::Scene scene = handsim::test::shipped_scene(
       "resting_hand",
-      {"hands.0={side: " + side + ", wrist: {mount: fixed}, model: " +
-           handsim::test::source("handmodels/anatomical.yaml").string() +
+      {"hands.0={side: " + side +
+           ", wrist: {mount: fixed}, model: " + handsim::test::source("handmodels/anatomical.yaml").string() +
            ", person: " + handsim::test::source("config/persons/median_man.yaml").string() + "}",
        "effects=[gravity, joint_stops, passive_tissue, muscles, tendon_coupling" + contact + "]",
        "solver={engine: " + engine + ", step: 1 ms}"});
