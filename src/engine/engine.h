@@ -111,7 +111,7 @@ class Engine {
  public:
   virtual ~Engine() = default;
 
-  /// Advances by settings().step.
+  /// Advances by settings().step. All input is checked before anything moves: a refused step leaves no trace.
   /// @throws Error (physics) with time, body or joint, and quantity if the new state is out of bounds or a
   ///         torque or servo is not finite. Then every later step throws the same error, state() keeps the
   ///         last valid state, and other engines are not affected. Error (input) for a wrong number of

@@ -53,7 +53,7 @@ class Simulation {
   const model::Model& model() const { return scene_->model; }
   const model::State& state() const { return engine_->state(); }
   const engine::Engine& engine() const { return *engine_; }
-  /// Report of the last step; empty before the first one.
+  /// Report of the last step; empty before the first one and after a reset or restore.
   const engine::StepReport& last_report() const { return report_; }
   /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }

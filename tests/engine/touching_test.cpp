@@ -9,7 +9,7 @@
 #include "handsim/engine/collision/penetration.h"
 #include "handsim/model/convex_mesh.h"
 
-namespace handsim::engine {
+namespace handsim::engine::touching {
 namespace {
 
 using model::ShapeKind;
@@ -84,7 +84,7 @@ Vec3 farthest(const std::vector<model::Shape>& shapes, const Vec3& along) {
 }
 
 /// A fixed solid, or `plane`, and a free one whose lowest point is where the fixed one has its highest.
-model::Model touching(const std::string& below, const Quat& turn_below, const std::string& above,
+model::Model model_of(const std::string& below, const Quat& turn_below, const std::string& above,
                       const Quat& turn_above, const Quat& tilt) {
   model::Model model = model::make_model();
   test::add_ground(model, 0.5, tilt);
@@ -118,7 +118,7 @@ class AtNoGap : public testing::TestWithParam<Pair> {
   /// Steps the pair; nothing but gravity, and what drives surfaces apart, gives the body speed.
   void run(const Quat& turn_below, const Quat& turn_above, const Quat& tilt, bool rests) const {
     const auto& [method, below, above] = GetParam();
-    const model::Model model = touching(below, turn_below, above, turn_above, tilt);
+    const model::Model model = model_of(below, turn_below, above, turn_above, tilt);
     const auto engine = make_engine(model, test::settings(test::kContact, 1e-3, method));
     const Vec3 start = engine->state().bodies[1].p;
     int contacts = 0;
@@ -175,4 +175,4 @@ std::string name_of(const testing::TestParamInfo<Pair>& each) {
 INSTANTIATE_TEST_SUITE_P(Pairs, AtNoGap, testing::ValuesIn(pairs()), name_of);
 
 }  // namespace
-}  // namespace handsim::engine
+}  // namespace handsim::engine::touching

@@ -11,7 +11,7 @@
 #include "engine/models.h"
 #include "handsim/engine/ode/ode_engine.h"
 
-namespace handsim::engine {
+namespace handsim::engine::unmade {
 namespace {
 
 using model::Effect;
@@ -133,9 +133,9 @@ struct Case {
   std::optional<double> strain = {};
 };
 
-class EveryEngine : public testing::TestWithParam<Case> {
+class UnmadeStep : public testing::TestWithParam<Case> {
  protected:
-  EveryEngine() : model_(fingers_with_muscles(GetParam().strain)), with_(everything(GetParam().method)) {
+  UnmadeStep() : model_(fingers_with_muscles(GetParam().strain)), with_(everything(GetParam().method)) {
     if (GetParam().guarded) with_.ode().guard.emplace();
   }
   model::Model model_;
@@ -143,7 +143,7 @@ class EveryEngine : public testing::TestWithParam<Case> {
 };
 
 // Oracle: bit equality with an engine that never got the refused steps, in states and in what `save` writes.
-TEST_P(EveryEngine, TakesNothingFromAStepThatItRefuses) {
+TEST_P(UnmadeStep, TakesNothingFromAStepThatItRefuses) {
   std::mt19937 random(7);
   const auto engine = make_engine(model_, with_), fresh = make_engine(model_, with_);
   int contacts = 0;
@@ -171,7 +171,7 @@ TEST_P(EveryEngine, TakesNothingFromAStepThatItRefuses) {
 
 // Oracle: bit equality with the state of an engine that stopped before the step that fails, whether anybody
 // had asked for it or not. A torque that is no number fails before anything moves, one of 1e9 N m after that.
-TEST_P(EveryEngine, KeepsTheLastStateWhenAStepFails) {
+TEST_P(UnmadeStep, KeepsTheLastStateWhenAStepFails) {
   for (const bool contact : {true, false})
     for (const double bad : {kNotANumber, 1e9})
       for (const int steps : {0, 1, 30}) {
@@ -202,7 +202,7 @@ TEST_P(EveryEngine, KeepsTheLastStateWhenAStepFails) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    , EveryEngine,
+    , UnmadeStep,
     testing::Values(Case{"WorldStep", OdeMethod::world_step}, Case{"QuickStep", OdeMethod::quick_step},
                     Case{"GuardedWorldStep", OdeMethod::world_step, true},
                     Case{"ElasticOnOde", OdeMethod::world_step, false, 0.033},
@@ -239,4 +239,4 @@ TEST(GuardedStep, HasItsTorqueOnceAfterASolverWithoutMemory) {
 }
 
 }  // namespace
-}  // namespace handsim::engine
+}  // namespace handsim::engine::unmade
