@@ -169,7 +169,7 @@ class Result:
         return f"<handsim.Result: {self.scene.title}; {self.simulated:g} s in {self.wall:.3g} s, {end}>"
 
     def _repr_html_(self) -> str:
-        picture = html_picture(self.film_strip(), 960) if self.frames and _core.has_pictures else ""
+        picture = html_picture(self.film_strip(), 960) if self.frames and _core.has_pictures() else ""
         return f"<p>{html.escape(repr(self)[9:-1])}</p>{self.verdict_table._repr_html_()}{picture}{self._replay()}"
 
     def _replay(self) -> str:
