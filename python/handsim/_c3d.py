@@ -40,7 +40,7 @@ def is_c3d(recording: Union[str, "PathLike[str]"]) -> bool:
 def read_names(path: Union[str, "PathLike[str]"]) -> dict[str, str]:
     """Names by label, from lines ``LABEL: NAME``. :raises Error: of kind input, with all wrong lines"""
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise input_error(str(path), str(getattr(error, "strerror", "") or "a text that is not UTF-8"), "a file of lines LABEL: NAME") from None
     out: dict[str, str] = {}
