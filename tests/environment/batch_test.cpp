@@ -8,6 +8,7 @@
 
 #include <tbb/global_control.h>
 
+#include "handsim/engine/articulated/articulated_engine.h"
 #include "scene_files.h"
 #include "support/sanitized.h"
 #include "support/state_bits.h"
@@ -124,6 +125,20 @@ TEST_P(WithDrawnNumbers, EachEnvironmentIsTheOneAlone) {
     EXPECT_EQ(bits(batch[i]), bits(alone[i])) << i;
     EXPECT_EQ(batch[i].simulation().snapshot().bytes, alone[i].simulation().snapshot().bytes) << i;
   }
+}
+
+// Oracle: one lane. Wider kernels have nodes with and without a body side by side, and a limit of fast
+// rotation took the spin of both.
+TEST(Kernels, GiveASwingingHandTheSameBitsAtEveryWidth) {
+  const scene::Scene scene =
+      shipped_scene("stability/swinging_prototype", {"solver={engine: articulated, step: 1 ms}"});
+  std::vector<std::uint64_t> ends;
+  for (const engine::articulated::Kernel* kernel : engine::articulated::kernels()) {
+    engine::articulated::ArticulatedEngine engine(scene.model, scene.spec.solver, kernel);
+    for (int i = 0; i < 200; ++i) engine.step({});
+    ends.push_back(bits(engine.state()));
+  }
+  for (const std::uint64_t end : ends) EXPECT_EQ(end, ends[0]);
 }
 
 TEST(Batch, IsTheSimulationOfTheScene) {

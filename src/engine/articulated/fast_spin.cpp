@@ -45,7 +45,8 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
     if (node.body) tree.bodies.add(mechanism, static_cast<int>(i));
     for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i)); ++dof)
       tree.dofs.push_back(dof);
-    tree.spins.push_back(views[i].spin);
+    // Of bodies only: a node without one has a spin in some lanes and none in others.
+    if (node.body) tree.spins.push_back(views[i].spin);
     if (views[i].work) tree.works.push_back(views[i].work);
     if (node.kind == NodeKind::ball) tree.balls.push_back(static_cast<int>(i));
     if (!node.joint) continue;

@@ -241,7 +241,7 @@ std::vector<std::uint64_t> bits_after(const model::Model& model, const Settings&
 
 // Oracle: bit equality. Each lane does what a single one does, whatever the register's width.
 TEST(ArticulatedDynamics, EveryVectorUnitGivesTheSameBits) {
-  ASSERT_GE(kernels().size(), 2U);
+  if (kernels().size() < 2) GTEST_SKIP() << "this processor has one";
   model::Model fingers = test::five_fingers(true, true);
   const Settings hand =
       settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops, Effect::actuation}, 1e-3,
