@@ -92,7 +92,7 @@ TEST(Recording, RefusesWhatItCannotReadWithItsPlace) {
   expect(refusal("a.csv", "time[s],a.x[m],a.y[m],a.z[m]\n1,0,1e300,0\n"),
          "a.csv:2:1: a: got a point 1e+300 m");
   expect(refusal("a.trc", "PathFileType\n"), "five lines");
-  expect(refusal("a.mot", "x"), ".csv, .json or .trc");
+  expect(refusal("a.mot", "x"), ".csv, .json, .trc or .c3d");
 }
 
 std::string trc(const std::string& frames, const std::string& markers, const std::string& rows) {
