@@ -118,7 +118,7 @@ TEST_P(WithDrawnNumbers, EachEnvironmentIsTheOneAlone) {
     mask[3] = mask[7] = 1;
     seeds[3] = 100;
     batch.reset(seeds, mask);
-    for (const std::size_t i : {3, 7}) alone[i].reset(seeds[i]);
+    for (const std::size_t i : {std::size_t{3}, std::size_t{7}}) alone[i].reset(seeds[i]);
   }
   EXPECT_NE(bits(batch[0]), bits(batch[1]));
   for (std::size_t i = 0; i < batch.size(); ++i) {
