@@ -34,8 +34,8 @@ class Picture:
 LEARN = ["python3 python/examples/learn_to_hold_the_can.py --out out/learn"]
 REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --minutes 4 --out out/ppo"]
 KEY = ["python3 python/examples/ppo.py --task key_turn --drive muscles --minutes 8 --out out/ppo_key"]
-WRITE = ["handsim optimise pen --goal config/goals/write.yaml --out out/write --iterations 60"]
-LIFT = ["handsim optimise muscle_pinch --goal config/goals/lift.yaml --out out/lift"]
+WRITE = ["handsim optimise pen --goal write --out out/write --iterations 60"]
+LIFT = ["handsim optimise muscle_pinch --goal lift --out out/lift"]
 MPC = ["PYTHONPATH=build/release/python OPENBLAS_NUM_THREADS=1 python3 python/examples/mpc.py --push 4 --video --out out/mpc"]
 CAN = ('handsim run grasp_power_can --poses --set grasps.0.hold="1 s" --set grasps.0.lift.height="0.1 m" '
        '--set "grasps.0.shake.levels=[]" --set "pictures.size=[480, 360]"')

@@ -23,13 +23,14 @@ from ._simulation import Simulation
 from ._yaml import Document, number_of
 from .optimise import Optimum, Problem, Term
 
-USAGE = """handsim optimise SCENE --goal GOAL.yaml --out DIR
+USAGE = """handsim optimise SCENE --goal GOAL [--out DIR]
 
 Finds torques, targets of the controller or excitations of muscles with which the scene reaches a goal at least cost, through contact
 (docs/optimise.md). SCENE is a file or a shipped name, with engine articulated. DIR gets scene.yaml, which handsim run plays,
 actions.csv, optimise.json and optimise.svg, and in DIR/run the played run with its report.
 
-  --goal GOAL.yaml   costs, limits, actions; shipped ones are in config/goals
+  --goal GOAL        costs, limits, actions: a file, or the name of a shipped one in config/goals
+  --out DIR          out/SCENE
   --set KEY=VALUE    a change of the scene; may be repeated
   --iterations N     at most; 100
   --no-run           writes no DIR/run
@@ -37,7 +38,7 @@ actions.csv, optimise.json and optimise.svg, and in DIR/run the played run with 
 
 Exit status 1: iterations ended before the cost did not fall any more, or a contact of `touch` was lost.
 
-Example: handsim optimise reach --goal config/goals/reach.yaml --out out/reach
+Example: handsim optimise reach --goal reach --out out/reach
 """
 KEYS = ("title", "actions", "of", "hold", "duration", "effort", "rate", "limits", "first", "window", "costs", "touch", "touch_from")
 COSTS: dict[str, tuple[str, ...]] = {"angle": ("is",), "point": ("is", "path", "offset", "relative"), "turn": ("is",), "still": ()}
@@ -350,8 +351,9 @@ def picture(goal: Goal, problem: Problem, found: Optimum) -> str:
 
 
 def _options(arguments: Sequence[str]) -> dict[str, Any]:
-    out = read_options("optimise", arguments, "SCENE", ("--no-run", "--quiet"), ("--goal", "--out", "--set", "--iterations"), ("--goal", "--out"))
+    out = read_options("optimise", arguments, "SCENE", ("--no-run", "--quiet"), ("--goal", "--out", "--set", "--iterations"), ("--goal",))
     out.setdefault("--iterations", "100")
+    out.setdefault("--out", str(Path("out") / Path(out["SCENE"]).stem))
     if not out["--iterations"].isdecimal() or not 0 < int(out["--iterations"][:10]) < 100000:
         raise input_error("--iterations", out["--iterations"], "a whole number from 1")
     return out
@@ -375,10 +377,11 @@ def _work(options: dict[str, Any]) -> int:
     path = find_file(options["SCENE"])
     changes: dict[str, Any] = dict(each.partition("=")[::2] for each in options["--set"])
     scene = load(path, changes)
-    goal = Goal(Path(options["--goal"]), scene)
+    file = find_file(options["--goal"], "--goal", "config/goals")
+    goal = Goal(file, scene)
     problem = goal.problem(Simulation(scene))
     names = ["actions.csv", "optimise.svg", "inputs/actions.csv", *standing_alone(scene)]
-    with OutputFolder(options["--out"], "optimise.json", b'{\n "cost"', names, [*files_of(scene), options["--goal"]]) as folder:
+    with OutputFolder(options["--out"], "optimise.json", b'{\n "cost"', names, [*files_of(scene), file]) as folder:
         if "--no-run" not in options:
             _run_folder(folder.path / "run")
         return _solved(goal, problem, options, changes, folder)

@@ -133,7 +133,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="handsim export", allow_abbrev=False, description=__doc__.partition("\n\n")[0] if __doc__ else None,
                      epilog="example: python3 -m handsim export config/grasp_power_can.yaml --out can.glb")
     parser.add_argument("source", nargs="?", help="scene file, name of a shipped scene, or folder of a finished run")
-    parser.add_argument("--out", required=True, help="the file; its ending says the format")
+    parser.add_argument("--out", help="the file; its ending says the format; default: out/NAME with the ending of --format")
     parser.add_argument("--format", help=f"one of {', '.join(FORMATS)}")
     parser.add_argument("--time", type=float, help="the moment [s]; of glb and mcap the end of the motion; default: obj and stl the start, others all")
     parser.add_argument("--hands", choices=("skin", "shapes", "both"), default="skin", help="what is seen of hands (usda has both)")
@@ -219,12 +219,16 @@ def _messages(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[f
 
 def run(arguments: argparse.Namespace) -> str:
     """Writes the file. :returns: what it has"""
-    kind = _format(arguments.out, arguments.format)
+    own_name = Path(arguments.source).resolve().stem if arguments.source else "hand"
+    place = arguments.out or str(Path("out") / f"{own_name}.{arguments.format}")
+    kind = _format(place, arguments.format)
     if not (np.isfinite(arguments.fps) and 1 <= arguments.fps <= 1000):
         raise input_error("--fps", arguments.fps, "1 to 1000")
     scene, motion = _scene_of(arguments)
     own = [] if motion is None else [Path(arguments.source) / "trajectory.csv"]
-    out = check_target("--out", arguments.out, kind, [*files_of(scene), *own])
+    if not arguments.out:
+        Path("out").mkdir(exist_ok=True)
+    out = check_target("--out", place, kind, [*files_of(scene), *own])
     show = sys.stderr.isatty() and not arguments.quiet
     still = arguments.source is None
     if kind == "mcap":
@@ -232,7 +236,7 @@ def run(arguments: argparse.Namespace) -> str:
             raise input_error("export", "a person", "a scene or a run for the motion of an mcap file")
         content = _messages(scene, motion, arguments.time, arguments.fps, show)
         write_file(out, content)
-        return f"{arguments.out}: joint states, transforms and contact wrenches of {scene.title} as mcap, {len(content) / 1e6:.2f} MB"
+        return f"{place}: joint states, transforms and contact wrenches of {scene.title} as mcap, {len(content) / 1e6:.2f} MB"
     whole = kind == "glb" or kind == "usda" and arguments.time is None
     times, poses = _motion(scene, motion, arguments.time, whole and not still, arguments.fps, show)
     model = Model(scene)
@@ -248,7 +252,7 @@ def run(arguments: argparse.Namespace) -> str:
         content = obj_of(parts) if kind == "obj" else stl_of(parts)
     write_file(out, content)
     moved = f", {times[-1]:g} s of motion" if times is not None and len(times) > 1 else ""
-    return f"{arguments.out}: {len(model.bodies) - 1} bodies, {len(model.hands)} hands as {kind}{moved}, {len(content) / 1e6:.2f} MB"
+    return f"{place}: {len(model.bodies) - 1} bodies, {len(model.hands)} hands as {kind}{moved}, {len(content) / 1e6:.2f} MB"
 
 
 def _ours(words: Sequence[str]) -> bool:

@@ -33,7 +33,7 @@ constexpr std::array<OtherCommand, 5> kOtherCommands = {
       "handsim identify out/run --scene grasp_pinch --free objects.0.mass"},
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
-      "handsim optimise config/reach.yaml --goal config/goals/reach.yaml --out out/reach"},
+      "handsim optimise reach --goal reach --out out/reach"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"}}};
 

@@ -193,3 +193,12 @@ def test_inverse_undoes_a_pose():
     """Oracle: the identity."""
     x = np.array([0.1, -0.2, 0.3, 0.5, -0.5, 0.5, 0.5])
     assert np.allclose(compose(x, inverse(x)), [0, 0, 0, 1, 0, 0, 0], atol=1e-15)
+
+
+def test_without_out_a_file_is_named_after_what_it_shows(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "balls.yaml").write_text(json.dumps(BALLS))
+    assert export.main(["balls.yaml", "--format", "stl"]) == 0
+    assert export.main(["--stature", "1.75", "--mass", "70", "--sex", "male", "--side", "right", "--format", "obj", "--hands", "shapes"]) == 0
+    assert sorted(each.name for each in (tmp_path / "out").iterdir()) == ["balls.stl", "hand.obj"]
+    assert export.main(["balls.yaml", "--format", "stl", "--out", "balls.obj"]) == 2 and "a name that ends in .stl" in capsys.readouterr().err

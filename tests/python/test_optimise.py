@@ -225,3 +225,12 @@ def test_receding_windows_reach_what_the_whole_run_reaches():
     problem.first = optimise.receded(problem, 15)
     parts = optimise.played(problem)
     assert whole.cost <= parts.cost < 1.5 * whole.cost
+
+
+def test_a_shipped_goal_has_a_name_and_its_output_a_default(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["reach", "--goal", "reeach", "--no-run"]) == 2
+    assert "--goal: got reeach, need a path, or the name of a shipped file; nearest: reach" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+    assert main(["reach", "--goal", "reach", "--iterations", "2", "--no-run", "--quiet"]) in (0, 1)
+    assert (tmp_path / "out" / "reach" / "optimise.json").is_file()
