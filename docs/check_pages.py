@@ -122,12 +122,15 @@ def check_dev(words, problems, where):
 
 def check_tests(words, problems, where, sources):
     for option, name in zip(words, words[1:]):
-        if option == "-R" and not re.search(name, sources):
+        if option == "-R" and not re.search(name, sources, re.M):
             problems.append(f"{where}: no test matches {name}")
 
 
 def check_commands(program, problems):
-    sources = "\n".join(path.read_text() for path in (ROOT / "tests").rglob("*.cpp"))
+    # A suite of GoogleTest is one test of ctest, FOLDER.SUITE.
+    suites = re.compile(r"^TEST(?:_F|_P)?\((\w+),", re.M)
+    sources = "\n".join(f"{path.relative_to(ROOT / 'tests').parts[0]}.{suite}" for path in (ROOT / "tests").rglob("*.cpp")
+                        for suite in suites.findall(path.read_text()))
     sources += "\n" + "\n".join(path.read_text() for path in (ROOT / "tests").rglob("CMakeLists.txt"))
     sources += "\n" + "\n".join(f"python.{path.stem.removeprefix('test_')}" for path in (ROOT / "tests/python").glob("*.py"))
     for page in tables.PAGES:
