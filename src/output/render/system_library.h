@@ -1,4 +1,4 @@
-// Libraries of the system that are loaded when the first picture is drawn. OpenGL's libraries take 30 ms to
+// Libraries of the system that are loaded when the first picture is drawn. OpenGL's libraries take 20 ms to
 // load, and a system may lack them: a program that draws nothing needs neither the time nor the libraries.
 #pragma once
 
