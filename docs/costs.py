@@ -41,7 +41,7 @@ def rms_of_reference(study, scene, handsim, out):
         wanted = [name for name in rows[0] if ".rate[" in name and name.startswith(study.get("observe", ""))]
         rates, end = [[float(row[name]) for name in wanted] for row in rows], float(rows[-1]["time[s]"])
     else:
-        table = ROOT / f"src/study/accuracy/{study['reference']}.csv"
+        table = ROOT / f"src/handsim/study/accuracy/{study['reference']}.csv"
         rates = [[float(row["vx[m/s]"])] for row in csv.DictReader(open(table))]
         end = 0.01 * (len(rates) - 1)
     values = [rate for row in rates for rate in row]

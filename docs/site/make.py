@@ -218,7 +218,7 @@ def header_pages(site):
     names = re.search(r"set\(HANDSIM_PUBLIC_HEADERS\s+(.*?)\)", list_of, re.S)[1].split()
     out = []
     for name in sorted(names):
-        opening, found = parts_of(ROOT / "src" / name)
+        opening, found = parts_of(ROOT / "src/handsim" / name)
         text = [f"# handsim/{name}", " ".join(opening), f"```cpp\n#include <handsim/{name}>\n```"]
         last = None
         for comment, code in found:

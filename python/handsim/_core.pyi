@@ -1,4 +1,4 @@
-# Types of the C++ module (src/python). Everything here is private: the package's classes stand in front of it.
+# Types of the C++ module (src/handsim/python). Everything here is private: the package's classes stand in front of it.
 from os import PathLike
 from pathlib import Path
 from typing import Any, Callable, Mapping, Optional, Sequence, Union

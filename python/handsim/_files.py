@@ -1,7 +1,7 @@
 """How Python writes files, and what its commands share: their options and how they end.
 
 A file gets its name when it is complete, and what is the user's stays: docs/outputs.md, "How files are written". The rules are the
-program's own (src/output/atomic_file.h, output_folder.h).
+program's own (src/handsim/output/atomic_file.h, output_folder.h).
 """
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ pkg_check_modules(ODE QUIET IMPORTED_TARGET ode>=0.16)
 handsim_need(ODE_FOUND "the Open Dynamics Engine (pkg-config ode, 0.16 or newer)" libode-dev)
 # The precision of ODE is a choice of its build; its headers use the flag that pkg-config gives.
 try_compile(HANDSIM_ODE_IS_DOUBLE ${PROJECT_BINARY_DIR}/ode_precision
-            SOURCES ${PROJECT_SOURCE_DIR}/src/engine/ode/precision.cpp LINK_LIBRARIES PkgConfig::ODE)
+            SOURCES ${PROJECT_SOURCE_DIR}/src/handsim/engine/ode/precision.cpp LINK_LIBRARIES PkgConfig::ODE)
 handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
 
 foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev" "fmt;fmt;libfmt-dev"

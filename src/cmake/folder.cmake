@@ -1,5 +1,5 @@
-# One object library for each folder of src/. A folder can include its own headers and those of the folders in its
-# USES, and no others: each folder has a separate include directory, so that a wrong include does not compile.
+# One object library for each folder of src/handsim/. An include is a path below src/. A folder may include its own headers and
+# those of the folders in its USES, and no others: test_house compares the includes with the USES.
 
 add_library(handsim_flags INTERFACE)
 target_compile_options(handsim_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow
@@ -14,6 +14,7 @@ endif()
 # GCC takes more memory and collects its garbage less often: 7 % of the time of a compilation.
 target_compile_options(handsim_flags INTERFACE
                        "$<$<CXX_COMPILER_ID:GNU>:SHELL:--param ggc-min-expand=200 --param ggc-min-heapsize=524288>")
+target_include_directories(handsim_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
 target_link_libraries(handsim_flags INTERFACE Eigen3::Eigen fmt::fmt)
 
 # Headers of other libraries that most files use. With HANDSIM_PRECOMPILE they are compiled once for all folders: parsing them
@@ -50,12 +51,11 @@ endif()
 set(HANDSIM_FUZZED core hand control scene simulation)
 
 # handsim_folder(NAME [LIGHT|FAST] [UNIT name] SOURCES file... USES folder... PRIVATE library...)
-# NAME is a folder below src/; its subfolders need calls of their own. USES names every folder whose headers its files
+# NAME is a folder below src/handsim/; its subfolders need calls of their own. USES names every folder whose headers its files
 # include, directly or through another header: USES is not transitive. Every folder may use the standard library,
 # Eigen and fmt. LIGHT is for what reads, writes or reports: it takes no noticeable part of a run, and is compiled with -O1.
 # FAST is for short inner loops: -O3 saves a tenth of the time of a step with contact, with the same bits.
-# A unity build compiles all folders of a UNIT as one file: most of the time of a small folder goes into headers. What
-# one folder may include of another is then tested by test_house and by builds without unity.
+# A unity build compiles all folders of a UNIT as one file: most of the time of a small folder goes into headers.
 function(handsim_folder folder)
   cmake_parse_arguments(arg "LIGHT;FAST" "UNIT" "SOURCES;USES;PRIVATE" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
@@ -63,16 +63,7 @@ function(handsim_folder folder)
   if(HANDSIM_UNITY AND arg_UNIT)
     set(target handsim_unit_${arg_UNIT})
   endif()
-  # The include directory has links to the headers of this folder.
-  set(root ${PROJECT_BINARY_DIR}/include/${name})
-  file(REMOVE_RECURSE ${root})
-  file(MAKE_DIRECTORY ${root}/handsim/${folder})
-  file(GLOB headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/${folder}/*.h)
-  foreach(header IN LISTS headers)
-    get_filename_component(file ${header} NAME)
-    file(CREATE_LINK ${header} ${root}/handsim/${folder}/${file} SYMBOLIC)
-  endforeach()
-  list(TRANSFORM arg_SOURCES PREPEND ${folder}/)
+  list(TRANSFORM arg_SOURCES PREPEND handsim/${folder}/)
   set(first TRUE)
   if(TARGET ${target})
     set(first FALSE)
@@ -82,12 +73,6 @@ function(handsim_folder folder)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ${HANDSIM_UNITY} UNITY_BUILD_BATCH_SIZE 0)
   endif()
   set_property(GLOBAL PROPERTY HANDSIM_UNIT_OF_${name} ${target})
-  set(roots ${root})
-  foreach(used IN LISTS arg_USES)
-    string(REPLACE "/" "_" used ${used})
-    list(APPEND roots ${PROJECT_BINARY_DIR}/include/${used})
-  endforeach()
-  target_include_directories(${target} PRIVATE ${roots})
   target_link_libraries(${target} PRIVATE handsim_flags ${arg_PRIVATE})
   set_property(GLOBAL APPEND PROPERTY HANDSIM_FOLDERS ${folder})
   list(JOIN arg_USES " " uses)

@@ -12,8 +12,8 @@ function(handsim_installed_headers out)
     list(POP_FRONT open header)
     if(NOT header IN_LIST found)
       list(APPEND found ${header})
-      # The headers of handsim that it includes, relative to src/.
-      file(STRINGS ${PROJECT_SOURCE_DIR}/src/${header} lines REGEX "^#include \"handsim/")
+      # The headers of handsim that it includes, relative to src/handsim/.
+      file(STRINGS ${PROJECT_SOURCE_DIR}/src/handsim/${header} lines REGEX "^#include \"handsim/")
       list(TRANSFORM lines REPLACE "^#include \"handsim/([^\"]+)\".*" "\\1")
       list(APPEND open ${lines})
     endif()

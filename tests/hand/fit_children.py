@@ -131,7 +131,7 @@ def adult_share(c, with_age):
 
 
 def hand(fits, grown, c, y, with_age, with_sex):
-    """Predictions [m] as src/hand/anthropometry.cpp makes them."""
+    """Predictions [m] as src/handsim/hand/anthropometry.cpp makes them."""
     kind = "by_age" if with_age else "by_stature"
     x, knots = KINDS[kind]
     male, female = (predict(fits[kind, sex, y], c, x, knots) for sex in (False, True))

@@ -85,7 +85,7 @@ TEST(SliderCrankReference, AgreesWithThePublishedSliderPosition) {
 
 // Oracle: the reference itself; the accuracy study compares with these rows.
 TEST(SliderCrankReference, MakesTheRowsThatTheAccuracyStudyHas) {
-  const std::filesystem::path folder = std::filesystem::path(test::in_source("src/study/accuracy"));
+  const std::filesystem::path folder = std::filesystem::path(test::in_source("src/handsim/study/accuracy"));
   for (const auto& [name, spec, end] :
        {std::tuple("slider_crank_iftomm.csv", SliderCrankSpec::iftomm(), 5.0),
         {"slider_crank_torque.csv", SliderCrankSpec::constant_torque(), 2.0}}) {
