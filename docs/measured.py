@@ -4,6 +4,7 @@ import json
 import math
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "out" / "docs"
@@ -712,6 +713,21 @@ def learning():
                   for task, of in json.loads(path.read_text())["tasks"].items()])
 
 
+def longest_tests():
+    """The 40 longest entries of ctest, and all of them."""
+    path = OUT / "tests" / "run.xml"
+    if not path.exists():
+        raise Missing("out/docs/tests/run.xml")
+    long = set(re.findall(r"Test +#\d+: (\S+)", study_text("tests", "long")))
+    entries = sorted(((float(case.get("time")), case.get("name"), "all" if case.get("name") in long else "quick")
+                      for case in ElementTree.parse(path).getroot().iter("testcase")), reverse=True)
+    rows = [[f"`{name}`", tier, number(seconds)] for seconds, name, tier in entries[:40]]
+    for tier in ("quick", "all"):
+        of = [seconds for seconds, _, own in entries if tier in ("all", own)]
+        rows.append([f"{len(of)} entries together", tier, number(sum(of))])
+    return table(["entry of ctest", "tier", "time (s)"], rows)
+
+
 def skin():
     path = OUT / "skin" / "skin.json"
     if not path.exists():
@@ -846,7 +862,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

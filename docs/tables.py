@@ -133,6 +133,7 @@ STUDIES = {
     "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "learning": Study("10 min", {"run": None}),
     "skin": Study("1 min", {"run": None}),
+    "tests": Study("20 min", {"long": None, "run": None}),
     "gradients": Study("1 min", {"errors": None, "times": None}),
     "reach": Study("1 min", {"run": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
@@ -141,8 +142,8 @@ STUDIES = {
 # Benchmarks of studies of their own; "speed" runs all others.
 BENCHMARKS = {"environment": "^(batch_|muscle_batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
-# pin and mujoco (PyPI).
-ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach")
+# pin and mujoco (PyPI); tests is a matter of this checkout.
+ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach", "tests")
 
 
 # Running studies and writing pages.
@@ -165,6 +166,9 @@ def command_of(name, label, build):
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
     if name == "learning":
         return [python_of(build), "tests/peers/learning.py", "--minutes", "2", "--out", str(OUT / name)]
+    if name == "tests":
+        ctest = ["ctest", "--test-dir", str(build)]
+        return [*ctest, "-N", "-L", "^long$"] if label == "long" else [*ctest, "-j", str(os.cpu_count()), "--output-junit", str(OUT / name / "run.xml")]
     if name == "skin":
         return [python_of(build), "tests/output/skin_figures.py", str(OUT / name / "skin.json")]
     if name == "reach":
