@@ -7,15 +7,30 @@ namespace handsim::model {
 
 namespace {
 
-/// Two springs, or two dampers, in series; one of 0 is absent.
-double in_series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : a + b; }
-
 std::optional<Compliance> in_series(const std::optional<Compliance>& a, const std::optional<Compliance>& b) {
   if (!a || !b) return a ? a : b;
-  return Compliance{in_series(a->stiffness, b->stiffness), in_series(a->damping, b->damping)};
+  return in_series(*a, *b);
+}
+
+/// The geometric mean.
+std::optional<FrictionOverLoad> mean(const std::optional<FrictionOverLoad>& a,
+                                     const std::optional<FrictionOverLoad>& b) {
+  if (!a && !b) return std::nullopt;
+  const FrictionOverLoad x = a.value_or(FrictionOverLoad{}), y = b.value_or(FrictionOverLoad{});
+  return FrictionOverLoad{0.5 * (x.exponent + y.exponent), std::sqrt(x.at_one * y.at_one),
+                          std::sqrt(x.least * y.least), std::sqrt(x.most * y.most)};
 }
 
 }  // namespace
+
+double FrictionOverLoad::factor(double force) const {
+  return std::clamp(at_one * std::pow(std::max(force, 0.0), exponent), least, most);
+}
+
+double Material::spinning(double friction_there, double depth) const {
+  if (!spins_by_area || !compliance) return spinning_friction;
+  return 8.0 / 15 * friction_there * compliance->contact_radius(depth);
+}
 
 Material combined(const Material& a, const Material& b) {
   Material out;
@@ -25,6 +40,8 @@ Material combined(const Material& a, const Material& b) {
   out.compliance = in_series(a.compliance, b.compliance);
   out.rolling_friction = std::max(a.rolling_friction, b.rolling_friction);
   out.spinning_friction = std::max(a.spinning_friction, b.spinning_friction);
+  out.spins_by_area = a.spins_by_area || b.spins_by_area;
+  out.friction_over_load = mean(a.friction_over_load, b.friction_over_load);
   return out;
 }
 

@@ -9,6 +9,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/core/pose.h"
+#include "handsim/model/compliance.h"
 #include "handsim/model/convex_mesh.h"
 #include "handsim/model/motion.h"
 #include "handsim/model/muscle.h"
@@ -108,11 +109,11 @@ struct Joint {
   bool closes_loop = false;     ///< its child is already the child of another joint
 };
 
-/// Compliant contact of two surfaces: normal force = stiffness depth + damping d(depth)/dt, never negative.
-/// The values hold for a whole pair of shapes; its contact points share them.
-struct Compliance {
-  double stiffness = 0;  ///< [N/m], > 0
-  double damping = 0;    ///< [N s/m], >= 0
+/// Friction that depends on the normal force F of a pair: the coefficient times at_one F^exponent, within
+/// `least` and `most`; F in N.
+struct FrictionOverLoad {
+  double exponent = 0, at_one = 1, least = 1, most = 1;
+  double factor(double force) const;
 };
 
 struct Material {
@@ -123,11 +124,17 @@ struct Material {
   std::optional<Compliance> compliance;  ///< absent: rigid
   double rolling_friction = 0;           ///< largest rolling moment per normal force [m], >= 0
   double spinning_friction = 0;          ///< largest moment about the normal per normal force [m], >= 0
+  /// Instead: that of the disc that is pressed flat, 8/15 friction times its radius. Needs compliance.
+  bool spins_by_area = false;
+  std::optional<FrictionOverLoad> friction_over_load;  ///< needs a law of compliance
+
+  /// Largest moment about the normal per normal force of a contact at a depth, with its friction [m].
+  double spinning(double friction_there, double depth) const;
 };
 
 /// Contact of two surfaces: friction is the geometric mean; restitution, its speed, rolling and spinning
-/// friction are the greater of the two; springs and dampers act in series (with a rigid surface the other's
-/// compliance holds, with an undamped one the other's damping). The result has no name.
+/// friction are the greater of the two; springs, dampers and laws act in series (with a rigid surface the
+/// other's compliance holds, with an undamped one the other's damping). The result has no name.
 Material combined(const Material& a, const Material& b);
 
 /// A named set of shapes that contact rules refer to.

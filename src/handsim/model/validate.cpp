@@ -210,8 +210,9 @@ class Checker {
     check_range({material.name, ".rolling_friction"}, material.rolling_friction, 0, kSizeMax, "m");
     check_range({material.name, ".spinning_friction"}, material.spinning_friction, 0, kSizeMax, "m");
     if (!material.compliance) return;
-    check_range({material.name, ".stiffness"}, material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
-                "N/m");
+    if (!material.compliance->law)
+      check_range({material.name, ".stiffness"}, material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
+                  "N/m");
     check_range({material.name, ".damping"}, material.compliance->damping, 0, kStiffnessMax, "N s/m");
   }
 

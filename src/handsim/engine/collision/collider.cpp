@@ -93,6 +93,11 @@ void Collider::collect_near(const model::State& state) {
   near_pairs_.assign(near.begin(), near.end());
 }
 
+model::Material Collider::surface(int shape_a, int shape_b) const {
+  const model::Shape &a = model_.shapes[at(shape_a)], &b = model_.shapes[at(shape_b)];
+  return rules_.meet(a.group, b.group) ? rules_.between(a, b) : model::Material{};
+}
+
 void Collider::save(ArchiveWriter& out) const {
   out(contacts_.size());
   for (const Contact& contact : contacts_) carry(out, contact);

@@ -12,10 +12,41 @@ PairTable::PairTable(const model::Model& model)
   }
 }
 
+namespace {
+
+/// Radius of a round shape, or 0.
+double radius_of(const model::Shape& shape) {
+  using model::ShapeKind;
+  const bool round = shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::sphere ||
+                     shape.kind == ShapeKind::cylinder;
+  return round ? shape.radius : 0;
+}
+
+bool of_hand(const model::Shape& shape) { return shape.part < model::Part::object; }
+
+/// Radius of the pad between two shapes that share one material: a hand's, else the smaller.
+double pad_radius(const model::Shape& a, const model::Shape& b) {
+  const double of_a = radius_of(a), of_b = radius_of(b);
+  if (of_hand(a) != of_hand(b)) return of_hand(a) ? of_a : of_b;
+  return of_a > 0 && of_b > 0 ? std::min(of_a, of_b) : of_a + of_b;
+}
+
+model::Material sized(model::Material surface, double radius) {
+  if (!surface.compliance) return surface;
+  surface.compliance->radius = radius;
+  const auto& law = surface.compliance->law;
+  if (law && law->radius > 0 && radius > 0) surface.compliance->size = radius / law->radius;
+  return surface;
+}
+
+}  // namespace
+
 model::Material PairTable::between(const model::Shape& a, const model::Shape& b) const {
   const auto material = [&](int index) { return model_.materials[at(index)]; };
   const std::optional<int> ruled = rule(a.group, b.group)->material;
-  return ruled ? material(*ruled) : model::combined(material(a.material), material(b.material));
+  return ruled ? sized(material(*ruled), pad_radius(a, b))
+               : model::combined(sized(material(a.material), radius_of(a)),
+                                 sized(material(b.material), radius_of(b)));
 }
 
 bool PairTable::meets_any(int group) const {

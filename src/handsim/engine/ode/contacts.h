@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "handsim/engine/collision/collider.h"
+#include "handsim/engine/collision/pad_memory.h"
 #include "handsim/engine/collision/penetration.h"
 #include "handsim/engine/ode/friction.h"
 
@@ -35,17 +35,22 @@ class Contacts {
   bool revise_limits() { return friction_ && limits_.take_in(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();
-  /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
-  void take_in_slip(const model::State& before, double step);
+  /// Takes in how far surfaces slid and pads were pressed in the step just made. @param before its start;
+  /// @param step [s]
+  void take_in_motion(const model::State& before, double step);
   /// What friction remembers from step to step.
   struct Memory {
     std::vector<Presliding> presliding;
     FrictionLimits::Memory limits;
+    std::vector<PadMemory::Pair> pads;
   };
-  Memory memory() const { return {memory_.pairs(), limits_.memory()}; }
+  Memory memory() const {
+    return {memory_.pairs(), limits_.memory(), pads_ ? pads_->pairs() : std::vector<PadMemory::Pair>()};
+  }
   void set_memory(const Memory& memory) {
     memory_.set(memory.presliding);
     limits_.set(memory.limits);
+    if (pads_) pads_->set(memory.pads);
   }
   /// Length of the steps to come [s].
   void set_step(double step);
@@ -61,6 +66,7 @@ class Contacts {
   struct Known {
     bool pad = false;              ///< compliant surfaces
     double share = 1;              ///< of the pair's stiffness
+    PadStep step;                  ///< of the pair's law
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits
   };
@@ -72,6 +78,10 @@ class Contacts {
   void add_spin_row(const Contact& contact, const Touch& touch, const Known& known);
   double shared_mass(const Contact& contact, const model::State& state) const;
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
+  void soften(dSurfaceParameters& surface, const Contact& contact, const model::Compliance& pad,
+              const Known& known, double rate) const;
+  double parting_rate(const Contact& contact, const model::State& state) const;
+  double depth_after(const Contact& contact, const model::State& before, double step) const;
   dBodyID body_of(int shape) const;
   /// -1 where ODE turns the contact: it makes body b the first of a joint whose body a is not there.
   double side(const Contact& contact) const;
@@ -88,6 +98,7 @@ class Contacts {
   CrossedBodies crossed_;
   PreslidingMemory memory_;
   FrictionLimits limits_;
+  std::optional<PadMemory> pads_;  ///< with surfaces that need it only
   bool friction_;
   bool remembers_;  ///< how far surfaces have crept
   bool with_forces_;

@@ -107,7 +107,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
-    contacts_->take_in_slip(state_, step);
+    contacts_->take_in_motion(state_, step);
     contacts_->release();
   }
   return report;

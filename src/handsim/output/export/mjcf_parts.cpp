@@ -77,6 +77,21 @@ std::string spring_damper(const model::Compliance& pad, double mobility, double 
                      -d * pad.stiffness * R, -d / h, d);
 }
 
+constexpr double kPadLoad = 5;  ///< of the pads that stiffen and spin by their area [N]
+
+/// The spring and damper in place of a pad's law: its secant at kPadLoad of a press that lasts, and of this the
+/// shortest of the times in which it relaxes.
+model::Compliance straightened(const model::Compliance& pad) {
+  if (!pad.law) return pad;
+  const double stiffness = pad.secant(kPadLoad);
+  double time = 0;
+  for (const model::Relaxation& part : pad.law->relaxations)
+    time = time == 0 ? part.time : std::min(time, part.time);
+  model::Compliance out{stiffness, pad.damping + time * stiffness};
+  out.radius = pad.radius;
+  return out;
+}
+
 /// What MuJoCo makes of two surfaces by itself.
 bool combined_there(const model::Material& a, const model::Material& b, const model::Material& pair,
                     bool friction) {
@@ -135,12 +150,22 @@ std::string mjcf_pairs(const model::Model& model, const engine::Settings& settin
   const engine::UntestedPairs untested(model, immovable);
   const bool friction = settings.effects.has(Effect::friction);
   std::vector<double> mobility;
+  bool stiffens = false;
   std::string out;
   for (std::size_t i = 0; i < model.shapes.size(); ++i)
     for (std::size_t j = i + 1; j < model.shapes.size(); ++j) {
       const model::Shape &a = model.shapes[i], &b = model.shapes[j];
       if (!rules.meet(a.group, b.group) || untested(a.body, b.body)) continue;
-      const model::Material pair = rules.between(a, b);
+      model::Material pair = rules.between(a, b);
+      if (pair.compliance && (pair.compliance->law || pair.spins_by_area)) {
+        if (!stiffens)
+          out += fmt::format("    <!-- Pads that stiffen: the secant and the area of a lasting press of {:g} N -->\n",
+                             kPadLoad);
+        stiffens = true;
+        if (pair.friction_over_load) pair.friction *= pair.friction_over_load->factor(kPadLoad);
+        pair.compliance = straightened(*pair.compliance);
+        pair.spinning_friction = pair.spinning(pair.friction, kPadLoad / pair.compliance->stiffness);
+      }
       if (combined_there(model.materials[at(a.material)], model.materials[at(b.material)], pair, friction))
         continue;
       out += fmt::format("    <pair geom1=\"{}\" geom2=\"{}\"{}", attribute(a.name), attribute(b.name),

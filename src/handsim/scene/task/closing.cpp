@@ -261,12 +261,27 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
       const int b = model_.shapes[at(contact.shape_b)].body;
       const bool hand_is_a = b == object_;
       const double share = collider_->shares()[i];
-      touches_.push_back({hand_is_a ? a : b, contact.position,
-                          hand_is_a ? Vec3(-contact.normal) : contact.normal, contact.depth,
-                          touch.surface.friction, touch.surface.spinning_friction,
-                          touch.surface.compliance ? share * touch.surface.compliance->stiffness : 0});
+      TouchPoint& point = touches_.emplace_back();
+      point.body = hand_is_a ? a : b;
+      point.point = contact.position;
+      point.normal = hand_is_a ? Vec3(-contact.normal) : contact.normal;
+      point.depth = contact.depth;
+      point.friction = touch.surface.friction;
+      point.spinning = touch.surface.spinning(point.friction, point.depth);
+      point.share = share;
+      point.pad = touch.surface.compliance;
+      if (!point.pad) continue;
+      const model::Elastic elastic = point.pad->elastic(contact.depth);
+      point.stiffness = point.pad->law ? share * point.pad->lasting() * elastic.slope
+                                       : share * point.pad->stiffness;
+      point.push = point.pad->law ? share * point.pad->lasting() * elastic.force
+                                  : point.stiffness * contact.depth;
     }
   return touches_;
+}
+
+double TouchPoint::deeper_for(double force) const {
+  return pad->law ? pad->depth_of(force / (share * pad->lasting())) - depth : (force - push) / stiffness;
 }
 
 std::size_t HandOnObject::watch(std::span<const int> bodies) {

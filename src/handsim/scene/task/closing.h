@@ -21,6 +21,12 @@ struct TouchPoint {
   double friction = 0;         ///< coefficient
   double spinning = 0;         ///< moment about the normal over the normal force [m]
   double stiffness = 0;        ///< of the point [N/m]; 0: rigid
+  double push = 0;             ///< of its pad at this depth, when it lasts [N]
+  double share = 1;            ///< of the pad
+  std::optional<model::Compliance> pad;
+
+  /// How much deeper the pad has a force when it lasts [m].
+  double deeper_for(double force) const;
 };
 
 /// A right hand at the world's origin and an object in it: where the two touch at given joint angles, with

@@ -252,14 +252,20 @@ class Fit {
     std::vector<double> out(depth_.size());
     for (std::size_t i = 0; i < contacts_.size(); ++i)
       if (contacts_[i].stiffness > 0)
-        out[at(contacts_[i].body)] += normal_force(i) - contacts_[i].stiffness * contacts_[i].depth;
+        out[at(contacts_[i].body)] += normal_force(i) - contacts_[i].push;
     return out;
   }
 
   /// Presses each body deeper, or less deep, by what its springs lack of its force.
   void press_deeper() {
     std::vector<double> deeper = lacking(), stiffness(depth_.size());
-    for (const TouchPoint& contact : contacts_) stiffness[at(contact.body)] += contact.stiffness;
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      const TouchPoint& contact = contacts_[i];
+      // A pad that stiffens goes by its chord to the depth that has the force.
+      const double lacks = normal_force(i) - contact.push,
+                   chord = contact.pad && contact.pad->law ? lacks / contact.deeper_for(normal_force(i)) : 0;
+      stiffness[at(contact.body)] += chord > 0 ? chord : contact.stiffness;
+    }
     for (std::size_t b = 0; b < deeper.size(); ++b)
       deeper[b] = stiffness[b] > 0 ? std::clamp(deeper[b] / stiffness[b], -kDeeper, kDeeper) : 0;
     const Vec3 before = x_HO_.p;

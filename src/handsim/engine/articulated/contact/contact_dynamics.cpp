@@ -40,6 +40,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp()) {
+  if (PadMemory::needed(model)) pads_.emplace();
   refresh();
   order_dofs();
   frames_.reserve(kUsualContacts);
@@ -127,6 +128,7 @@ void ContactDynamics::save(ArchiveWriter& out) const {
   for (const ContactMemory::Point& each : memory_.points) carry(out, each);
   out(memory_.change);
   system_.save(out);
+  if (pads_) pads_->save(out);
 }
 
 void ContactDynamics::restore(ArchiveReader& in) {
@@ -142,6 +144,7 @@ void ContactDynamics::restore(ArchiveReader& in) {
   if (!memory_.change.empty() && memory_.change.size() != at(space_.size()))
     in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
   system_.restore(in);
+  if (pads_) pads_->restore(in, model_);
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
@@ -350,7 +353,7 @@ NewtonReport ContactDynamics::solve(double step) {
 }
 
 /// The solution: accelerations, what is in force, and the warm start of the next step.
-void ContactDynamics::take_over(const Problem& p, double step) {
+void ContactDynamics::take_over(Problem& p, double step) {
   const std::span<double> du = mechanism_.du();
   memory_.change.assign(at(space_.size()), 0.0);
   for (std::size_t i = 0; i < dof_of_.size(); ++i) {
@@ -365,6 +368,7 @@ void ContactDynamics::take_over(const Problem& p, double step) {
     *mechanism_.view(at(single)).saturated = sign(p.limits[at(place)].saturated);
   }
   store_warm_start(p, step);
+  if (pads_) store_pads(p, step);
 }
 
 }  // namespace handsim::engine::articulated

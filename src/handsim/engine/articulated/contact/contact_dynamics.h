@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -41,6 +42,7 @@ class ContactDynamics {
     memory_.points.clear();
     memory_.change.clear();
     system_.forget();
+    if (pads_) pads_->set({});
   }
   /// Contacts of the last step and their impulses, the warm start of the next.
   void save(ArchiveWriter& out) const;
@@ -66,7 +68,7 @@ class ContactDynamics {
  private:
   friend class ContactSlopes;  ///< of the solution, while the thread solves no other problem
   static Workspace& workspace();
-  void take_over(const Problem& p, double step);
+  void take_over(Problem& p, double step);
   /// One body of a contact: its velocity at an origin, of the mechanism's island (Topology) where it is a
   /// node.
   struct Motion {
@@ -100,16 +102,18 @@ class ContactDynamics {
   bool involved(int dof) const { return involved_[at(root_of_[at(dof)])]; }
   bool matters(const Touch& touch) const;
   void add_contacts(Problem& p, double step);
-  void add_contact(Problem& p, const Contact& contact, const model::Material& surface, double share,
-                   double step);
+  void add_contact(Problem& p, const Contact& contact, const Touch& touch, double share, double step);
   void compute_pair(Problem& p, std::size_t index, int shape_a, int shape_b);
   void collect_moving_dofs(MovingDofs& of) const;
   Motion motion_of(int shape) const;
   double mobility_across(Problem& p, const Contact& contact, double enough);
+  double soften(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
+                double step);
   double compute_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
                         double share, double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
   void store_warm_start(const Problem& p, double step);
+  void store_pads(Problem& p, double step);
   void add_loop_rows(Problem& p);
   void bound_axes(Problem& p, double step);
   bool apply_restitution(Problem& p);
@@ -147,6 +151,10 @@ class ContactDynamics {
   std::vector<double> loop_entries_;
   std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
   std::vector<std::size_t> light_;  ///< rigid contacts of light pairs
+  std::optional<PadMemory> pads_;   ///< with surfaces that need it only
+  std::vector<PadPoint> points_;    ///< of the pads in this step; rows refer to them
+  PadStep pad_;                     ///< of the touch
+  std::vector<double> depths_;      ///< of the contacts after the step
   ContactMemory memory_;
   std::size_t warm_started_ = 0;
 };

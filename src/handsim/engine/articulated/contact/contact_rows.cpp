@@ -50,32 +50,49 @@ double ContactDynamics::mobility_across(Problem& p, const Contact& contact, doub
   return sum;
 }
 
+/// Gives a contact its pad: a law, or a spring and damper with their target, which is returned.
+double ContactDynamics::soften(ContactRows& rows, const Contact& contact, const model::Material& surface,
+                               double share, double step) {
+  const model::Compliance& pad = *surface.compliance;
+  const double depth = depth_in_pad(contact);
+  if (!pad.law) {
+    const SoftRow spring = soft_row(share * pad.stiffness, share * pad.damping, step);
+    rows.regularization = spring.cfm / step;
+    return spring.erp * depth / step;
+  }
+  points_.push_back({&pad, depth, step, share, pad_.gain, pad_.offset});
+  rows.pad = &points_.back();
+  rows.regularization = 1 / rows.pad->at(0).slope;
+  return 0;
+}
+
 /// Velocity along the normal that a contact is to have after the step, and its regularization.
 double ContactDynamics::compute_target(ContactRows& rows, const Contact& contact,
                                        const model::Material& surface, double share, double crossed,
                                        double approach, double step) {
-  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   double target = 0;
   if (surface.compliance) {
-    const SoftRow spring =
-        soft_row(share * surface.compliance->stiffness, share * surface.compliance->damping, step);
-    target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
-    rows.regularization = spring.cfm / step;
+    target = soften(rows, contact, surface, share, step);
   } else {
+    const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
     // A gap may close within the step.
     target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
     rows.regularization = std::max(kTuning.normal_regularization * pair_.mobility.linear, crossed);
     if (crossed == 0 && pair_.mobility.linear * heaviest_ > kTuning.light_pair)
       light_.push_back(frames_.size() - 1);
   }
-  if (surface.restitution > 0 && approach > surface.restitution_speed)
+  if (surface.restitution > 0 && approach > surface.restitution_speed) {
     target = std::max(target, surface.restitution * approach);
+    // A law bounces by its tangent.
+    rows.pad = nullptr;
+  }
   return target;
 }
 
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(Problem& p, const Contact& contact, const model::Material& surface,
-                                  double share, double step) {
+void ContactDynamics::add_contact(Problem& p, const Contact& contact, const Touch& touch, double share,
+                                  double step) {
+  const model::Material& surface = touch.surface;
   // No friction between crossed bodies: normals on both sides of a finger would jam it.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
@@ -138,6 +155,12 @@ void ContactDynamics::add_contacts(Problem& p, double step) {
   light_.clear();
   warm_started_ = 0;
   crossed_.find(collider_);
+  // Room for all: rows refer to them.
+  points_.clear();
+  if (pads_) {
+    points_.reserve(collider_.contacts().size());
+    pads_->recall(collider_, step);
+  }
   std::size_t pairs = 0;
   std::pair<int, int> bodies;
   for (const Touch& touch : collider_.touches()) {
@@ -147,10 +170,11 @@ void ContactDynamics::add_contacts(Problem& p, double step) {
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
     if (const auto last = std::exchange(bodies, these); pairs == 0 || last != these)
       compute_pair(p, pairs++, any.shape_a, any.shape_b);
+    if (pads_) pad_ = pads_->of(at(&touch - collider_.touches().data()));
     for (int index = 0; index < touch.count; ++index) {
       const std::size_t i = touch.first + at(index);
       const Contact& contact = collider_.contacts()[i];
-      add_contact(p, contact, touch.surface, collider_.shares()[i], step);
+      add_contact(p, contact, touch, collider_.shares()[i], step);
       warm_start(p.contacts.back(), contact, frames_.back(), index);
     }
   }
@@ -240,6 +264,25 @@ void ContactDynamics::store_warm_start(const Problem& p, double step) {
       if (with_forces_) contact.force = point.impulse / step;
     }
   }
+}
+
+/// What pads remember of the solution: depths at the step's end by the rates there.
+void ContactDynamics::store_pads(Problem& p, double step) {
+  Workspace& w = workspace();
+  w.s.resize(kMostRows * p.contacts.size());
+  multiply_rows(p, w, p.x.data(), w.s.data());
+  depths_.assign(collider_.contacts().size(), 0.0);
+  std::size_t row = 0;
+  for (const Touch& touch : collider_.touches()) {
+    if (!matters(touch)) continue;
+    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i, ++row) {
+      const ContactRows& rows = p.contacts[row];
+      const double rate = rows.r0[0] + w.s[kMostRows * row];
+      // What bounces parts.
+      if (rows.pad) depths_[i] = rows.pad->depth - step * rate;
+    }
+  }
+  pads_->store(collider_, step, [&](std::size_t i) { return depths_[i]; });
 }
 
 }  // namespace handsim::engine::articulated

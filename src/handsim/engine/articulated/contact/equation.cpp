@@ -104,7 +104,13 @@ void Workspace::resize(const Problem& of) {
 
 void apply_law(ContactRows& contact, const double* r, Law law) {
   double& normal = contact.impulse[0];
-  normal = -r[0] / contact.regularization;
+  if (contact.pad) {
+    const PadPoint::Push push = contact.pad->at(r[0]);
+    normal = push.impulse;
+    contact.regularization = 1 / push.slope;
+  } else {
+    normal = -r[0] / contact.regularization;
+  }
   if (contact.bilateral) {
     contact.open = false;
     return;
@@ -210,6 +216,7 @@ void compute_rounding(Problem& p, Workspace& w) {
     const double* J = p.entries_of(contact);
     for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
       double size = std::abs(contact.r0[k]), regularization = contact.regularization;
+      if (k == 0 && contact.pad) size += std::abs(contact.pad->depth) / contact.pad->step;
       for (std::size_t j = 0; j < dofs.size(); ++j) size += std::abs(J[j] * p.x[at(dofs[j])]);
       for (std::size_t i = 0; i < contact.disc_count; ++i)
         if (k >= contact.discs[i].row) regularization = contact.discs[i].regularization;

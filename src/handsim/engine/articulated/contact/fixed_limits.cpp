@@ -137,7 +137,9 @@ void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport
   compute_step(p, factor, w, report);
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
-    const double end = -(w.r[kMostRows * c] + w.s[kMostRows * c]) / contact.regularization;
+    const double s = w.s[kMostRows * c];
+    const double end = contact.pad ? contact.impulse[0] - s / contact.regularization
+                                   : -(w.r[kMostRows * c] + s) / contact.regularization;
     const double normal = contact.open ? 0 : std::max(end, 0.0);
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       Disc& disc = w.latest.contacts[c].discs[k];

@@ -21,6 +21,21 @@ struct Block {
   double impulse = 0;                             ///< of a stop or servo
 };
 
+/// The impulse p of a pad with p = p(free + D p), by Newton's method in a bracket.
+double pad_impulse(const PadPoint& pad, double free, double D, double start) {
+  double low = 0, high = std::max(pad.at(free).impulse, 0.0), p = std::clamp(start, low, high);
+  for (int i = 0; i < kTuning.searches && high > 0; ++i) {
+    const PadPoint::Push push = pad.at(free + D * p);
+    const double beyond = p - push.impulse;
+    (beyond > 0 ? high : low) = p;
+    double next = p - beyond / (1 + D * push.slope);
+    if (!(next >= low && next <= high)) next = 0.5 * (low + high);
+    if (next == p) break;
+    p = next;
+  }
+  return p;
+}
+
 class Sweeps {
  public:
   Sweeps(Problem& p, SparseFactor& factor, Workspace& w) : p_(p), factor_(factor), w_(w) {
@@ -147,7 +162,9 @@ class Sweeps {
     ContactRows& contact = p_.contacts[block.index];
     double& normal = contact.impulse[0];
     double next =
-        normal - (velocity(contact, 0) + contact.regularization * normal) / (D + contact.regularization);
+        contact.pad
+            ? pad_impulse(*contact.pad, velocity(contact, 0) - D * normal, D, normal)
+            : normal - (velocity(contact, 0) + contact.regularization * normal) / (D + contact.regularization);
     if (!contact.bilateral) next = std::max(next, 0.0);
     double change = std::abs(next - normal) * D;
     apply(block, 0, next - normal);

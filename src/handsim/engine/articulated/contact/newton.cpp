@@ -38,11 +38,28 @@ void update_directions(Problem& p, const Workspace& w) {
   }
 }
 
+/// Share of a step that no pad's exponential overshoots: a pad deepens by the logarithm of what its tangent
+/// asks for, where that is far, as voltages of diodes do in circuit simulators (Nagel 1975, SPICE2).
+double within_pads(const Problem& p, const Workspace& w) {
+  double share = 1;
+  for (std::size_t c = 0; c < p.contacts.size(); ++c) {
+    const PadPoint* point = p.contacts[c].pad;
+    if (!point) continue;
+    const double rise = point->pad->rise(), scale = point->step / rise;
+    const double deeper = -scale * w.s[kMostRows * c];
+    if (!(deeper > kTuning.most_rises)) continue;
+    const double now = point->depth / rise - scale * w.r[kMostRows * c], from = std::max(now, 0.0);
+    if (const double more = now + deeper - from; more > kTuning.most_rises)
+      share = std::min(share, (from + std::log1p(more) - now) / deeper);
+  }
+  return share;
+}
+
 /// A step with the factor for Coulomb's law.
 bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
   compute_step(p, factor, w, report);
   update_directions(p, w);
-  evaluate(p, w, Law::coulomb, advance(p, w, 1));
+  evaluate(p, w, Law::coulomb, advance(p, w, within_pads(p, w)));
   return solved(p, w, tolerance, report);
 }
 

@@ -253,7 +253,9 @@ Spatial ContactSlopes::wrench(const Point& point, const Change& change) const {
              w = in_frame(change.end.head<3>(), point.end.head<3>());
   const double approach = -(change.start.tail<3>().dot(n) + point.start.tail<3>().dot(change.normal));
   Eigen::Matrix<double, 6, 1> r = Eigen::Matrix<double, 6, 1>::Zero();
-  r[0] = v[0] - point.by_depth * change.depth - point.by_approach * approach + point.r[0] * change.share;
+  const double by_share =
+      rows.pad ? -rows.regularization * rows.impulse[0] : point.r[0];  // The impulse grows with its share.
+  r[0] = v[0] - point.by_depth * change.depth - point.by_approach * approach + by_share * change.share;
   for (std::size_t k = 0; k < rows.disc_count; ++k) {
     const Disc& disc = rows.discs[k];
     const auto first = static_cast<Eigen::Index>(disc.row);
@@ -262,7 +264,11 @@ Spatial ContactSlopes::wrench(const Point& point, const Change& change) const {
     else
       r.segment<2>(first) = (disc.kind == Disc::Kind::sliding ? v : w).tail<2>();
   }
-  const Eigen::Matrix<double, 6, 1> p = -(point.law * r);
+  Eigen::Matrix<double, 6, 1> p = -(point.law * r);
+  for (std::size_t k = 0; k < rows.disc_count && point.spin_by_depth != 0; ++k)
+    if (const Disc& disc = rows.discs[k]; disc.kind == Disc::Kind::spinning && disc.slides)
+      p[static_cast<Eigen::Index>(disc.row)] -=
+          point.spin_by_depth * change.depth * disc.coefficient * rows.impulse[0] * disc.slip_x;
   Spatial out = wrench_of(rows, p.data(), E);
   const Vec3 moment = point.push.head<3>(), force = point.push.tail<3>();
   out.head<3>() += turn.cross(moment) + change.place.cross(force);
@@ -275,6 +281,13 @@ void ContactSlopes::compute_target(Point& point, const Touch& touch, double step
   const double depth = point.contact->depth, erp = contact_.erp_;
   const double inside = std::max(depth - kSurfaceLayer, 0.0);
   double target = 0;
+  // The coefficient goes with the root of the depth, that of several points with the deepest's.
+  if (surface.spins_by_area && depth > 0 && touch.count == 1) point.spin_by_depth = 0.5 / depth;
+  if (const PadPoint* pad = point.rows->pad) {
+    const double slope = pad->share * step * pad->gain * pad->pad->elastic(pad->depth - step * point.r[0]).slope;
+    point.by_depth = depth < 0 || inside > 0 ? slope * point.rows->regularization : 0;
+    return;
+  }
   if (surface.compliance) {
     const SoftRow spring = soft_row(surface.compliance->stiffness, surface.compliance->damping, step);
     point.by_depth = depth < 0 || inside > 0 ? spring.erp / step : 0;
