@@ -96,26 +96,67 @@ Drop drop_reference(double mass, double height, double duration) {
   return out;
 }
 
-// Oracle: the same law in steps of 1 us; the error falls with the step.
-TEST_P(Pads, ADropComesNearerToTheLawAsTheStepShrinks) {
-  const double mass = 0.02, height = 0.01, duration = 0.15;
-  const Drop want = drop_reference(mass, height, duration);
-  double last = HUGE_VAL;
-  for (const double step : {1e-3, 0.5e-3, 0.25e-3}) {
-    const model::Model model = ball_on_pad(mass, height, finger_pad());
-    const auto engine = make_engine(model, settings(test::kContact, step));
-    double most = 0;
-    while (engine->state().time < duration - 0.5 * step) {
-      engine->step({});
-      most = std::max(most, kRadius - engine->state().bodies[1].p.z() - 1e-5);
-    }
-    const double error = std::abs(most / want.most - 1);
-    RecordProperty("most_depth_error_" + std::to_string(step), std::to_string(error));
-    std::printf("step %g ms: deepest %.4f mm, %.2f %% off\n", 1e3 * step, 1e3 * most, 100 * error);
-    EXPECT_LT(error, 0.03 * step / 1e-3 + 1e-3);
-    EXPECT_LT(error, last);
-    last = error + 1e-4;
+/// The deepest that a ball of 20 g presses a pad that it drops on from 10 mm, at 0.44 m/s [m].
+constexpr double kDropMass = 0.02, kDropHeight = 0.01, kDropTime = 0.15;
+double deepest(const Settings& with) {
+  const model::Model model = ball_on_pad(kDropMass, kDropHeight, finger_pad());
+  const auto engine = make_engine(model, with);
+  double out = 0;
+  while (engine->state().time < kDropTime - 0.5 * with.step) {
+    engine->step({});
+    out = std::max(out, kRadius - engine->state().bodies[1].p.z() - 1e-5);
   }
+  return out;
+}
+
+// Oracle: the same law in steps of 1 us, which the steps come nearer to in first order: 0.44 m/s passes 1.6 rises
+// of the exponential in 1 ms.
+TEST_P(Pads, ADropComesNearerToTheLawAsTheStepShrinks) {
+  const double want = drop_reference(kDropMass, kDropHeight, kDropTime).most;
+  double last = 0.15;
+  for (const double step : {1e-3, 0.5e-3, 0.25e-3, 0.125e-3}) {
+    const double found = deepest(settings(test::kContact, step)), error = std::abs(found / want - 1);
+    std::printf("step %g ms: deepest %.4f mm of %.4f, %.2f %% off\n", 1e3 * step, 1e3 * found, 1e3 * want,
+                100 * error);
+    EXPECT_LT(error, 0.72 * last);
+    last = error;
+  }
+}
+
+// The tangent of ODE's row against the law that the articulated engine solves within the step. Oracle: two ways
+// that must agree as the step shrinks, faster than in first order.
+TEST(PadsOfBothEngines, AgreeOnADropAsTheStepShrinks) {
+  double last = 0.06;
+  for (const double step : {1e-3, 0.5e-3, 0.25e-3}) {
+    const double law = deepest(test::articulated_settings(test::kContact, step)),
+                 tangent = deepest(test::settings(test::kContact, step));
+    const double apart = std::abs(tangent / law - 1);
+    std::printf("step %g ms: %.3f %% apart\n", 1e3 * step, 100 * apart);
+    EXPECT_LT(apart, 0.4 * last);
+    last = apart;
+  }
+}
+
+// Oracle: statics. A plate on 13 balls with pads is a heap, which the articulated engine relaxes.
+TEST(PadsOfHeaps, CarryTheirWeight) {
+  model::Compliance pad = finger_pad();
+  pad.damping = 3;
+  model::Model model = ball_on_pad(0.01, 0, pad);
+  for (int i = 1; i < 13; ++i)
+    test::add_solid(model, test::sized("ball" + std::to_string(i), ShapeKind::sphere, kRadius, 0), 0.01,
+                    {Vec3(0.03 * (i % 4), 0.03 * (i / 4), kRadius), Quat::Identity()});
+  test::add_solid(model, test::sized("plate", ShapeKind::box, 0, 0, Vec3(0.2, 0.2, 0.01)), 1.3,
+                  {Vec3(0.045, 0.04, 2 * kRadius + 0.005), Quat::Identity()});
+  Settings how = test::articulated_settings(test::kContact);
+  how.contact_forces = true;
+  const auto engine = make_engine(model, how);
+  bool iterative = false;
+  for (int i = 0; i < 1000; ++i) iterative = engine->step({}).iterative || iterative;
+  EXPECT_TRUE(iterative);
+  double force = 0;
+  for (const Contact& contact : engine->contacts())
+    if (contact.shape_a == 0) force += contact.normal_force();
+  EXPECT_NEAR(std::abs(force), 1.43 * kG, 0.01 * 1.43 * kG);
 }
 
 /// A finger pad that a drive moves against a plate that hardly yields.
@@ -227,7 +268,8 @@ TEST_P(Pads, APressThatLastsRelaxesByItsBranches) {
   double want = 0.15;
   for (const auto& each : kRelaxations)
     want += each.share * (1 - std::exp(-1e-3 / each.time)) * each.time / 1e-3 * std::exp(-0.5 / each.time);
-  EXPECT_NEAR(force, want * elastic, 1e-5 * elastic);
+  // The plate of 1000 t gives way by 30 nm.
+  EXPECT_NEAR(force, want * elastic, 5e-5 * elastic);
 }
 
 // Oracle: bit equality, from the middle of a press.
@@ -243,7 +285,7 @@ TEST_P(Pads, GoOnFromWhatWasSavedToTheBit) {
   EXPECT_EQ(test::bits(a->state()), test::bits(b->state()));
 }
 
-// Oracle: people's figures: friction over load, as a power: a box on an incline slides at the angle of the
+// Oracle: Coulomb, with friction over load as a power: a box on an incline slides at the angle of the
 // coefficient that its weight has.
 TEST_P(Pads, FrictionOverLoadIsThatOfTheLastStepsForce) {
   for (const double angle : {25.0, 28.0}) {

@@ -48,9 +48,7 @@ PadPoint::Push PadPoint::at(double r) const {
 }
 
 bool PadMemory::needed(const model::Model& model) {
-  return std::ranges::any_of(model.materials, [](const model::Material& surface) {
-    return remembers(surface) || surface.spins_by_area;
-  });
+  return std::ranges::any_of(model.materials, remembers);
 }
 
 const PadMemory::Pair* PadMemory::find(int shape_a, int shape_b) const {
@@ -64,16 +62,12 @@ void PadMemory::recall(Collider& collider, double step) {
   for (std::size_t k = 0; k < steps_.size(); ++k) {
     Touch& touch = collider.touches()[k];
     model::Material& surface = touch.surface;
-    const std::span<const Contact> points =
-        std::span(collider.contacts()).subspan(touch.first, at(touch.count));
-    const Pair* pair = remembers(surface) ? find(points[0].shape_a, points[0].shape_b) : nullptr;
+    if (!remembers(surface)) continue;
+    const Contact& any = collider.contacts()[touch.first];
+    const Pair* pair = find(any.shape_a, any.shape_b);
     // Once, should the touches be recalled again.
     if (const auto over_load = std::exchange(surface.friction_over_load, std::nullopt))
       surface.friction *= over_load->factor(pair ? pair->push : 0);
-    if (surface.spins_by_area)
-      surface.spinning_friction =
-          surface.spinning(surface.friction, std::ranges::max(points, {}, &Contact::depth).depth);
-    if (!remembers(surface)) continue;
     PadStep& out = steps_[k];
     out.gain = surface.compliance->lasting();
     for (std::size_t i = 0; i < surface.compliance->law->relaxations.size(); ++i) {

@@ -50,11 +50,11 @@ class PadMemory {
   static bool remembers(const model::Material& surface) {
     return surface.compliance && surface.compliance->law;
   }
-  /// Whether any surface of the model has, or spins by its area.
+  /// Whether any surface of the model has.
   static bool needed(const model::Model& model);
 
   /// The pads of the touches found, for a step [s] from the memory as it is. Gives the touches their friction
-  /// by the normal force of the last step, and their spinning friction by the depth of their deepest point.
+  /// by the normal force of the last step.
   void recall(Collider& collider, double step);
   /// As the touches of the collider; of pairs without memory the defaults.
   const PadStep& of(std::size_t touch) const { return steps_[touch]; }

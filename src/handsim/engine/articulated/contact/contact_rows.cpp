@@ -96,7 +96,7 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const Touc
   // No friction between crossed bodies: normals on both sides of a finger would jam it.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
-  const double spinning = friction_ ? surface.spinning_friction : 0;
+  const double spinning = friction_ ? surface.spinning(surface.friction, contact.depth) : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
   ContactRows& rows =
       p.add_contact(1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));

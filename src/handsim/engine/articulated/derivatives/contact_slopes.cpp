@@ -281,8 +281,8 @@ void ContactSlopes::compute_target(Point& point, const Touch& touch, double step
   const double depth = point.contact->depth, erp = contact_.erp_;
   const double inside = std::max(depth - kSurfaceLayer, 0.0);
   double target = 0;
-  // The coefficient goes with the root of the depth, that of several points with the deepest's.
-  if (surface.spins_by_area && depth > 0 && touch.count == 1) point.spin_by_depth = 0.5 / depth;
+  // The coefficient goes with the root of the depth.
+  if (surface.spins_by_area && depth > 0) point.spin_by_depth = 0.5 / depth;
   if (const PadPoint* pad = point.rows->pad) {
     const double slope = pad->share * step * pad->gain * pad->pad->elastic(pad->depth - step * point.r[0]).slope;
     point.by_depth = depth < 0 || inside > 0 ? slope * point.rows->regularization : 0;
