@@ -38,50 +38,47 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       crossed_(model),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
-      remembers_(friction_ && settings.ode().method != OdeMethod::world_step),
+      iterative_(settings.ode().method == OdeMethod::quick_step),
       with_forces_(settings.contact_forces),
-      measures_forces_(with_forces_ || (friction_ && settings.ode().method != OdeMethod::quick_step)),
+      measures_forces_(with_forces_ || (friction_ && !iterative_)),
       erp_(settings.erp()),
-      gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
+      step_(settings.step) {
+  set_gravity(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero()));
   ids.contact_joints.reset(dJointGroupCreate(0));
   joints_ = ids.contact_joints.get();
   dWorldSetContactSurfaceLayer(world_, kSurfaceLayer);
-  set_step(settings.step);
 }
 
-void Contacts::set_step(double step) {
-  step_ = step;
-  fall_ = gravity_ * step;
+void Contacts::set_gravity(const Vec3& gravity) { fall_ = gravity * step_; }
+
+void Contacts::forget() {
+  memory_.set({});
+  limits_.set({});
 }
 
-void Contacts::set_gravity(const Vec3& gravity) {
-  gravity_ = gravity;
-  set_step(step_);
-}
-
-void Contacts::recall(const model::State& state, bool iterative) {
+void Contacts::recall(const model::State& state) {
   crossed_.find(collider_);
-  if (remembers_) memory_.recall(collider_, state);
-  if (iterative)
-    limits_.set({});
-  else if (friction_)
+  if (!friction_) return;
+  if (iterative_)
+    memory_.recall(collider_, state);
+  else
     limits_.recall(collider_);
 }
 
-void Contacts::join(const model::State& state, bool iterative, bool rigid_limits) {
+void Contacts::join(const model::State& state, bool rigid_limits) {
   contact_joints_.clear();
   const std::vector<Contact>& found = collider_.contacts();
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
     Known known;
-    if (remembers_ && iterative) known.patch = &memory_.patches()[k];
+    if (friction_ && iterative_) known.patch = &memory_.patches()[k];
     for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
       known.force = nullptr;
       // Friction of their own normal forces would wedge bodies that lie across each other.
       const bool limited = known.pad || (rigid_limits && crossed_.inverse_mass(found[i]) == 0);
-      if (friction_ && !iterative && limited && limits_.force(i)) known.force = &*limits_.force(i);
+      if (friction_ && !iterative_ && limited && limits_.force(i)) known.force = &*limits_.force(i);
       add_contact(found[i], touch, known, state);
     }
   }
@@ -101,8 +98,8 @@ void Contacts::read_forces() {
   }
 }
 
-void Contacts::take_in_slip(const model::State& before, double step) {
-  if (remembers_) memory_.take_in(before, step);
+void Contacts::take_in_slip(const model::State& before) {
+  if (friction_ && iterative_) memory_.take_in(before, step_);
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }

@@ -25,9 +25,9 @@ class Contacts {
     return collider_.collide(state, {step_, fall_, driven});
   }
   /// Recalls the last step's friction at the contacts found.
-  void recall(const model::State& state, bool iterative);
-  /// Makes the joints of the contacts. @param iterative quick_step. @param rigid_limits for rigid ones, too
-  void join(const model::State& state, bool iterative, bool rigid_limits);
+  void recall(const model::State& state);
+  /// Makes the joints of the contacts. @param rigid_limits friction limits of rigid contacts are set, too
+  void join(const model::State& state, bool rigid_limits);
   /// Reads the forces of the step just made.
   void read_forces();
   /// After a step by the direct solver: takes new friction limits from its forces. @return true if friction
@@ -35,20 +35,10 @@ class Contacts {
   bool revise_limits() { return friction_ && limits_.take_in(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();
-  /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
-  void take_in_slip(const model::State& before, double step);
-  /// What friction remembers from step to step.
-  struct Memory {
-    std::vector<Presliding> presliding;
-    FrictionLimits::Memory limits;
-  };
-  Memory memory() const { return {memory_.pairs(), limits_.memory()}; }
-  void set_memory(const Memory& memory) {
-    memory_.set(memory.presliding);
-    limits_.set(memory.limits);
-  }
-  /// Length of the steps to come [s].
-  void set_step(double step);
+  /// Adds how far surfaces slid in the step just made to their displacements. @param before the step's start
+  void take_in_slip(const model::State& before);
+  /// Forgets how far surfaces have slid, and the forces of the last step.
+  void forget();
   void set_gravity(const Vec3& gravity);  ///< [m/s^2]
   const std::vector<Contact>& list() const { return collider_.contacts(); }
   std::span<const Touch> touches() const { return collider_.touches(); }
@@ -89,12 +79,11 @@ class Contacts {
   PreslidingMemory memory_;
   FrictionLimits limits_;
   bool friction_;
-  bool remembers_;  ///< how far surfaces have crept
+  bool iterative_;  ///< quick_step solves
   bool with_forces_;
   bool measures_forces_;  ///< for friction's limits or because the settings ask for them
   double erp_;
-  double step_;  ///< [s]
-  Vec3 gravity_;
+  double step_;                           ///< [s]
   Vec3 fall_;                             ///< velocity that gravity adds in one step [m/s]
   std::vector<dJointID> contact_joints_;  ///< as the list
   std::vector<dJointFeedback> feedback_;  ///< as the list

@@ -127,11 +127,6 @@ bool StopArc::reached(const Direction& at) const {
   return angle <= low_ || angle >= high_;
 }
 
-void Servos::set_step(double step) {
-  step_ = step;
-  for (Row& row : rows_) row.compliance = 0;
-}
-
 void Servos::add(dJointID motor, const model::Joint& joint) {
   for (std::size_t i = 0; i < joint.axes.size(); ++i) {
     Row row;

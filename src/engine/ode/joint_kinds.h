@@ -63,7 +63,6 @@ class Servos {
   /// @param step of the engine [s].
   explicit Servos(double step) : step_(step) {}
 
-  void set_step(double step);
   /// Drives a joint's coordinates by a motor whose axes are the joint's, in their order.
   void add(dJointID motor, const model::Joint& joint);
   /// Sets the rows of the next step. @param servos size model.dof_count(), or empty: none acts.

@@ -40,12 +40,6 @@ class Joints {
   bool servos_beyond_limits(std::span<const double> tau) const { return servos_.beyond_limits(tau); }
   /// Damping of coordinates beside tissue [N m s/rad], by dof_count(); none where no tendon acts.
   void set_drag(std::span<const double> damping);
-  /// Length of the steps to come [s].
-  void set_step(double step);
-  /// Softness of the stops in the steps to come.
-  void set_stop_cfm(double cfm);
-  /// Constraint rows that a joint puts into a step: its own, its tissue's and, where driven, its servo's.
-  int rows(std::size_t joint) const;
   /// Updates tissue, makes stops catch what would pass them in the next step, counts stops in force.
   int prepare(const model::State& state);
   /// Fills q and u of a state from its bodies.
