@@ -144,7 +144,8 @@ class Mechanism {
   std::vector<int> lone_;          ///< nodes of free bodies without children
   std::vector<BaseMotion> bases_;  ///< as Model::bodies
   std::vector<Vec3> origins_;      ///< of the islands that are not free
-  bool servos_at_rest_ = true;
+  bool torques_at_rest_ = true;    ///< no coordinate has a torque from the last `set_torques`
+  bool servos_at_rest_ = true;     ///< no coordinate has a servo from the last `set_servos`
 };
 
 }  // namespace handsim::engine::articulated

@@ -9,6 +9,8 @@
 namespace handsim::engine::articulated {
 
 void Mechanism::set_torques(std::span<const double> torques) {
+  if (torques.empty() && torques_at_rest_ && balls_.empty()) return;
+  torques_at_rest_ = torques.empty();
   in_lanes([&](const auto& in) {
     for (const int single : singles_) {
       const LaneSlot& slot = slots_[at(single)];
@@ -138,7 +140,8 @@ void Mechanism::restore(ArchiveReader& in) {
       });
   });
   update_bases();
-  servos_at_rest_ = false;  // The tree holds what it was last told, not what the next step is told.
+  // The tree has the torques and servos of another state's last step.
+  torques_at_rest_ = servos_at_rest_ = false;
 }
 
 }  // namespace handsim::engine::articulated
