@@ -16,13 +16,15 @@
 
 namespace handsim::control {
 
-/// State of a driven axis at the last observe().
+/// State of a driven axis at the last observe(), and what the control law integrates from step to step.
 struct AxisState {
   double angle = 0;   ///< [rad]
   double rate = 0;    ///< [rad/s]
   double target = 0;  ///< for the time of the state [rad]
   double torque = 0;  ///< of the drive in the last step, within the limit [N m]
   bool at_limit = false;
+  double integral = 0;       ///< torque of the integral [N m]
+  double filtered_rate = 0;  ///< low-passed rate [rad/s]
 };
 
 class Controller {
@@ -58,10 +60,6 @@ class Controller {
     std::vector<double> q, u, change;          ///< by coordinate of the model
     std::span<const double> torques;           ///< by coordinate
   };
-  struct Memory {
-    std::vector<double> integral;       ///< torque of the integral, by axis [N m]
-    std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
-  };
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   void update_targets(double time);
@@ -76,7 +74,7 @@ class Controller {
 
   const Plan& plan_;
   double step_;
-  std::vector<Gains> gains_;               ///< of the plan's axes, as they were at the start
+  std::vector<DrivenAxis> driven_;         ///< the plan's axes, as they were at the start
   std::vector<model::Tissue> tissue_;      ///< that is compensated, by axis; zero for none
   std::vector<double> smoothing_;          ///< weight of the new rate in the filtered one, by axis
   std::vector<double> targets_;            ///< for the end of the step, hand after hand
@@ -88,7 +86,6 @@ class Controller {
   std::vector<AxisState> axes_;
   std::vector<double> torques_;
   std::vector<model::Servo> servos_;
-  Memory memory_;
 };
 
 }  // namespace handsim::control

@@ -75,8 +75,8 @@ class Variation {
   void set_of_object(std::string_view name, std::span<const double> values);
 
   scene::Scene* scene_;
-  std::vector<Object> objects_;        ///< as Model::objects
-  std::vector<control::Gains> gains_;  ///< of the plan's axes, as the scene has them
+  std::vector<Object> objects_;            ///< as Model::objects
+  std::vector<control::DrivenAxis> axes_;  ///< the axes of the scene's control plan, as the scene has them
   double gain_ = 1, torque_limit_ = 1;
   std::vector<double> q_;  ///< added at the start
   bool changed_ = false, moves_start_ = false;

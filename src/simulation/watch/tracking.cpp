@@ -36,10 +36,10 @@ Json peak_json(const Peak& peak, const char* key) {
 
 Json axis_json(const control::DrivenAxis& axis, const AxisTracking& figures) {
   Json out = {{"name", axis.name}};
-  out["gains"] = {{"proportional_N_m_per_rad", axis.gains.proportional},
-                  {"derivative_N_m_s_per_rad", axis.gains.derivative},
-                  {"integral_N_m_per_rad_s", axis.gains.integral},
-                  {"torque_limit_N_m", axis.gains.torque_limit},
+  out["gains"] = {{"proportional_N_m_per_rad", axis.proportional},
+                  {"derivative_N_m_s_per_rad", axis.derivative},
+                  {"integral_N_m_per_rad_s", axis.integral},
+                  {"torque_limit_N_m", axis.torque_limit},
                   {"effective_inertia_kg_m2", axis.inertia}};
   out["rms_error_rad"] = figures.rms_error;
   out["largest_error"] = {{"rad", figures.largest_error.value}, {"time_s", figures.largest_error.time}};
