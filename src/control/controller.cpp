@@ -101,15 +101,15 @@ void Controller::measure(const model::State& state) {
 }
 
 template <class Archive, class Self>
-void Controller::carry(Archive& archive, Self& self) {
+void Controller::serialize(Archive& archive, Self& self) {
   for (auto& axis : self.axes_)
     archive(axis.angle, axis.rate, axis.target, axis.torque, axis.at_limit, axis.integral,
             axis.filtered_rate);
 }
 
-void Controller::save(ArchiveWriter& out) const { carry(out, *this); }
+void Controller::save(ArchiveWriter& out) const { serialize(out, *this); }
 
-void Controller::restore(ArchiveReader& in) { carry(in, *this); }
+void Controller::restore(ArchiveReader& in) { serialize(in, *this); }
 
 /// Torque added to spring and damper: the integral, advanced by one step, and the feed-forward terms.
 double Controller::offset_torque(std::size_t i, double target) {

@@ -29,7 +29,8 @@ struct AxisState {
 
 class Controller {
  public:
-  /// Model and plan must outlive this. @param step [s]. @param start the engine's state before its first step
+  /// The model and the plan must outlive this object. @param step [s]. @param start the engine's state before
+  /// its first step
   Controller(const model::Model& model, const Plan& plan, double step, const model::State& start);
 
   /// Angles [rad] that replace the targets of the trajectories from the next command() on, one for each of
@@ -61,9 +62,9 @@ class Controller {
     std::span<const double> torques;           ///< by coordinate
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   void update_targets(double time);
-  /// Where targets_ has an axis.
+  /// The index of an axis in targets_.
   std::size_t target_index(const DrivenAxis& axis) const { return first_target_[axis.hand] + axis.column; }
   double target(std::size_t axis) const { return targets_[target_index(plan_.axes[axis])]; }
   double offset_torque(std::size_t axis, double target);

@@ -116,7 +116,7 @@ class Engine {
   /// Restores a state() and what `save` wrote with it, for the same model and settings. @throws Error (input)
   /// for another model's state or archive (restore or set_state is then due), Error (physics) after a failure
   virtual void restore(const model::State& state, ArchiveReader& in);
-  /// Takes over changed masses, inertias (same principal axes), gravity and materials of the model. @throws
+  /// Reads changed masses, inertias (same principal axes), gravity and materials of the model. @throws
   /// Error (input) by engine dae; Error (physics) of an engine that has failed
   virtual void refresh();
   virtual std::span<const Contact> contacts() const = 0;

@@ -40,7 +40,7 @@ enum class DaeMethod {
   lagrange_penalty,
   /// Linearised implicit Euler at velocity level; `erp` corrects joint gaps. A method of Chrono.
   euler_linearised,
-  /// As euler_linearised, but projects positions onto the joints after every step. A method of Chrono.
+  /// The step of euler_linearised, after which positions are projected onto the joints. A method of Chrono.
   euler_projected,
 };
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
+#include "handsim/engine/articulated/articulated_engine_derivatives.h"
 
 namespace handsim::environment {
 

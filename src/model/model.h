@@ -17,7 +17,8 @@ namespace handsim::model {
 
 inline constexpr int kWorld = 0;  ///< Index of the world in `Model::bodies`.
 
-/// What a shape belongs to: contact sums and tables group shapes by it, pictures colour them by it.
+/// The part of the scene that a shape belongs to: contact sums and tables group shapes by it, pictures colour
+/// them by it.
 enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };

@@ -14,14 +14,14 @@ namespace handsim::engine::ode {
 
 class Contacts {
  public:
-  /// Keeps the contact joints in `ids`. The model and the bodies must outlive this. @throws OdeFault
+  /// Keeps the contact joints in `ids`. The model and the bodies must outlive this object. @throws OdeFault
   Contacts(OdeIds& ids, const model::Model& model, const Settings& settings,
            const std::vector<OdeBody>& bodies);
 
   /// Puts the shapes of bodies without an ODE body where the state has these.
   void place_immovable(const model::State& state) { collider_.place(state); }
   /// Finds the contacts at a state. @param driven where drives take bodies. @return pairs to test closely
-  int collide(const model::State& state, std::span<const Prospect::Driven> driven) {
+  int collide(const model::State& state, std::span<const StepForecast::Driven> driven) {
     return collider_.collide(state, {step_, fall_, driven});
   }
   /// Recalls the last step's friction at the contacts found.
@@ -32,11 +32,11 @@ class Contacts {
   void read_forces();
   /// After a step by the direct solver: takes new friction limits from its forces. @return true if friction
   /// was not exact; the contacts, joined again, have these limits
-  bool revise_limits() { return friction_ && limits_.take_in(collider_, forces_); }
+  bool update_limits() { return friction_ && limits_.update(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();
   /// Adds how far surfaces slid in the step just made to their displacements. @param before the step's start
-  void take_in_slip(const model::State& before);
+  void update_presliding(const model::State& before);
   /// Forgets how far surfaces have slid, and the forces of the last step.
   void forget();
   void set_gravity(const Vec3& gravity);  ///< [m/s^2]
@@ -47,7 +47,7 @@ class Contacts {
   void restore(ArchiveReader& in);
 
  private:
-  /// What is known of a contact beside its geometry.
+  /// Friction and stiffness of a contact, beside its geometry.
   struct Known {
     bool pad = false;              ///< compliant surfaces
     double share = 1;              ///< of the pair's stiffness
@@ -57,16 +57,16 @@ class Contacts {
   void add_contact(const Contact& contact, const Touch& touch, const Known& known, const model::State& state);
   void set_friction(dContact& joint, const Contact& contact, const model::Material& between,
                     const Known& known, bool spins_by_motor);
-  void aim_friction(dContact& joint, const Contact& contact, const Known& known,
-                    const model::State& state) const;
+  void set_friction_direction(dContact& joint, const Contact& contact, const Known& known,
+                              const model::State& state) const;
   void add_spin_row(const Contact& contact, const Touch& touch, const Known& known);
   double shared_mass(const Contact& contact, const model::State& state) const;
-  void soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
+  void set_compliance(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
   dBodyID body_of(int shape) const;
   /// -1 where ODE turns the contact: it makes body b the first of a joint whose body a is not there.
   double side(const Contact& contact) const;
-  void come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
-                   double share, const model::State& state) const;
+  void limit_approach(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
+                      double share, const model::State& state) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
   std::size_t body_index(int shape) const;
 

@@ -85,7 +85,7 @@ class Servos {
     double pull = 0;        ///< speed asked per error [1/s]
     double compliance = 0;  ///< speed asked per torque of feed
   };
-  void soften(Row& row, const model::Servo& servo) const;
+  void set_compliance(Row& row, const model::Servo& servo) const;
   static void set_limit(Row& row, double limit);
 
   double step_;

@@ -149,10 +149,10 @@ void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
   if (link.motor_axes.empty()) return;
   link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
   link.by_motor = with_feedback(link.motor);
-  soften_tissue(link);
+  set_tissue(link);
 }
 
-void Joints::soften_tissue(const Link& link) const {
+void Joints::set_tissue(const Link& link) const {
   const model::Joint& joint = *link.joint;
   const int axes = static_cast<int>(link.motor_axes.size());
   for (int i = 0; i < axes; ++i) {
@@ -183,7 +183,7 @@ double Joints::slider_pull(const Link& link) const {
 void Joints::set_drag(std::span<const double> damping) {
   drag_.assign(damping.begin(), damping.end());
   for (const Link& link : links_)
-    if (link.motor != nullptr) soften_tissue(link);
+    if (link.motor != nullptr) set_tissue(link);
 }
 
 void Joints::add_servo(dWorldID world, Link& link) {

@@ -41,7 +41,7 @@ void OdeEngine::build() {
   state_ = model::initial_state(model_);
   joints_ = std::make_unique<Joints>(world, model_, settings_, bodies_, state_);
   muscles_ = std::make_unique<Muscles>(model_, settings_, [](int a, int b) { return a == b; });
-  muscles_->start(state_);
+  muscles_->reset(state_);
   if (needs_contacts(model_, settings_.effects))
     contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_);
   if (settings_.ode().projection) closed_ = islands(model_, settings_);
@@ -78,7 +78,7 @@ void OdeEngine::set_state(const model::State& state) {
     write(state);
     if (contacts_) contacts_->forget();
     if (moved && contacts_) contacts_->place_immovable(state_);
-    muscles_->start(state);
+    muscles_->reset(state);
   } catch (const OdeFault& fault) {
     fail(fault);
   }

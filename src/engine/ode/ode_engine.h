@@ -58,7 +58,7 @@ class OdeEngine final : public Engine {
   /// @throws Error where ODE has no memory for the step; the world is as before it.
   void advance();
   std::optional<PhysicsFault> body_fault(double time) const;
-  std::optional<PhysicsFault> take_over(double time);
+  std::optional<PhysicsFault> read_bodies(double time);
   void give_up_step();
   PhysicsFault described(const OdeFault& fault) const;
   [[noreturn]] void fail(PhysicsFault fault);
@@ -71,8 +71,8 @@ class OdeEngine final : public Engine {
   std::vector<OdeBody> bodies_;      ///< as Model::bodies
   std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
   std::unique_ptr<Joints> joints_;
-  std::vector<Prospect::Driven> ways_;  ///< of driven bodies in the step; with wrist_motion only
-  std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  std::vector<StepForecast::Driven> ways_;  ///< of driven bodies in the step; with wrist_motion only
+  std::unique_ptr<Contacts> contacts_;      ///< with contact effects and rules only
   ResidualMeter residual_;
   int stop_rows_ = 0;           ///< joint stops in force in the last step
   std::vector<System> closed_;  ///< islands to close after every step; with projection only

@@ -54,7 +54,7 @@ double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] *
 /// The step's torques with those of tendons, and the tendons' damping in the joints' rows.
 StepInput OdeEngine::with_tendons(const StepInput& given) {
   if (muscles_->empty()) return given;
-  muscles_->begin(state_.q, state_.u, given.excitations);
+  muscles_->begin_step(state_.q, state_.u, given.excitations);
   muscles_->by_coordinate(state_.u, given.torques, torques_, drag_);
   joints_->set_drag(drag_);
   // The joints' rows have the part of the rates at the start.
@@ -73,8 +73,8 @@ StepReport OdeEngine::step(const StepInput& given) {
   try {
     const StepReport report = make_step(input, end);
     if (auto fault = body_fault(end)) fail(std::move(*fault));
-    if (auto fault = take_over(end)) fail(std::move(*fault));
-    if (!muscles_->empty()) muscles_->end(state_.q, state_.u, state_);
+    if (auto fault = read_bodies(end)) fail(std::move(*fault));
+    if (!muscles_->empty()) muscles_->store_state(state_.q, state_.u, state_);
     return report;
   } catch (const OdeFault& fault) {
     fail(fault);
@@ -101,7 +101,7 @@ StepReport OdeEngine::make_step(const StepInput& input, double end) {
   }
   if (residual_is_due(report)) report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
-    contacts_->take_in_slip(state_);
+    contacts_->update_presliding(state_);
     contacts_->release();
   }
   return report;
@@ -129,7 +129,7 @@ void OdeEngine::solve(const StepInput& input, StepReport& report) {
     joints_->read_torques(input.torques, tau_, tau_servo_);
     if (contacts_) contacts_->read_forces();
     if (!again) return;
-    const bool revised = contacts_->revise_limits();
+    const bool revised = contacts_->update_limits();
     const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
     if (!wrong || (pass >= passes && !(report.lcp_failures > 0 && rigid_limits))) return;
     // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
@@ -199,7 +199,7 @@ std::optional<PhysicsFault> OdeEngine::body_fault(double time) const {
 }
 
 /// Takes ODE's state over, projected if asked for and given back. @return a joint still apart: not taken
-std::optional<PhysicsFault> OdeEngine::take_over(double time) {
+std::optional<PhysicsFault> OdeEngine::read_bodies(double time) {
   if (!closed_.empty()) opened_ = state_;
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
   state_.tau.swap(tau_);

@@ -43,14 +43,14 @@ void Convergence::update(Step& step) {
 }
 
 template <class Archive, class Self>
-void Convergence::carry(Archive& archive, Self& self) {
+void Convergence::serialize(Archive& archive, Self& self) {
   archive(self.lcp_failures_, self.iterative_, self.measured_, self.limit_steps_);
-  for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::carry(archive, *peak);
+  for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::serialize(archive, *peak);
 }
 
-void Convergence::save(ArchiveWriter& out) const { carry(out, *this); }
+void Convergence::save(ArchiveWriter& out) const { serialize(out, *this); }
 
-void Convergence::restore(ArchiveReader& in, const model::State& /*state*/) { carry(in, *this); }
+void Convergence::restore(ArchiveReader& in, const model::State& /*state*/) { serialize(in, *this); }
 
 void Convergence::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
   Verdict failures{"lcp_failures", "", static_cast<double>(lcp_failures_)};

@@ -35,7 +35,7 @@ class Convergence final : public Watcher {
 
  private:
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   bool articulated() const;
 
   const scene::Scene& scene_;

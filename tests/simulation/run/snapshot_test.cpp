@@ -30,8 +30,8 @@ INSTANTIATE_TEST_SUITE_P(, EveryEngine, ::testing::ValuesIn(cases()),
 /// All that a run shows of itself but the times it took, bit for bit: a snapshot less the clock's readings.
 void expect_same(const Simulation& a, const Simulation& b) {
   ArchiveWriter state_a, state_b;
-  carry(state_a, a.state());
-  carry(state_b, b.state());
+  serialize(state_a, a.state());
+  serialize(state_b, b.state());
   EXPECT_EQ(state_a.bytes(), state_b.bytes());
   EXPECT_EQ(a.state_hash(), b.state_hash());
   EXPECT_EQ(a.steps(), b.steps());
@@ -139,7 +139,7 @@ TEST_P(EveryEngine, GoesOnFromAMotionAsIfNeverReset) {
   Simulation whole(scene, no_watchers), other(scene, no_watchers);
   const auto bits = [](const Simulation& of) {
     ArchiveWriter out;
-    carry(out, of.state());
+    serialize(out, of.state());
     return out.take();
   };
   steps(whole, before);
