@@ -415,7 +415,7 @@ def speed():
         entry = found[f"control_share/{key}"]
         rows.append([f"control of one hand, {key} form", f"{number(1e-3 * entry['control_ns'])} µs",
                      f"{number(entry['share'])} of the step that it drives"])
-    for key, title in {"auto_50": "mug held in the whole hand, `method: auto`", "world_step": "the same, `world_step`",
+    for key, title in {"world_step": "mug held in the whole hand, `world_step`",
                        "quick_step_50": "the same, `quick_step` 50"}.items():
         entry = found[f"grasp/{key}"]
         rows.append([title, "", f"{number(entry['of_real_time'])} of real time, {entry['contacts']:.0f} contacts"])

@@ -330,7 +330,7 @@ void derivatives_of_dynamics(benchmark::State& state) {
     start.q[i] += 0.3 * std::sin(static_cast<double>(i));
     start.u[i] = std::cos(static_cast<double>(i));
   }
-  mechanism.take(start);
+  mechanism.load_state(start);
   mechanism.update_bases();
   const int n = slopes.size();
   // Coordinates of a finger depend on no other finger's.

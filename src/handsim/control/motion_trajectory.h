@@ -32,7 +32,7 @@ struct MotionNames {
   std::map<std::string, Coupling> couplings;  ///< by the axis that follows, used where a table lacks it
 };
 
-/// How the motion files of a scene are read.
+/// Options for reading the motion files of a scene.
 struct MotionOptions {
   MotionNames names;
   bool clamp = false;            ///< moves angles beyond a stop to it and counts them; otherwise refused

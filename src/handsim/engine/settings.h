@@ -30,9 +30,6 @@ enum class EngineKind {
 enum class OdeMethod {
   world_step,  ///< direct LCP solver (Dantzig): exact, cost grows with the cube of the rows
   quick_step,  ///< iterative solver (projected SOR): cost grows with rows times iterations
-  /// In each step the method with the smaller estimated cost. The estimate depends on the rows of each island
-  /// (bodies connected by joints or contacts), not on measured time: runs are reproducible. YAML: `auto`.
-  automatic,
 };
 
 enum class DaeMethod {
@@ -43,7 +40,7 @@ enum class DaeMethod {
   lagrange_penalty,
   /// Linearised implicit Euler at velocity level; `erp` corrects joint gaps. A method of Chrono.
   euler_linearised,
-  /// As euler_linearised, but projects positions onto the joints after every step. A method of Chrono.
+  /// The step of euler_linearised, after which positions are projected onto the joints. A method of Chrono.
   euler_projected,
 };
 
@@ -64,7 +61,7 @@ requires std::same_as<M, OdeMethod> || std::same_as<M, DaeMethod> || std::same_a
 bool operator==(const Method& a, M b) { return a == Method(b); }
 
 inline constexpr std::array<std::string_view, 3> kEngineNames = {"ode", "dae", "articulated"};
-inline constexpr std::array<std::string_view, 3> kOdeMethodNames = {"world_step", "quick_step", "auto"};
+inline constexpr std::array<std::string_view, 2> kOdeMethodNames = {"world_step", "quick_step"};
 inline constexpr std::array<std::string_view, 4> kDaeMethodNames = {"stabilised_gear", "lagrange_penalty",
                                                                     "euler_linearised", "euler_projected"};
 inline constexpr std::array<std::string_view, 3> kArticulatedMethodNames = {"semi_implicit_euler", "rk4",
@@ -82,14 +79,6 @@ inline std::string_view name(const Method& method) {
   return std::visit([](auto own) { return method_names(own)[static_cast<std::size_t>(own)]; }, method);
 }
 
-/// Limits of a guarded step. A step beyond them, or one whose LCP solver failed, is undone and repeated:
-/// with 100 x the CFM, as two half steps, then with 200 iterations of quick_step. All retries are counted.
-struct GuardLimits {
-  double joint_gap = 1e-3;      ///< largest gap of any joint after the step [m]
-  double speed = 30;            ///< largest speed of any body [m/s]
-  double angular_speed = 1000;  ///< largest angular speed of any body [rad/s]
-};
-
 /// Iterations of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg
 /// past its stop.
 inline constexpr int kMuscleIterations = 100;
@@ -102,7 +91,7 @@ struct OdeSettings {
   /// Constraint force mixing (compliance of every row), above 0 to 1. Too low: the LCP solver fails at
   /// redundant rows; too high: compliant joints.
   double cfm = 1e-9;
-  int iterations = 20;  ///< quick_step and auto
+  int iterations = 20;  ///< of quick_step
   /// After every step joint impulses close the joints to 1e-13 m, in positions and velocities (SHAKE). The
   /// impulses ignore contacts and stops. Off: gaps of the order of step^2 acceleration / erp.
   bool projection = false;
@@ -113,7 +102,6 @@ struct OdeSettings {
   /// world_step solves a step at most so many times, until friction is within 0.1 % of its limit, of rigid
   /// contacts within 1 %, or comes no nearer; 1: friction limits use the normal forces of the last step.
   int friction_passes = 3;
-  std::optional<GuardLimits> guard;  ///< absent: steps are not checked
 };
 
 struct DaeSettings {
@@ -170,7 +158,6 @@ void each_setting(const OdeSettings& of, Visit visit) {
   visit("projection", of.projection);
   visit("seed", of.seed);
   visit("speculative", of.speculative);
-  visit("guard", of.guard);
 }
 template <class Visit>
 void each_setting(const DaeSettings& of, Visit visit) {

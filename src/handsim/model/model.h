@@ -17,7 +17,8 @@ namespace handsim::model {
 
 inline constexpr int kWorld = 0;  ///< Index of the world in `Model::bodies`.
 
-/// What a shape belongs to: contact sums and tables group shapes by it, pictures colour them by it.
+/// The part of the scene that a shape belongs to: contact sums and tables group shapes by it, pictures colour
+/// them by it.
 enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };
@@ -67,7 +68,6 @@ struct Stop {
   double low = 0;          ///< [rad] or [m], below `high`
   double high = 0;         ///< [rad] or [m]
   double restitution = 0;  ///< 0..1
-  double motor_share = 1;  ///< of the torque of a motor that drives off the stop, 0..1; of engine ode alone
   bool stiff = false;      ///< narrower than the joint of a hand of this model: poses may lie beyond it
 };
 

@@ -1,4 +1,4 @@
-#include "handsim/simulation/snapshot.h"
+#include "handsim/simulation/fingerprint.h"
 
 #include <cmath>
 #include <set>

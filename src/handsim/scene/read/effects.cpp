@@ -63,12 +63,6 @@ void write_effects(YamlNode& node, const Effects& effects) {
 void read_effect(const YamlNode& item, const std::string& path, Effects& effects, Diagnostics& diagnostics) {
   const std::vector<std::string> known(model::kEffectNames.begin(), model::kEffectNames.end());
   const auto at = std::ranges::find(known, item.text);
-  if (item.text == "step_guard") {
-    diagnostics.problems.push_back(
-        {item.place(), path, "step_guard",
-         "a physical effect: the guard is a setting of engine ode, solver: {guard: true}"});
-    return;
-  }
   if (at == known.end()) {
     diagnostics.problems.push_back({item.place(), path, item.described(), need_word(item.text, known)});
     return;

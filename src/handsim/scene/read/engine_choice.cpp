@@ -54,10 +54,9 @@ std::string_view described(SceneKind kind) {
   return kTexts[static_cast<std::size_t>(kind)];
 }
 
-bool unsuitable(const CostRow& row, const SceneSpec& scene, bool guarded) {
-  const EngineKind engine = row.solver.engine();
-  if ((engine != EngineKind::ode && guarded) || engine::missing_library(row.solver)) return true;
-  return engine == EngineKind::dae && scene.control.has_value();
+bool unsuitable(const CostRow& row, const SceneSpec& scene) {
+  if (engine::missing_library(row.solver)) return true;
+  return row.solver.engine() == EngineKind::dae && scene.control.has_value();
 }
 
 void put(YamlNode& map, std::string_view key, std::string value) {
@@ -68,14 +67,7 @@ void put_settings(YamlNode& map, const engine::Settings& solver) {
   put(map, "engine", std::string(engine::name(solver.engine())));
   put(map, "step", number(solver.step));
   const auto write = [&](std::string_view key, const auto& value) {
-    using T = std::decay_t<decltype(value)>;
-    if constexpr (std::same_as<T, std::optional<engine::GuardLimits>>) {
-      if (!value) return;
-      YamlNode& guard = yaml_put(map, std::string(key), yaml_map());
-      put(guard, "joint_gap", number(value->joint_gap));
-      put(guard, "speed", number(value->speed));
-      put(guard, "angular_speed", number(value->angular_speed));
-    } else if constexpr (std::same_as<T, double>) {
+    if constexpr (std::same_as<std::decay_t<decltype(value)>, double>) {
       put(map, key, number(value));
     } else {
       put(map, key, fmt::format("{}", value));
@@ -136,12 +128,11 @@ std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const 
 }
 
 /// The cheapest row that reaches the accuracy; null, with a problem, if no row does.
-const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
-                        MapReader& block) {
+const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, MapReader& block) {
   const CostRow* best = nullptr;
   double least = std::numeric_limits<double>::infinity();
   for (const CostRow& row : table.rows) {
-    if (unsuitable(row, scene, guarded)) continue;
+    if (unsuitable(row, scene)) continue;
     least = std::min(least, row.error);
     if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
   }
@@ -185,15 +176,12 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   refuse_keys(
       block,
       [&](const YamlEntry& entry) -> std::optional<std::string> {
-        // A guard in the file is for the file's own engine.
-        if (entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value)) return "";
         for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
           if (entry.key == key) return "nothing: engine auto chooses it";
         return std::nullopt;
       },
       "engine auto chooses them");
   const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1}, 0.01);
-  const std::optional<engine::GuardLimits> guard = read_guard(block);
   const bool speculative = read_speculative(block);
   const std::uint64_t seed = read_seed(block);
   const std::vector<CostTable> tables = tables_of(block, reader.node(), engine);
@@ -206,15 +194,12 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
     return block.problem("engine", "auto",
                          fmt::format("a named engine: there is no measurement of scenes of kind {}",
                                      kSceneKindNames[static_cast<std::size_t>(kind)]));
-  const CostRow* best = cheapest(*table, scene, accuracy, guard.has_value(), block);
+  const CostRow* best = cheapest(*table, scene, accuracy, block);
   if (!best) return;
   scene.solver.step = best->solver.step;
   scene.solver.own = best->solver.own;
   if (bool* own = engine::speculative(scene.solver)) *own = speculative;
-  if (scene.solver.engine() == EngineKind::ode) {
-    scene.solver.ode().guard = guard;
-    scene.solver.ode().seed = seed;
-  }
+  if (scene.solver.engine() == EngineKind::ode) scene.solver.ode().seed = seed;
   scene.engine_choice = fmt::format(
       "{}: the cheapest that reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds per "
       "simulated second",

@@ -60,7 +60,6 @@ void read_own(MapReader& reader, Own& own) {
     own.iterations = reader.integer("iterations", 1, engine::kMaxIterations, own.iterations);
     own.projection = reader.flag("projection", own.projection);
     own.seed = read_seed(reader);
-    own.guard = read_guard(reader);
   }
 }
 
@@ -114,23 +113,6 @@ std::uint64_t read_seed(MapReader& reader) {
 }
 
 bool read_speculative(MapReader& reader) { return reader.flag("speculative", true); }
-
-std::optional<engine::GuardLimits> read_guard(MapReader& reader) {
-  YamlNode* node = reader.child("guard");
-  if (!node) return std::nullopt;
-  if (node->kind == YamlNode::Kind::scalar) {
-    if (!reader.flag("guard", false)) return std::nullopt;
-    node->kind = YamlNode::Kind::map;
-  }
-  MapReader guard = reader.map("guard");
-  engine::GuardLimits limits;
-  limits.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);
-  limits.speed = guard.number("speed", {Dimension::speed, 0.01, 1000}, limits.speed);
-  limits.angular_speed =
-      guard.number("angular_speed", {Dimension::angular_speed, 1, 1e5}, limits.angular_speed);
-  guard.finish();
-  return limits;
-}
 
 void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
                  const std::string& why) {

@@ -173,7 +173,6 @@ void refuse_keys(MapReader& reader, const std::function<std::optional<std::strin
                  const std::string& why);
 /// True for a value from `--set`.
 bool of_command_line(const YamlNode& node);
-std::optional<engine::GuardLimits> read_guard(MapReader& reader);
 bool read_speculative(MapReader& reader);
 std::uint64_t read_seed(MapReader& reader);
 /// Reads the `solver` block. Call after effects, mechanism and control are read.

@@ -53,11 +53,10 @@ void add_settings(const scene::Scene& scene, std::vector<Variant>& out) {
     return variant.scene->spec.solver;
   };
   engine::Settings settings = scene.spec.solver;
-  const bool ode = settings.engine() == engine::EngineKind::ode;
-  if (ode && settings.ode().projection) add("projection").ode().projection = false;
+  if (settings.engine() == engine::EngineKind::ode && settings.ode().projection)
+    add("projection").ode().projection = false;
   if (const bool* on = engine::speculative(settings); on && *on && settings.effects.any_contact())
     *engine::speculative(add("speculative")) = false;
-  if (ode && settings.ode().guard) add("guard").ode().guard.reset();
 }
 
 /// One variant for each effect and setting.

@@ -34,44 +34,44 @@ std::string field(const Cell& cell) {
 }
 
 // Bits: a figure may be infinite.
-void carry_bits(ArchiveWriter& out, double value) { out.word(std::bit_cast<std::uint64_t>(value)); }
-void carry_bits(ArchiveReader& in, double& value) { value = std::bit_cast<double>(in.word()); }
+void serialize_bits(ArchiveWriter& out, double value) { out.word(std::bit_cast<std::uint64_t>(value)); }
+void serialize_bits(ArchiveReader& in, double& value) { value = std::bit_cast<double>(in.word()); }
 
-void carry_role(ArchiveWriter& out, ColumnRole role) { out(static_cast<int>(role)); }
-void carry_role(ArchiveReader& in, ColumnRole& role) { role = static_cast<ColumnRole>(in.count(4)); }
+void serialize_role(ArchiveWriter& out, ColumnRole role) { out(static_cast<int>(role)); }
+void serialize_role(ArchiveReader& in, ColumnRole& role) { role = static_cast<ColumnRole>(in.count(4)); }
 
-void carry_cell(ArchiveWriter& out, const Cell& cell) {
+void serialize_cell(ArchiveWriter& out, const Cell& cell) {
   out(cell.index());
-  if (const double* number = std::get_if<double>(&cell)) carry_bits(out, *number);
+  if (const double* number = std::get_if<double>(&cell)) serialize_bits(out, *number);
   if (const auto* text = std::get_if<std::string>(&cell)) out(*text);
 }
-void carry_cell(ArchiveReader& in, Cell& cell) {
+void serialize_cell(ArchiveReader& in, Cell& cell) {
   const std::uint64_t kind = in.count(2);
-  if (kind == 1) carry_bits(in, cell.emplace<double>());
+  if (kind == 1) serialize_bits(in, cell.emplace<double>());
   if (kind == 2) in(cell.emplace<std::string>());
 }
 
 template <class Archive, class Head>
-void carry_head(Archive& archive, Head& head) {
+void serialize_head(Archive& archive, Head& head) {
   archive(head.title, head.size, head.seed);
   archive.list(head.columns, [](auto& each, auto& column) {
     each(column.name);
-    carry_role(each, column.role);
+    serialize_role(each, column.role);
     each(column.text);
   });
   archive(head.origin);
 }
 
 template <class Archive, class T>
-void carry_row(Archive& archive, T& row) {
+void serialize_row(Archive& archive, T& row) {
   archive(row.rollout);
-  archive.list(row.cells, [](auto& each, auto& cell) { carry_cell(each, cell); });
+  archive.list(row.cells, [](auto& each, auto& cell) { serialize_cell(each, cell); });
   bool recorded = row.trajectory.has_value();
   archive(recorded);
   if (!recorded) return;
   if constexpr (std::same_as<Archive, ArchiveReader>) row.trajectory.emplace();
   archive(row.trajectory->columns);
-  archive.list(row.trajectory->values, [](auto& each, auto& value) { carry_bits(each, value); });
+  archive.list(row.trajectory->values, [](auto& each, auto& value) { serialize_bits(each, value); });
 }
 
 /// To be raised with every change of what is in a journal.
@@ -167,13 +167,13 @@ JournalContent read_journal(const std::filesystem::path& path) {
   const auto head = records.next();
   if (!head) records.refuse("a torn file");
   ArchiveReader of_head(*head, path.string());
-  carry_head(of_head, out.head);
+  serialize_head(of_head, out.head);
   of_head.finish();
   while (const auto record = records.next()) {
     ArchiveReader in(*record, path.string());
     for (std::size_t n = in.size(); n > 0; --n) {
       RolloutRow& row = out.rows.emplace_back();
-      carry_row(in, row);
+      serialize_row(in, row);
       if (row.cells.size() != out.head.columns.size())
         in.refuse(fmt::format("a row of {} cells", row.cells.size()),
                   fmt::format("{}", out.head.columns.size()));
@@ -214,7 +214,7 @@ std::string bands_csv(const std::vector<TimeSeries>& curves) {
 
 Journal::Journal(std::filesystem::path path, const TableHead& head) : path_(std::move(path)) {
   ArchiveWriter out;
-  carry_head(out, head);
+  serialize_head(out, head);
   // Has its name when its head is whole.
   output::write_file(path_, std::string(kMark) + framed(out.bytes()));
   file_ = open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
@@ -236,7 +236,7 @@ void Journal::add(const std::vector<RolloutRow>& rows) {
     long count = 0;
     // A record with a few long rollouts is as large as one with a thousand short ones.
     for (; from != rows.end() && of_rows.bytes().size() < kFullRecord; ++from, ++count)
-      carry_row(of_rows, *from);
+      serialize_row(of_rows, *from);
     ArchiveWriter out;
     out(count);
     records += framed(out.bytes() + of_rows.bytes());

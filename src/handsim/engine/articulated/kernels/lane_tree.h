@@ -93,7 +93,7 @@ enum class ParentLink {
 
 /// Nodes of one kind and one depth. Lanes without a node are a unit inertia at rest.
 template <int W>
-struct alignas(64) Batch {
+struct alignas(64) NodeBatch {
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
   // Functions of the position.
@@ -120,7 +120,7 @@ struct alignas(64) Batch {
   int axis;  ///< index of its Axis or Joint3
 };
 
-/// What children of a batch hand down: inertia by its angular block A (as I), coupling B (rows first) and
+/// Inertia and force that the children of a batch add to it: angular block A (as I), coupling B (rows first),
 /// linear block C, and force p.
 template <int W>
 struct alignas(64) Handed {
@@ -133,7 +133,7 @@ struct alignas(64) Handed {
   }
 };
 
-/// What the articulated-body algorithm has of a batch while it works; shared by all trees of a thread.
+/// Numbers of a batch in the articulated-body algorithm; the memory is shared by all trees of a thread.
 template <int W>
 struct alignas(64) Work : Handed<W> {
   Lane<W> U[6], weighted, inverse, u_force,
@@ -147,7 +147,7 @@ struct alignas(64) Joint3 {
   Lane<W> S[6][6];  ///< S[column][row], rate_count columns
   Lane<W> tau[6];
 };
-/// As Work, of a Joint3.
+/// Numbers of a Joint3 in the articulated-body algorithm.
 template <int W>
 struct alignas(64) Work3 {
   Lane<W> U[6][6];
@@ -162,7 +162,7 @@ template <int W>
 Work3<W>* thread_work3(std::size_t count);
 
 /// A tree in lanes: what does not depend on their width.
-struct Tree {
+struct LaneTree {
   int batches = 0;
   int rates = 0, positions = 0;        ///< sizes of the arrays below, all lanes counted
   double* q = nullptr;                 ///< positions, [batch][component][lane]
@@ -171,23 +171,23 @@ struct Tree {
   double* tau = nullptr;               ///< State::tau of the last step, as rates; balls as told
   double* tau_servo = nullptr;         ///< the servos' part
   double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
-  double* spin = nullptr;              ///< largest Batch::spin of each lane
+  double* spin = nullptr;              ///< largest NodeBatch::spin of each lane
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
 };
 
 /// A tree in W lanes: its arrays.
 template <int W>
-struct TreeOf : Tree {
+struct LaneTreeOf : LaneTree {
   static constexpr int kWidth = W;
-  Batch<W>* batch = nullptr;
+  NodeBatch<W>* batch = nullptr;
   Axis<W>* axis = nullptr;
   Joint3<W>* joint3 = nullptr;
   Frame<W>* base = nullptr;
 };
 /// @param tree that was made for W lanes
 template <int W>
-const TreeOf<W>& lanes_of(const Tree& tree) {
-  return static_cast<const TreeOf<W>&>(tree);
+const LaneTreeOf<W>& lanes_of(const LaneTree& tree) {
+  return static_cast<const LaneTreeOf<W>&>(tree);
 }
 
 /// The algorithms for one width and instruction set, for trees of that width. Same bits from every one.
@@ -195,37 +195,37 @@ struct Kernel {
   const char* name = "";
   int width = 1;
   /// Kinematics and inertias of every link at q, u. False where a speed leaves its bounds or is not a number.
-  bool (*kinematics)(const Tree&);
+  bool (*kinematics)(const LaneTree&);
   /// Only what depends on u.
-  bool (*velocities)(const Tree&);
+  bool (*velocities)(const LaneTree&);
   /// Forces, weights and locks of a step [s] that evaluates springs and dampers at its end.
-  void (*prepare)(const Tree&, double step);
+  void (*prepare)(const LaneTree&, double step);
   /// tau and tau_servo of a step [s] whose du is found.
-  void (*compute_torques)(const Tree&, double step);
+  void (*compute_torques)(const LaneTree&, double step);
   /// Forces at the very state, without weights or stops, and tau and tau_servo.
-  void (*prepare_smooth)(const Tree&);
+  void (*prepare_smooth)(const LaneTree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
-  void (*solve)(const Tree&);
+  void (*solve)(const LaneTree&);
   /// Joint-space inertia by the composite-rigid-body algorithm; overwrites the sums of `solve`. By batch of
   /// nodes of one rate and by lane: entries with itself, then with every node that carries it, to the base.
-  void (*inertia)(const Tree&, double* out);
+  void (*inertia)(const LaneTree&, double* out);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
-  bool (*update_active_set)(const Tree&, double step, bool single);
+  bool (*update_active_set)(const LaneTree&, double step, bool single);
   /// Momentum and kinetic energy of every body, as `kinematics` or `velocities` last found it.
-  void (*momenta)(const Tree&);
+  void (*momenta)(const LaneTree&);
   /// Work of the single coordinates' forces in a step [s], by du and the mean of the rates at both ends.
-  void (*work)(const Tree&, double step);
+  void (*work)(const LaneTree&, double step);
   /// u += h du, then q by u.
-  void (*integrate)(const Tree&, double step);
+  void (*integrate)(const LaneTree&, double step);
   /// Derivatives of q at u.
-  void (*position_rates)(const Tree&, double* out);
+  void (*position_rates)(const LaneTree&, double* out);
   /// Makes quaternions unit and brings angles into (-pi, pi].
-  void (*normalise)(const Tree&);
+  void (*normalise)(const LaneTree&);
   /// prepare, solve and update_active_set of all axes, in two passes.
-  bool (*accelerate)(const Tree&, double step);
+  bool (*accelerate)(const LaneTree&, double step);
   /// compute_torques, integrate and kinematics, in one pass. False as kinematics.
-  bool (*advance)(const Tree&, double step);
+  bool (*advance)(const LaneTree&, double step);
 };
 
 }  // namespace handsim::engine::articulated

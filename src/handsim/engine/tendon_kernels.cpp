@@ -1,4 +1,6 @@
 // The kernel that every machine of the architecture runs, and the table of all.
+#include "handsim/engine/tendon_kernels.h"
+
 #include "handsim/engine/tendon_operations.h"
 
 namespace handsim::engine {
