@@ -86,6 +86,7 @@ TEST(ShippedPrototype, KeepsTheBounceAndFudgeFactorOfItsThumb) {
       for (const model::JointAxis& axis : joint.axes) {
         ++found;
         EXPECT_EQ(axis.stop->restitution, 0.2);
+        EXPECT_EQ(axis.stop->motor_share, 0.2);
       }
   EXPECT_EQ(found, 2);
 }

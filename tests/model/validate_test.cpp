@@ -121,6 +121,7 @@ TEST(Defects, OfJointsAreNamed) {
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{-1, 3.2}; }), "j.a.stop");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{-1, kInfinity}; }), "0 defects");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].stop->restitution = 1.1; }), "j.b.stop.restitution");
+  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].stop->motor_share = -0.1; }), "j.b.stop.motor_share");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].tissue->stiffness = -1; }), "j.b.tissue.stiffness");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].tissue->damping = kNan; }), "j.b.tissue.damping");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].tissue->rest = kInfinity; }), "j.b.tissue.rest");

@@ -37,6 +37,7 @@ model::JointAxis read_axis(MapReader reader) {
   if (const auto range = reader.maybe_range("range", kAngle, true)) {
     model::Stop stop{range->first, range->second};
     stop.restitution = reader.number("bounce", kShare, 0.0);
+    stop.motor_share = reader.number("fudge_factor", kShare, 1.0);
     axis.stop = stop;
   }
   model::Tissue tissue;

@@ -68,6 +68,7 @@ struct Stop {
   double low = 0;          ///< [rad] or [m], below `high`
   double high = 0;         ///< [rad] or [m]
   double restitution = 0;  ///< 0..1
+  double motor_share = 1;  ///< of the torque of a motor that drives off the stop, 0..1; of engine ode alone
   bool stiff = false;      ///< narrower than the joint of a hand of this model: poses may lie beyond it
 };
 

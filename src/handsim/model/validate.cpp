@@ -151,6 +151,7 @@ class Checker {
       if (!(axis.stop->low < axis.stop->high))
         add(key + ".stop", fmt::format("{:g}..{:g}", axis.stop->low, axis.stop->high), "low below high");
       check_range({key, ".stop.restitution"}, axis.stop->restitution, 0, 1, "");
+      check_range({key, ".stop.motor_share"}, axis.stop->motor_share, 0, 1, "");
     }
     if (axis.tissue) {
       check_range({key, ".tissue.stiffness"}, axis.tissue->stiffness, 0, kFar, "N m/rad");

@@ -214,7 +214,7 @@ class Judge {
   }
 
   static constexpr std::array kTissueKeys = {"stiffness", "damping", "rest"};
-  static constexpr std::array kStopKeys = {"range", "bounce"};
+  static constexpr std::array kStopKeys = {"range", "bounce", "fudge_factor"};
   static constexpr std::array kStrengthKeys = {"grip_strength", "age"};
   static constexpr std::array kGainKeys = {"proportional", "derivative",        "integral",
                                            "frequency",    "damping_ratio",     "integral_time",
