@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import Error, Problem, input_error
-from ._files import OutputFolder, ended, files_of, path_of, read_options, standing_alone
-from ._scene import Scene, find_file, load
+from ._files import OutputFolder, ended, path_of, read_options
+from ._scene import Scene, files_of, load, standing_alone
+from ._shipped import find_file
 from ._table import UNIT
+from ._table_files import at, read_csv
 from ._yaml import UNITS, number_of, scene_number
 from .identify import NO_NUMBERS, Identified, identify
-from .study import at, read_csv
 
 USAGE = """handsim identify RECORDING --scene SCENE --free KEY[=VALUE],... [--out DIR]
 

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
-from ._files import check_target, ended, files_of, write_file
+from ._files import check_target, ended, write_file
 from ._glb import Y_UP, glb_of_model, shown_shapes
 from ._model import Model, SkinParts, bent, compose, matrices, normals_of, skins_of, surface, turned
 from ._progress import bar
-from ._scene import Scene, load
+from ._scene import Scene, files_of, load
 from ._simulation import Simulation
+from ._table_files import read_csv
 
 Array = NDArray[np.float64]
 FORMATS = ("glb", "usda", "obj", "stl", "mcap")
@@ -49,8 +50,6 @@ def _steady(times: Array, fps: float) -> NDArray[np.intp]:
 
 def recorded(folder: Path) -> tuple[Scene, Array, Array]:
     """Scene, times and poses of a finished run."""
-    from .study import read_csv
-
     for name in ("resolved.yaml", "trajectory.csv"):
         if not (folder / name).is_file():
             raise input_error(str(folder), f"a folder without {name}", "the folder of a run, or a scene file")
@@ -239,8 +238,8 @@ def run(arguments: argparse.Namespace) -> str:
         return f"{place}: joint states, transforms and contact wrenches of {scene.title} as mcap, {len(content) / 1e6:.2f} MB"
     whole = kind == "glb" or kind == "usda" and arguments.time is None
     times, poses = _motion(scene, motion, arguments.time, whole and not still, arguments.fps, show)
-    model = Model(scene)
-    skins = skins_of(scene) if arguments.hands != "shapes" or kind == "usda" else []
+    model = scene._model
+    skins = skins_of(scene._core) if arguments.hands != "shapes" or kind == "usda" else []
     if kind == "glb":
         content = glb_of_model(model, skins, poses, times, hands=arguments.hands)
     elif kind == "usda":
