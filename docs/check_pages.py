@@ -164,10 +164,10 @@ def check_commands(program, problems):
 
 
 def check_sources(problems):
-    """Checks files of src/ that pages name: `hand/person.cpp`, `handsim/engine/engine.h`."""
+    """Checks files of sources that pages name: `hand/person.cpp`, `handsim/engine/engine.h`, `python/handsim/export.py`."""
     for page in tables.PAGES:
         text = without_code(page.read_text())
-        for name in re.finditer(r"`([a-z_0-9]+/[a-z_0-9/]*\.(?:cpp|h))`", text):
+        for name in re.finditer(r"`([a-z_0-9]+/[a-z_0-9/]*\.(?:cpp|h|py))`", text):
             path = name.group(1).removeprefix("handsim/")
             if not (ROOT / "src" / path).exists() and not (ROOT / path).exists():
                 problems.append(f"{place(page, text, name.start())}: no src/{path}")

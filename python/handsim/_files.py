@@ -15,12 +15,12 @@ from typing import Any, Callable, Iterable, Mapping, Sequence, Union
 
 from . import _core
 from ._errors import Error, Problem, input_error
+from ._formats import FORMATS
 
 PathText = Union[str, "PathLike[str]"]
 KINDS: dict[str, tuple[str, bytes]] = {
-    "glb": ("a binary glTF file", b"glTF"), "usda": ("a USD text file", b"#usda"), "obj": ("an OBJ file of handsim", b"# handsim: metres"),
-    "stl": ("an STL file of handsim", b"handsim: millimetres"), "mcap": ("an MCAP file", b"MCAP0"), "png": ("a PNG picture", b"\x89PNG"),
-    "mp4": ("an MP4 video", b"ftyp"), "html": ("a page of handsim", _core.page_mark)}
+    "png": ("a PNG picture", b"\x89PNG"), "mp4": ("an MP4 video", b"ftyp"), "html": ("a page of handsim", _core.page_mark),
+    **{name: (of.file, of.mark) for name, of in FORMATS.items()}}
 """What a file of an ending may replace: its name, and what the first 1000 bytes have."""
 
 

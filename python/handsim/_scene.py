@@ -240,17 +240,24 @@ class Scene:
         in `draw`."""
         return _core.draw(self._core, list(frames), size, view, camera)
 
+    def to_format(self, format: str) -> str:
+        """The model as text of a format that the program writes, by its name for ``handsim export --format``.
+
+        :raises Error: of kind input for another name, and for what the format cannot express
+        """
+        return self._core.to_format(format)
+
     def to_mjcf(self) -> str:
         """The model as MJCF, MuJoCo's format. :raises Error: of kind input for what MJCF cannot express"""
-        return self._core.to_mjcf()
+        return self.to_format("mjcf")
 
     def to_urdf(self) -> str:
         """The model as URDF. :raises Error: of kind input for what URDF cannot express, e.g. meshes and ball joints"""
-        return self._core.to_urdf()
+        return self.to_format("urdf")
 
     def to_osim(self) -> str:
         """The model as .osim, OpenSim 4's format. :raises Error: of kind input for what OpenSim cannot express, e.g. loops"""
-        return self._core.to_osim()
+        return self.to_format("osim")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickle, (self._core.standalone(),)
