@@ -91,6 +91,13 @@ def hand():
     return fenced("\n".join(line for line in lines[:end] if not line.startswith("  predicted from")))
 
 
+def formats():
+    return table(["format", "ending", "for", "of", "written by"],
+                 [[f"`{name}`", ", ".join(f"`{ending}`" for ending in endings), text.replace("--time", "`--time`"), of,
+                   "program" if by_program else "package" + (f", with {needs}" if needs else "")]
+                  for name, endings, text, of, needs, by_program in json.loads(study_text("formats", "formats"))])
+
+
 def poses():
     rows = []
     titles = {"implicit": "`implicit.yaml`, 8 Hz, weight and tissue compensated",
@@ -862,7 +869,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "formats": ("formats", formats), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

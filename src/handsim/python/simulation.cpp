@@ -52,24 +52,14 @@ class SimulationHandle {
 
   void step(const py::object& torques, const py::object& targets, const py::object& excitations,
             const py::object& wrists, const py::object& forces, int substeps) {
-    const scene::Scene& scene = environment_.scene();
-    const auto optional = [](const py::object& given, std::size_t size, const char* name) {
-      return Numbers::optional(given, {static_cast<py::ssize_t>(size)}, name);
-    };
-    const Numbers torque = optional(torques, q.size(), "torques");
-    const Numbers target = optional(targets, scene.control ? scene.control->axes.size() : 0, "targets");
-    const Numbers excitation = optional(excitations, scene.model.muscles.size(), "excitations");
-    const auto drives = static_cast<py::ssize_t>(scene.model.drives.size());
-    const std::vector<Pose> poses = poses_of(Numbers::optional(wrists, {drives, 7}, "wrists"));
-    std::vector<std::vector<engine::BodyForce>> force;
-    read_forces(forces, scene.model, 0, force);
-    environment::Action action{.torques = torque.span(),
-                               .angles = target.span(),
-                               .wrists = poses,
+    const ActionArrays given(environment_.scene(), 0, torques, targets, excitations, wrists, forces);
+    environment::Action action{.torques = given.torques.span(),
+                               .angles = given.targets.span(),
+                               .wrists = given.wrists,
                                .wrist_rates = {},
-                               .excitations = excitation.span(),
+                               .excitations = given.excitations.span(),
                                .forces = {}};
-    if (!force.empty()) action.forces = force[0];
+    if (!given.forces.empty()) action.forces = given.forces[0];
     Signals signals;
     long steps = 0;
     guarded([&] {
