@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/core/fields.h"
+#include "handsim/core/units.h"
 #include "handsim/model/effects.h"
 
 namespace handsim::engine {
@@ -88,7 +90,22 @@ struct GuardLimits {
   double joint_gap = 1e-3;      ///< largest gap of any joint after the step [m]
   double speed = 30;            ///< largest speed of any body [m/s]
   double angular_speed = 1000;  ///< largest angular speed of any body [rad/s]
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("joint_gap", &GuardLimits::joint_gap, Quantity{Dimension::length, 1e-6, 1});
+    visit("speed", &GuardLimits::speed, Quantity{Dimension::speed, 0.01, 1000});
+    visit("angular_speed", &GuardLimits::angular_speed, Quantity{Dimension::angular_speed, 1, 1e5});
+  }
 };
+
+inline constexpr Quantity kStepRange = {Dimension::time, kMinStep, kMaxStep};
+inline constexpr Quantity kErpRange = {Dimension::none, 0, 1};
+inline constexpr Quantity kToleranceRange = {Dimension::none, kMinTolerance, kMaxTolerance};
+inline constexpr WholeRange kSeedRange = {0, 2'147'483'647};
+
+// The lists of the engines' keys (core/fields.h). A condition after the range: the settings with which the
+// key acts.
 
 /// Iterations of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg
 /// past its stop.
@@ -114,6 +131,19 @@ struct OdeSettings {
   /// contacts within 1 %, or comes no nearer; 1: friction limits use the normal forces of the last step.
   int friction_passes = 3;
   std::optional<GuardLimits> guard;  ///< absent: steps are not checked
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr auto kIterates = [](const OdeSettings& of) { return of.method != OdeMethod::world_step; };
+    visit("method", &OdeSettings::method, Words{kOdeMethodNames});
+    visit("erp", &OdeSettings::erp, kErpRange);
+    visit("speculative", &OdeSettings::speculative);
+    visit("cfm", &OdeSettings::cfm, Quantity{Dimension::none, 0, 1, true});
+    visit("iterations", &OdeSettings::iterations, WholeRange{1, kMaxIterations}, kIterates);
+    visit("projection", &OdeSettings::projection);
+    visit("seed", &OdeSettings::seed, kSeedRange, kIterates);
+    visit("guard", &OdeSettings::guard);
+  }
 };
 
 struct DaeSettings {
@@ -123,6 +153,15 @@ struct DaeSettings {
   /// m, 1 m/s, 1 rad, 1 rad/s; the error test of each internal step uses a share of it. 1e-11 to 1e-2. A
   /// tenth takes 1.2 to 1.9 times as long. Too high: energy drifts; below the range, rounding dominates.
   double tolerance = 1e-9;
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("method", &DaeSettings::method, Words{kDaeMethodNames});
+    visit("erp", &DaeSettings::erp, kErpRange,
+          [](const DaeSettings& of) { return of.method == DaeMethod::euler_linearised; });
+    visit("tolerance", &DaeSettings::tolerance, kToleranceRange,
+          [](const DaeSettings& of) { return of.method == DaeMethod::stabilised_gear; });
+  }
 };
 
 struct ArticulatedSettings {
@@ -131,6 +170,18 @@ struct ArticulatedSettings {
   double erp = 0.2;
   double tolerance = 1e-9;  ///< dormand_prince: as DaeSettings::tolerance
   bool speculative = true;  ///< semi_implicit_euler: as OdeSettings::speculative
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr auto kImplicit = [](const ArticulatedSettings& of) {
+      return of.method == ArticulatedMethod::semi_implicit_euler;
+    };
+    visit("method", &ArticulatedSettings::method, Words{kArticulatedMethodNames});
+    visit("erp", &ArticulatedSettings::erp, kErpRange, kImplicit);
+    visit("tolerance", &ArticulatedSettings::tolerance, kToleranceRange,
+          [](const ArticulatedSettings& of) { return of.method == ArticulatedMethod::dormand_prince; });
+    visit("speculative", &ArticulatedSettings::speculative, kImplicit);
+  }
 };
 
 struct Settings {
@@ -160,31 +211,21 @@ struct Settings {
   const ArticulatedSettings& articulated() const { return std::get<ArticulatedSettings>(own); }
 };
 
-/// Calls visit(key, value) for each key of one engine's settings.
+/// Calls visit(key, value, range, condition) for each key of the selected engine, as far as the key has the
+/// last two.
 template <class Visit>
-void each_setting(const OdeSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("cfm", of.cfm);
-  visit("iterations", of.iterations);
-  visit("projection", of.projection);
-  visit("seed", of.seed);
-  visit("speculative", of.speculative);
-  visit("guard", of.guard);
+void each_setting(const Settings& of, const Visit& visit) {
+  std::visit(
+      [&](const auto& own) {
+        own.fields([&](std::string_view key, auto member, const auto&... form) {
+          visit(key, own.*member, form...);
+        });
+      },
+      of.own);
 }
-template <class Visit>
-void each_setting(const DaeSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("tolerance", of.tolerance);
-}
-template <class Visit>
-void each_setting(const ArticulatedSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("tolerance", of.tolerance);
-  visit("speculative", of.speculative);
-}
+
+/// False for a key of the selected engine that its method does not use.
+bool uses(const Settings& settings, std::string_view key);
 
 /// `speculative` of the selected engine; null if the engine has none.
 bool* speculative(Settings& settings);
