@@ -173,7 +173,7 @@ std::filesystem::path write_report(const std::vector<std::filesystem::path>& fol
 struct FileReader {
   std::string_view word;  ///< of the command line
   scene::FileKind kind;
-  void (*read)(YamlNode& root, Diagnostics& diagnostics);
+  void (*read)(const YamlNode& root, Diagnostics& diagnostics);
 };
 
 std::span<const FileReader> file_readers();

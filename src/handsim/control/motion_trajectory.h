@@ -41,7 +41,7 @@ struct MotionOptions {
 };
 
 /// Reads a file of names; every defect goes into the diagnostics.
-MotionNames read_motion_names(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+MotionNames read_motion_names(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// An angle beyond its range by at most this much is moved to the stop, with a warning [rad].
 inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;

@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/core/fields.h"
+#include "handsim/core/units.h"
 #include "handsim/model/effects.h"
 
 namespace handsim::engine {
@@ -79,6 +81,14 @@ inline std::string_view name(const Method& method) {
   return std::visit([](auto own) { return method_names(own)[static_cast<std::size_t>(own)]; }, method);
 }
 
+inline constexpr Quantity kStepRange = {Dimension::time, kMinStep, kMaxStep};
+inline constexpr Quantity kErpRange = {Dimension::none, 0, 1};
+inline constexpr Quantity kToleranceRange = {Dimension::none, kMinTolerance, kMaxTolerance};
+inline constexpr WholeRange kSeedRange = {0, 2'147'483'647};
+
+// The lists of the engines' keys (core/fields.h). A condition after the range: the settings with which the
+// key acts.
+
 /// Iterations of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg
 /// past its stop.
 inline constexpr int kMuscleIterations = 100;
@@ -102,6 +112,18 @@ struct OdeSettings {
   /// world_step solves a step at most so many times, until friction is within 0.1 % of its limit, of rigid
   /// contacts within 1 %, or comes no nearer; 1: friction limits use the normal forces of the last step.
   int friction_passes = 3;
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr auto kIterates = [](const OdeSettings& of) { return of.method != OdeMethod::world_step; };
+    visit("method", &OdeSettings::method, Words{kOdeMethodNames});
+    visit("erp", &OdeSettings::erp, kErpRange);
+    visit("speculative", &OdeSettings::speculative);
+    visit("cfm", &OdeSettings::cfm, Quantity{Dimension::none, 0, 1, true});
+    visit("iterations", &OdeSettings::iterations, WholeRange{1, kMaxIterations}, kIterates);
+    visit("projection", &OdeSettings::projection);
+    visit("seed", &OdeSettings::seed, kSeedRange, kIterates);
+  }
 };
 
 struct DaeSettings {
@@ -111,6 +133,15 @@ struct DaeSettings {
   /// m, 1 m/s, 1 rad, 1 rad/s; the error test of each internal step uses a share of it. 1e-11 to 1e-2. A
   /// tenth takes 1.2 to 1.9 times as long. Too high: energy drifts; below the range, rounding dominates.
   double tolerance = 1e-9;
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("method", &DaeSettings::method, Words{kDaeMethodNames});
+    visit("erp", &DaeSettings::erp, kErpRange,
+          [](const DaeSettings& of) { return of.method == DaeMethod::euler_linearised; });
+    visit("tolerance", &DaeSettings::tolerance, kToleranceRange,
+          [](const DaeSettings& of) { return of.method == DaeMethod::stabilised_gear; });
+  }
 };
 
 struct ArticulatedSettings {
@@ -119,6 +150,18 @@ struct ArticulatedSettings {
   double erp = 0.2;
   double tolerance = 1e-9;  ///< dormand_prince: as DaeSettings::tolerance
   bool speculative = true;  ///< semi_implicit_euler: as OdeSettings::speculative
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr auto kImplicit = [](const ArticulatedSettings& of) {
+      return of.method == ArticulatedMethod::semi_implicit_euler;
+    };
+    visit("method", &ArticulatedSettings::method, Words{kArticulatedMethodNames});
+    visit("erp", &ArticulatedSettings::erp, kErpRange, kImplicit);
+    visit("tolerance", &ArticulatedSettings::tolerance, kToleranceRange,
+          [](const ArticulatedSettings& of) { return of.method == ArticulatedMethod::dormand_prince; });
+    visit("speculative", &ArticulatedSettings::speculative, kImplicit);
+  }
 };
 
 struct Settings {
@@ -148,30 +191,21 @@ struct Settings {
   const ArticulatedSettings& articulated() const { return std::get<ArticulatedSettings>(own); }
 };
 
-/// Calls visit(key, value) for each key of one engine's settings.
+/// Calls visit(key, value, range, condition) for each key of the selected engine, as far as the key has the
+/// last two.
 template <class Visit>
-void each_setting(const OdeSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("cfm", of.cfm);
-  visit("iterations", of.iterations);
-  visit("projection", of.projection);
-  visit("seed", of.seed);
-  visit("speculative", of.speculative);
+void each_setting(const Settings& of, const Visit& visit) {
+  std::visit(
+      [&](const auto& own) {
+        own.fields([&](std::string_view key, auto member, const auto&... form) {
+          visit(key, own.*member, form...);
+        });
+      },
+      of.own);
 }
-template <class Visit>
-void each_setting(const DaeSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("tolerance", of.tolerance);
-}
-template <class Visit>
-void each_setting(const ArticulatedSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("tolerance", of.tolerance);
-  visit("speculative", of.speculative);
-}
+
+/// False for a key of the selected engine that its method does not use.
+bool uses(const Settings& settings, std::string_view key);
 
 /// `speculative` of the selected engine; null if the engine has none.
 bool* speculative(Settings& settings);

@@ -18,6 +18,20 @@ using model::Effect;
 
 std::string number(double x) { return fmt::format("{:.12g}", x); }
 
+/// The keys of engine auto: what it chooses by, and settings of whatever engine it chooses.
+struct AutoSettings {
+  double accuracy = 0.01;
+  bool speculative = true;
+  std::uint64_t seed = 1;
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("accuracy", &AutoSettings::accuracy, Quantity{Dimension::none, 1e-12, 1});
+    visit("speculative", &AutoSettings::speculative);
+    visit("seed", &AutoSettings::seed, engine::kSeedRange);
+  }
+};
+
 CostRow read_row(MapReader reader) {
   CostRow row;
   row.error = reader.number("error", {Dimension::none, 0, 1e6});
@@ -66,14 +80,15 @@ void put(YamlNode& map, std::string_view key, std::string value) {
 void put_settings(YamlNode& map, const engine::Settings& solver) {
   put(map, "engine", std::string(engine::name(solver.engine())));
   put(map, "step", number(solver.step));
-  const auto write = [&](std::string_view key, const auto& value) {
-    if constexpr (std::same_as<std::decay_t<decltype(value)>, double>) {
+  each_setting(solver, [&]<class T>(std::string_view key, const T& value, const auto&...) {
+    if constexpr (std::is_enum_v<T>) {
+      put(map, key, std::string(engine::name(engine::Method(value))));
+    } else if constexpr (std::same_as<T, double>) {
       put(map, key, number(value));
     } else {
       put(map, key, fmt::format("{}", value));
     }
-  };
-  std::visit([&](const auto& own) { each_setting(own, write); }, solver.own);
+  });
 }
 
 std::string text_of(const CostRow& row) {
@@ -151,7 +166,7 @@ double duration_of(MapReader& reader, const SceneSpec& scene) {
 
 }  // namespace
 
-std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics) {
+std::vector<CostTable> read_costs(const YamlNode& root, const std::string& path, Diagnostics& diagnostics) {
   std::vector<CostTable> out;
   if (!is_of_kind(root, path, FileKind::costs, diagnostics)) return out;
   MapReader reader(root, path, diagnostics);
@@ -181,9 +196,8 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
         return std::nullopt;
       },
       "engine auto chooses them");
-  const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1}, 0.01);
-  const bool speculative = read_speculative(block);
-  const std::uint64_t seed = read_seed(block);
+  AutoSettings own;
+  block.fields(own);
   const std::vector<CostTable> tables = tables_of(block, reader.node(), engine);
   block.finish();
   if (!reader.sound()) return;
@@ -194,20 +208,22 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
     return block.problem("engine", "auto",
                          fmt::format("a named engine: there is no measurement of scenes of kind {}",
                                      kSceneKindNames[static_cast<std::size_t>(kind)]));
-  const CostRow* best = cheapest(*table, scene, accuracy, block);
+  const CostRow* best = cheapest(*table, scene, own.accuracy, block);
   if (!best) return;
   scene.solver.step = best->solver.step;
   scene.solver.own = best->solver.own;
-  if (bool* own = engine::speculative(scene.solver)) *own = speculative;
-  if (scene.solver.engine() == EngineKind::ode) scene.solver.ode().seed = seed;
+  if (bool* speculative = engine::speculative(scene.solver)) *speculative = own.speculative;
+  if (scene.solver.engine() == EngineKind::ode) scene.solver.ode().seed = own.seed;
   scene.engine_choice = fmt::format(
       "{}: the cheapest that reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds per "
       "simulated second",
-      text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
+      text_of(*best), own.accuracy, table->scene, described(kind), best->error, best->cost);
   for (const std::string& text : extrapolations(scene, *table, duration_of(reader, scene)))
     reader.warning("solver", "engine auto: " + text);
-  block.node().entries.clear();
-  put_settings(block.node(), scene.solver);
+  YamlNode chosen = block.node();
+  chosen.entries.clear();
+  put_settings(chosen, scene.solver);
+  block.resolve("", std::move(chosen));
 }
 
 }  // namespace handsim::scene

@@ -1,4 +1,4 @@
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +7,7 @@
 
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
+#include "handsim/scene/read/effects.h"
 #include "handsim/scene/read/task_checks.h"
 
 namespace handsim::scene {
@@ -117,7 +118,7 @@ double SceneSpec::tasks_end() const {
   return end;
 }
 
-SceneSpec read_scene(YamlNode& root, std::span<const TaskKind> kinds, Diagnostics& diagnostics) {
+SceneSpec read_scene(const YamlNode& root, std::span<const TaskKind> kinds, Diagnostics& diagnostics) {
   SceneSpec scene;
   if (!is_of_kind(root, "", FileKind::scene, diagnostics)) return scene;
   MapReader reader(root, "", diagnostics);
@@ -132,6 +133,7 @@ SceneSpec read_scene(YamlNode& root, std::span<const TaskKind> kinds, Diagnostic
   scene.criteria = read_criteria(reader.map("criteria"));
   if (reader.sound()) check_criteria(reader.map("criteria"), scene);
   reader.finish();
+  scene.files = diagnostics.resolution.files;
   return scene;
 }
 

@@ -75,7 +75,7 @@ inline std::string key_of(std::string_view assignment) {
 }
 
 /// Reads a study; every defect goes into the diagnostics.
-RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics);
+RolloutsSpec read_rollouts(const YamlNode& root, Diagnostics& diagnostics);
 
 /// The study of `handsim run SCENE --uncertain`.
 RolloutsSpec uncertain_rollouts(const std::filesystem::path& scene);

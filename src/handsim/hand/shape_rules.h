@@ -51,8 +51,4 @@ std::optional<PlaceRule> read_place(MapReader& reader, std::string_view key);
 /// A list of shapes with unique names; it may be absent if `least` is 0.
 std::vector<ShapeSpec> read_shapes(MapReader& reader, std::size_t least);
 
-/// Reads the surface of skin, objects, ground and named materials: keys `friction`, `restitution`,
-/// `restitution_speed`, `stiffness`, `damping`, `rolling_friction`, `spinning_friction`, among others.
-model::Material read_material(MapReader& reader, std::string name);
-
 }  // namespace handsim::hand

@@ -73,7 +73,7 @@ Angles read_pose(MapReader& reader, std::string_view key, std::vector<std::strin
 std::vector<double> read_numbers(MapReader& reader, std::string_view key,
                                  const ::handsim::Quantity& quantity) {
   std::vector<double> out;
-  if (YamlNode* list = reader.list(key, true, 1000))
+  if (const YamlNode* list = reader.list(key, true, 1000))
     for (std::size_t i = 0; i < list->items.size(); ++i)
       out.push_back(read_number(list->items[i], fmt::format("{}.{}", reader.path_of(key), i), quantity,
                                 reader.diagnostics())
@@ -241,13 +241,13 @@ class RowReader {
   std::vector<std::string> axes_, muscles_, fingers_, people_, hands_;
 };
 
-ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
+ValidateSpec read(const YamlNode& root, Diagnostics& diagnostics) {
   ValidateSpec spec;
   if (!scene::is_of_kind(root, "", scene::FileKind::measurements, diagnostics)) return spec;
   MapReader reader(root, "", diagnostics);
   spec.title = reader.text("title", "the hand against measurements");
   spec.goal = reader.number("goal", {Dimension::none, 0, 1}, 0.9);
-  if (YamlNode* node = reader.file_or_block("hand", "a hand model"))
+  if (const YamlNode* node = reader.file_or_block("hand", "a hand model"))
     spec.hand = hand::read_hand_spec(*node, reader.path_of("hand"), diagnostics);
   if (reader.sound() && !spec.hand.muscles)
     reader.problem("hand", "a hand model without muscles", "one with a muscles block");
@@ -260,7 +260,7 @@ ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
   hands.finish();
   MapReader people = reader.required_map("people", "a mapping of names to persons");
   for (const std::string& name : people.keys())
-    if (YamlNode* node = people.file_or_block(name, "a person"))
+    if (const YamlNode* node = people.file_or_block(name, "a person"))
       spec.people[name] = hand::read_person(*node, people.path_of(name), diagnostics);
   people.finish();
   RowReader rows(spec);
@@ -273,7 +273,7 @@ ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
 
 std::string_view kind_name(Measured kind) { return form_of(kind).word; }
 
-void read_validate(YamlNode& root, Diagnostics& diagnostics) { read(root, diagnostics); }
+void read_validate(const YamlNode& root, Diagnostics& diagnostics) { read(root, diagnostics); }
 
 ValidateSpec load_validate(const std::filesystem::path& path) {
   Diagnostics diagnostics;

@@ -1,11 +1,11 @@
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/mechanism.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/objects.h"
 

@@ -50,7 +50,7 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   spec.repeats = reader.integer("repeats", 1, 1000, 5);
   const std::vector<double> steps = read_steps(reader, "steps", true);
   spec.plot_steps = read_steps(reader, "plot_steps", false);
-  YamlNode* list = reader.list("methods", true, kMostMethods);
+  const YamlNode* list = reader.list("methods", true, kMostMethods);
   for (std::size_t i = 0; list && i < list->items.size(); ++i)
     spec.methods.push_back(
         read_method(MapReader(list->items[i], fmt::format("methods.{}", i), diagnostics), steps));

@@ -30,6 +30,6 @@ ContactsSpec read_contacts(MapReader& reader);
 std::optional<model::Material> named_material(MapReader& reader, std::string_view key,
                                               const std::vector<model::Material>& materials);
 
-model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics);
+model::Material read_material_file(const YamlNode& root, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -1,6 +1,6 @@
-#include "handsim/scene/read/contact_spec.h"
+#include "handsim/scene/read/contacts_block.h"
 
-#include "handsim/hand/shape_spec.h"
+#include "handsim/hand/surface.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
@@ -29,7 +29,7 @@ model::Material read_sourced_material(MapReader& reader, const std::string& name
 
 }  // namespace
 
-model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics) {
+model::Material read_material_file(const YamlNode& root, Diagnostics& diagnostics) {
   if (!is_of_kind(root, "", FileKind::material, diagnostics)) return {};
   MapReader reader(root, "", diagnostics);
   return read_sourced_material(reader, "material");

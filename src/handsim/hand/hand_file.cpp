@@ -1,4 +1,4 @@
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +11,7 @@
 
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
+#include "handsim/hand/surface.h"
 #include "handsim/hand/what_if.h"
 
 namespace handsim::hand {
@@ -321,13 +322,13 @@ void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axe
     }
 }
 
-HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+HandSpec read_hand_spec(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   reader.take_base("based_on");
   HandSpec spec;
   spec.title = reader.text("title", "a hand");
   spec.sources = reader.named_texts("sources");
-  if (YamlNode* file = reader.file_or_block("anthropometry", "an anthropometry file"))
+  if (const YamlNode* file = reader.file_or_block("anthropometry", "an anthropometry file"))
     spec.anthropometry = read_anthropometry(*file, reader.path_of("anthropometry"), diagnostics);
   const std::optional<MassRule> mass =
       read_mass(reader.required_map("mass", "a mapping with the rule of the hand's mass"));
@@ -343,7 +344,7 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   if (reader.has("spread"))
     spec.spread =
         read_spread(reader.map("spread"), {"segments", "hand_mass", "passive_tissue", "ranges", "measured"});
-  if (YamlNode* file = reader.file_or_block("muscles", "muscles of a hand", false))
+  if (const YamlNode* file = reader.file_or_block("muscles", "muscles of a hand", false))
     spec.muscles = read_muscle_file(*file, reader.path_of("muscles"), hand_axes(spec), diagnostics);
   if (auto changed = read_what_if(reader, spec)) spec = std::move(*changed);
   reader.finish();
@@ -370,7 +371,7 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec) {
   return out;
 }
 
-std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::string& path,
+std::shared_ptr<const HandSpec> shared_hand_spec(const YamlNode& node, const std::string& path,
                                                  Diagnostics& diagnostics) {
   const auto read_it = [&] {
     return std::make_shared<const HandSpec>(read_hand_spec(node, path, diagnostics));
@@ -378,24 +379,25 @@ std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::stri
   if (diagnostics.recorder) return read_it();
   for (const auto& known : known_specs().all())
     if (node.same_as(known->read) || (known->given && node.same_as(*known->given))) {
-      node = known->read;
+      diagnostics.resolution.replace(path, known->read);
       return known->spec;
     }
   Known fresh;
   fresh.given = node;
   const std::size_t problems = diagnostics.problems.size(), warnings = diagnostics.warnings.size();
-  const std::size_t budget = diagnostics.budget.left;
+  const std::size_t budget = diagnostics.budget.left, resolved = diagnostics.resolution.size();
   fresh.spec = read_it();
   if (diagnostics.problems.size() != problems || diagnostics.warnings.size() != warnings) return fresh.spec;
   if (diagnostics.budget.left != budget) fresh.given.reset();
+  fresh.read = diagnostics.resolution.applied(node, path, resolved);
   // Hands of one scene that name the same file have one model.
   for (const auto& known : known_specs().all())
-    if (node.same_as(known->read)) {
-      node = known->read;
+    if (fresh.read.same_as(known->read)) {
+      fresh.read = known->read;
       fresh.spec = known->spec;
       break;
     }
-  fresh.read = node;
+  diagnostics.resolution.replace(path, fresh.read);
   auto spec = fresh.spec;
   known_specs().add(std::move(fresh));
   return spec;

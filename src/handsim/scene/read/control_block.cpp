@@ -1,4 +1,4 @@
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/control_block.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -12,14 +12,9 @@ namespace handsim::scene {
 
 namespace {
 
-/// Motion files get absolute paths, because the resolved scene is written to another folder.
-control::ProgramChoice read_choice(YamlNode& node, const std::string& key) {
-  control::ProgramChoice out{node.text, node.place(), key};
-  if (control::is_motion_file(node.text))
-    out.program = node.text =
-        std::filesystem::absolute(std::filesystem::path(out.place.file).parent_path() / node.text)
-            .lexically_normal()
-            .string();
+control::ProgramChoice read_choice(MapReader& reader, const YamlNode& node, const std::string& key) {
+  control::ProgramChoice out{node.text, node.place(), reader.path_of(key)};
+  if (control::is_motion_file(node.text)) out.program = reader.file_path(key, node).string();
   return out;
 }
 
@@ -28,25 +23,24 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
                                                   bool has_tasks) {
   std::vector<control::ProgramChoice> out(hands.size());
   using Kind = YamlNode::Kind;
-  const std::string key = reader.path_of("program");
-  YamlNode* node = reader.value(
+  const YamlNode* node = reader.value(
       "program", {{Kind::scalar, Kind::map},
                   "a program of the pose file, a .csv, .mot or .sto file, or a mapping of hands to them",
                   !has_tasks});
   if (!node) return out;
   if (node->kind == Kind::scalar) {
-    std::ranges::fill(out, read_choice(*node, key));
+    std::ranges::fill(out, read_choice(reader, *node, "program"));
     return out;
   }
   std::vector<std::string> known;
   for (const HandEntry& hand : hands) known.push_back(hand.placement.name);
   MapReader programs = reader.map("program");
   for (const std::string& name : programs.keys()) {
-    YamlNode* choice =
+    const YamlNode* choice =
         programs.value(name, {{Kind::scalar}, "a program of the pose file, or a .csv, .mot or .sto file"});
     const auto hand = std::ranges::find(known, name);
     if (hand != known.end() && choice)
-      out[static_cast<std::size_t>(hand - known.begin())] = read_choice(*choice, key + "." + name);
+      out[static_cast<std::size_t>(hand - known.begin())] = read_choice(programs, *choice, name);
   }
   for (const YamlEntry& given : node->entries)
     if (std::ranges::find(known, given.key) == known.end())
@@ -63,7 +57,7 @@ control::MotionOptions read_motion_options(MapReader& reader) {
   control::MotionOptions out;
   if (!reader.has("motion")) return out;
   MapReader motion = reader.map("motion");
-  if (YamlNode* node = referenced(motion, "names", FileKind::motion_names, false))
+  if (const YamlNode* node = referenced(motion, "names", FileKind::motion_names, false))
     out.names = control::read_motion_names(*node, motion.path_of("names"), reader.diagnostics());
   out.clamp = motion.flag("clamp", false);
   out.filter = motion.maybe_number("filter", {Dimension::frequency, 0.01, 1e4});
@@ -118,28 +112,21 @@ control::MotionTable read_excitation_table(MapReader reader) {
   return table;
 }
 
-/// Names the shipped controller of what drives the joints where the scene names none.
-void choose_controller(MapReader& reader) {
-  if (reader.diagnostics().recorder || reader.has("controller")) return;
-  YamlNode& control = reader.node();
+/// The shipped controller of what drives the joints, for scenes that name none.
+std::string usual_controller(const YamlNode& control) {
   const YamlNode* drive = control.find("drive");
-  YamlNode chosen = control;
-  chosen.kind = YamlNode::Kind::scalar;
-  chosen.entries = {};
-  const char* file =
-      drive && drive->text == "muscles" ? "controllers/muscles.yaml" : "controllers/implicit.yaml";
-  chosen.text = (data_folder() / file).string();
-  control.entries.push_back({"controller", control.line, control.column, std::move(chosen)});
+  const bool by_muscles = drive && drive->text == "muscles";
+  return (data_folder() / (by_muscles ? "controllers/muscles.yaml" : "controllers/implicit.yaml")).string();
 }
 
 }  // namespace
 
 ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool has_tasks) {
   ControlSpec spec;
-  choose_controller(reader);
-  if (YamlNode* node = referenced(reader, "controller", FileKind::controller, false))
+  if (const YamlNode* node =
+          referenced(reader, "controller", FileKind::controller, false, usual_controller(reader.node())))
     spec.controller = control::read_controller(*node, reader.path_of("controller"), reader.diagnostics());
-  if (YamlNode* node = referenced(reader, "poses", FileKind::poses, false))
+  if (const YamlNode* node = referenced(reader, "poses", FileKind::poses, false))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());
   spec.programs = read_programs(reader, hands, has_tasks);
   spec.motion = read_motion_options(reader);
@@ -155,7 +142,8 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
 
 std::optional<ExcitationSpec> read_excitations(MapReader& scene) {
   const std::string need = "a .csv, .mot or .sto file, or a mapping with times and muscles";
-  YamlNode* node = scene.value("excitations", {{YamlNode::Kind::scalar, YamlNode::Kind::map}, need, false});
+  const YamlNode* node =
+      scene.value("excitations", {{YamlNode::Kind::scalar, YamlNode::Kind::map}, need, false});
   if (!node) return std::nullopt;
   if (node->kind == YamlNode::Kind::map) {
     const Place place = node->place();
@@ -165,7 +153,7 @@ std::optional<ExcitationSpec> read_excitations(MapReader& scene) {
     scene.problem("excitations", node->text, need);
     return std::nullopt;
   }
-  const control::ProgramChoice choice = read_choice(*node, scene.path_of("excitations"));
+  const control::ProgramChoice choice = read_choice(scene, *node, "excitations");
   return ExcitationSpec{choice.program, {}, choice.place};
 }
 

@@ -24,7 +24,7 @@ const Quantity kMoment = {Dimension::time, 0, 1e6};
 /// The items of a required list with their paths.
 template <class Read>
 void read_items(MapReader& reader, std::string_view key, Read read) {
-  YamlNode* list = reader.list(key, true);
+  const YamlNode* list = reader.list(key, true);
   if (!list) return;
   if (list->items.empty()) reader.problem(key, "an empty list", "at least one item");
   for (std::size_t i = 0; i < list->items.size(); ++i)

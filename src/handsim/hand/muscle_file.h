@@ -75,7 +75,7 @@ struct HandAxis {
 std::map<std::string, double> read_spread(MapReader reader, std::initializer_list<const char*> names);
 
 /// Reads `muscles`; problems go into the diagnostics. @param axes of the hand; absent: any name is one
-MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
+MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
                             const std::optional<std::vector<HandAxis>>& axes, Diagnostics& diagnostics);
 
 /// Adds a path with a sign; products stay among its own arms.

@@ -8,8 +8,8 @@
 
 #include "handsim/core/yaml_reader.h"
 #include "handsim/hand/anthropometry.h"
-#include "handsim/hand/muscle_spec.h"
-#include "handsim/hand/shape_spec.h"
+#include "handsim/hand/muscle_file.h"
+#include "handsim/hand/shape_rules.h"
 #include "handsim/model/model.h"
 
 namespace handsim::hand {
@@ -113,9 +113,9 @@ struct HandSpec {
 std::vector<HandAxis> hand_axes(const HandSpec& spec);
 
 /// Reads a hand model, following its `anthropometry` reference.
-HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
-/// As read_hand_spec(), but equal trees share what any thread has read. Puts defaults into the tree, too.
-std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::string& path,
+HandSpec read_hand_spec(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+/// As read_hand_spec(), but equal trees share what any thread has read.
+std::shared_ptr<const HandSpec> shared_hand_spec(const YamlNode& node, const std::string& path,
                                                  Diagnostics& diagnostics);
 
 /// Reports a problem of `axes` if two axes of a joint are not perpendicular or have the same name.

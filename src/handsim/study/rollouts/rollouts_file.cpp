@@ -1,4 +1,4 @@
-#include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/rollouts/rollouts_file.h"
 
 #include <algorithm>
 #include <charconv>
@@ -235,7 +235,7 @@ bool replaces(const std::string& path, const BoundKey& drawn) {
 
 }  // namespace
 
-RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics) {
+RolloutsSpec read_rollouts(const YamlNode& root, Diagnostics& diagnostics) {
   RolloutsSpec out;
   if (!scene::is_of_kind(root, "", scene::FileKind::rollouts, diagnostics)) return out;
   MapReader reader(root, "", diagnostics);
@@ -278,7 +278,7 @@ RolloutsSpec load_rollouts(const std::filesystem::path& path) {
   YamlNode root = load_yaml(path, diagnostics.budget);
   RolloutsSpec out = read_rollouts(root, diagnostics);
   diagnostics.throw_if_any();
-  out.resolved = std::move(root);
+  out.resolved = diagnostics.resolution.applied(std::move(root));
   return out;
 }
 

@@ -1,4 +1,4 @@
-#include "handsim/hand/muscle_spec.h"
+#include "handsim/hand/muscle_file.h"
 
 #include <algorithm>
 #include <cmath>
@@ -113,7 +113,7 @@ class FileReader {
     for (const std::string& name : arms.keys(model::kMostArms)) {
       if (any_axis_ && find_axis(axes_, name) < 0) axes_.push_back({name});
       const int axis = find_axis(axes_, name);
-      YamlNode* node = arms.value(
+      const YamlNode* node = arms.value(
           name, {{YamlNode::Kind::sequence, YamlNode::Kind::scalar}, "a moment arm or its coefficients"});
       if (axis < 0 || !node) continue;
       path.arms.push_back(read_arm(arms, name, axis, *node));
@@ -230,7 +230,7 @@ std::map<std::string, double> read_spread(MapReader reader, std::initializer_lis
   return out;
 }
 
-MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
+MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
                             const std::optional<std::vector<HandAxis>>& axes, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   MuscleFile file;
@@ -241,7 +241,7 @@ MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
   file.grip_strength = reference.number("grip_strength", {Dimension::force, 1, 3000});
   file.grip_hand_length = reference.maybe_number("grip_hand_length", {Dimension::length, 0.03, 0.5});
   reference.finish();
-  if (YamlNode* norms = reader.file_or_block("norms", "a table of grip strength"))
+  if (const YamlNode* norms = reader.file_or_block("norms", "a table of grip strength"))
     file.norms = read_grip_table(*norms, reader.path_of("norms"), diagnostics);
   if (reader.has("spread"))
     file.spread = read_spread(reader.map("spread"),
