@@ -97,7 +97,6 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"ida/", "engine/dae/"},
       {"CLI/", "app/"},
       {"nlohmann/", "(simulation|study|app)/|core/schema"},
-      {"hdf5.h", "study/rollouts/table_file"},
       {"Random123/", "environment/draws"},
       {"mujoco/", "none"},
   };

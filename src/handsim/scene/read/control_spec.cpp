@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
@@ -17,9 +18,7 @@ control::ProgramChoice read_choice(YamlNode& node, const std::string& key) {
   control::ProgramChoice out{node.text, node.place(), key};
   if (control::is_motion_file(node.text))
     out.program = node.text =
-        std::filesystem::absolute(std::filesystem::path(out.place.file).parent_path() / node.text)
-            .lexically_normal()
-            .string();
+        absolute_path(std::filesystem::path(out.place.file).parent_path() / node.text).string();
   return out;
 }
 

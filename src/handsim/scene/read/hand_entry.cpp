@@ -10,6 +10,7 @@
 
 #include "handsim/control/pose_table.h"
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/hand/doubts.h"
 #include "handsim/hand/what_if.h"
 #include "handsim/model/effects.h"
@@ -43,7 +44,7 @@ model::PoseMotion read_table(MapReader& reader, const std::string& hand) {
   YamlNode* node = reader.value("table", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file"});
   if (!node) return motion;
   const std::filesystem::path path = std::filesystem::path(node->place().file).parent_path() / node->text;
-  node->text = std::filesystem::absolute(path).lexically_normal().string();
+  node->text = absolute_path(path).string();
   const std::optional<double> filter = reader.maybe_number("filter", {Dimension::frequency, 0.01, 1e4});
   // A schema is made without the files that a scene names.
   if (reader.diagnostics().recorder) return motion;

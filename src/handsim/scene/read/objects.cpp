@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/hand/shape_spec.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
@@ -54,7 +55,7 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
   if (!reader.has("mesh") || !reader.sound()) return;
   YamlNode& node = *reader.child("mesh");
   const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
-  const std::filesystem::path path = std::filesystem::absolute(beside / name).lexically_normal();
+  const std::filesystem::path path = absolute_path(beside / name);
   try {
     LoadedMesh loaded = load_convex_mesh(path, scale);
     shape.mesh = std::move(loaded.mesh);
