@@ -98,7 +98,6 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"ida/", "engine/dae/"},
       {"CLI/", "app/"},
       {"nlohmann/", "(simulation|study|app)/|core/schema"},
-      {"hdf5.h", "study/rollouts/table_file"},
       {"Random123/", "environment/draws"},
       {"mujoco/", "none"},
   };

@@ -24,6 +24,7 @@ struct InverseArguments {
   bool apart = false;         ///< with muscles: no contact in the check, which is no part of the torques
   bool json = false;
   std::optional<int> uncertain;  ///< hands that are drawn
+  std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
   bool report = false;           ///< of these: writes report.html
 };
 /// @throws Error (input) for a file of names that is none.

@@ -54,7 +54,7 @@ void add_inverse(CommandLine& line) {
       ->needs(muscles);
   add_overrides(inverse, arguments->overrides);
   CLI::Option* json = inverse.add_flag("--json", arguments->json, "print summary.json in place of the table");
-  CLI::Option* uncertain = add_uncertain(inverse, arguments->uncertain)->excludes(json);
+  CLI::Option* uncertain = add_uncertain_runs(inverse, *arguments)->excludes(json);
   add_report_flag(inverse, *arguments)->needs(uncertain);
 }
 
@@ -107,26 +107,31 @@ std::vector<std::string> with_muscles(const InverseArguments& arguments) {
   return overrides;
 }
 
-/// Hands that are drawn: a study of rollouts.
-int uncertain_inverse(const InverseArguments& arguments) {
-  RolloutsArguments of;
-  of.study = arguments.scene;
-  of.out = arguments.out;
-  of.report = arguments.report;
-  of.uncertain = true;
-  of.spec = study::uncertain_inverse(arguments.scene, with_muscles(arguments), inverse_input(arguments),
-                                     *arguments.uncertain);
+/// Hands that are drawn: becomes the command that draws them.
+[[noreturn]] void uncertain_inverse(const InverseArguments& arguments) {
   std::vector<std::string> words = {"inverse", arguments.scene.string()};
+  study::Json files;
   for (const auto& [name, file] :
-       {std::pair("--motion", arguments.motion), {"--names", arguments.names}, {"--loads", arguments.loads}})
-    if (file) words.insert(words.end(), {name, file->string()});
+       {std::pair("motion", arguments.motion), {"names", arguments.names}, {"loads", arguments.loads}}) {
+    files.push_back(file ? study::Json(file->string()) : study::Json());
+    if (file) words.insert(words.end(), {std::string("--") + name, file->string()});
+  }
   words.insert(words.end(), {"--cutoff", arguments.cutoff ? fmt::format("{}", *arguments.cutoff) : "none"});
   if (arguments.clamp) words.emplace_back("--clamp");
   if (arguments.muscles)
     words.insert(words.end(), {"--muscles", "--co-contraction", fmt::format("{}", arguments.co_contraction)});
   words.insert(words.end(), {"--uncertain", fmt::format("{}", *arguments.uncertain)});
-  of.command = study::command_text(words, arguments.overrides);
-  return rollouts_command(of);
+  study::Json cutoff, least;
+  if (arguments.cutoff) cutoff = *arguments.cutoff;
+  if (arguments.muscles) least = arguments.co_contraction;
+  run_drawn({{"file", arguments.scene.string()},
+             {"overrides", with_muscles(arguments)},
+             {"count", *arguments.uncertain},
+             {"out", arguments.out.string()},
+             {"report", arguments.report},
+             {"on", arguments.on},
+             {"command", study::command_text(words, arguments.overrides)},
+             {"inverse", {files[0], files[1], files[2], cutoff, arguments.clamp, least}}});
 }
 
 void print_track(const study::TrackInput& input, const study::TrackResult& result) {
@@ -183,7 +188,7 @@ study::InverseInput inverse_input(const InverseArguments& arguments) {
 }
 
 int inverse_command(const InverseArguments& arguments) {
-  if (arguments.uncertain) return uncertain_inverse(arguments);
+  if (arguments.uncertain) uncertain_inverse(arguments);
   const scene::Scene scene = scene::load_scene(arguments.scene, with_muscles(arguments));
   print_warnings(scene.warnings);
   const study::InverseInput input = inverse_input(arguments);

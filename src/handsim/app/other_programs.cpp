@@ -27,7 +27,7 @@ struct OtherCommand {
   const char *name, *help, *example;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 5> kOtherCommands = {
+constexpr std::array<OtherCommand, 6> kOtherCommands = {
     {{"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
       "handsim compare healthy.yaml blocked.yaml --out out/compared"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
@@ -35,6 +35,10 @@ constexpr std::array<OtherCommand, 5> kOtherCommands = {
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach"},
+     {"rollouts",
+      "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores or on many "
+      "machines: one table, what makes them held, a plot",
+      "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"}}};
 
@@ -119,6 +123,11 @@ void run_other_command(int argc, const char* const* argv) {
   }
   throw input_error("python3", "no program that starts: " + tried,
                     "Python 3, in which this command is written");
+}
+
+void run_drawn(const study::Json& job) {
+  const std::string text = job.dump();
+  run_other_command(4, std::array<const char*, 4>{"handsim", "rollouts", "--job", text.c_str()}.data());
 }
 
 void add_other_commands(CommandLine& line) {

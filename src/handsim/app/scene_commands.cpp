@@ -93,7 +93,7 @@ void add_run(CommandLine& line) {
   run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
       ->check(from_0)
       ->needs(rollout);
-  add_uncertain(run, arguments->uncertain);
+  add_uncertain_runs(run, *arguments);
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
           ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/core/schema_recorder.h"
 
 namespace handsim {
@@ -393,7 +394,7 @@ const YamlNode* MapReader::file_or_block(std::string_view key, std::string_view 
 
 std::filesystem::path MapReader::file_path(std::string_view key, const YamlNode& value) {
   const std::filesystem::path beside = std::filesystem::path(value.place().file).parent_path() / value.text;
-  std::filesystem::path path = std::filesystem::absolute(beside).lexically_normal();
+  std::filesystem::path path = absolute_path(beside);
   YamlNode absolute = value;
   absolute.text = path.string();
   resolve(key, std::move(absolute));

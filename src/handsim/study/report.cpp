@@ -126,7 +126,7 @@ void add_origin(Json& out) {
 
 bool write_report(const std::filesystem::path& out, const std::string& name, const Report& report) {
   output::make_folder(out);
-  output::write_file(out / (name + ".csv"), report.csv);
+  if (!report.csv.empty()) output::write_file(out / (name + ".csv"), report.csv);
   if (!report.json.empty()) output::write_file(out / (name + ".json"), report.json);
   std::string script = output::kPlotHead + std::string("set encoding utf8\n") + report.data;
   std::vector<std::string> files;

@@ -49,7 +49,7 @@ struct Plot {
 
 /// The texts of a study's files.
 struct Report {
-  std::string csv;
+  std::string csv;   ///< empty: the table is written elsewhere
   std::string json;  ///< empty: no JSON file
   std::string data;  ///< data blocks and settings at the start of the script
   std::vector<Plot> plots;

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
@@ -117,9 +118,7 @@ std::vector<std::string> extrapolations(const SceneSpec& scene, const CostTable&
 /// The table beside the scene, or else the installed one.
 YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
   const char* name = "accuracy_costs.yaml";
-  std::error_code failure;
-  const bool beside = std::filesystem::is_regular_file(
-      std::filesystem::path(scene.place().file).parent_path() / name, failure);
+  const bool beside = is_file(std::filesystem::path(scene.place().file).parent_path() / name);
   YamlNode out = yaml_scalar(beside ? name : (data_folder() / "config" / name).string());
   out.file = scene.file;
   out.line = engine.line;

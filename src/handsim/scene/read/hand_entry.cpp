@@ -9,6 +9,7 @@
 
 #include "handsim/control/pose_table.h"
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/hand/doubts.h"
 #include "handsim/hand/what_if.h"
 #include "handsim/model/effects.h"

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/study/rollouts/rollout_study.h"
 #include "handsim/study/spec_reader.h"
@@ -103,9 +104,8 @@ Level level_of(const YamlNode& node) {
   const std::string text = flow_text(node);
   if (node.kind != Kind::scalar) return {text, text};
   const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path() / node.text;
-  std::error_code failure;
-  if (!std::filesystem::is_regular_file(beside, failure)) return {text, node.text};
-  YamlNode path = yaml_scalar(std::filesystem::absolute(beside).lexically_normal().string(), true);
+  if (!is_file(beside)) return {text, node.text};
+  YamlNode path = yaml_scalar(absolute_path(beside).string(), true);
   return {flow_text(path), node.text};
 }
 
