@@ -17,35 +17,23 @@ namespace {
 
 using output::Format, output::kFormats;
 
-const Format& format_named(const std::string& name) {
-  const Format& found = *std::ranges::find(kFormats, name, &Format::name);
-  if (!found.write)
-    throw input_error("--format", name, "python3 -m handsim export, which writes this format");
-  return found;
-}
-
-/// `.xml or .mjcf (mjcf), .urdf (urdf), ...`
-std::string endings_text() {
-  std::string out;
-  for (const Format& format : kFormats)
-    out += fmt::format("{}{} ({})", out.empty() ? "" : ", ", format.endings_text(), format.name);
-  return out;
-}
-
-/// The requested format, which must agree with the file's ending.
+/// The requested format, which must agree with the file's ending; without both the first one.
 const Format& format_of(const ExportArguments& arguments) {
   const std::string ending = ending_of(arguments.out);
-  if (ending.empty()) return format_named(arguments.format.value_or(std::string(kFormats[0].name)));
+  std::string endings;
   for (const Format& format : kFormats) {
-    const bool ends = std::ranges::find(format.endings, ending) != format.endings.end();
-    if (ends && arguments.format.value_or(std::string(format.name)) == format.name)
-      return format_named(std::string(format.name));
+    if (arguments.format && *arguments.format != format.name) continue;
+    if (ending.empty() || std::ranges::find(format.endings, ending) != format.endings.end()) {
+      if (!format.write)
+        throw input_error("--format", std::string(format.name), "python3 -m handsim export, which writes it");
+      return format;
+    }
+    endings += fmt::format("{}{}{}", endings.empty() ? "" : ", ", format.endings_text(),
+                           arguments.format ? "" : fmt::format(" ({})", format.name));
   }
-  std::string need = "a name that ends in " + endings_text();
-  for (const Format& format : kFormats)
-    if (arguments.format == format.name)
-      need = fmt::format("a name that ends in {} for --format {}", format.endings_text(), format.name);
-  throw input_error("--out", arguments.out.string(), need);
+  throw input_error(
+      "--out", arguments.out.string(),
+      "a name that ends in " + endings + (arguments.format ? " for --format " + *arguments.format : ""));
 }
 
 /// Refuses options of a person beside a scene, those of a scene beside a person, `--time` of what has none.
