@@ -311,7 +311,7 @@ void read_state(benchmark::State& state) {
   model::State out = engine.state();
   for (auto unused : state) {
     (void)unused;
-    engine.mechanism().give(out);
+    engine.mechanism().store_state(out);
     benchmark::DoNotOptimize(out.bodies.data());
   }
 }

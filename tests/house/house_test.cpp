@@ -142,10 +142,11 @@ struct Functions {
 
 Functions functions_of(const fs::path& path) {
   Functions out;
+  const std::regex opens_namespace(R"(\bnamespace\b)");
   std::string statement;
   int inside = 0;  // of braces that are no namespace's
   for (const char c : bare_text(path)) {
-    if (c == '{' && inside == 0 && std::regex_search(statement, std::regex(R"(\bnamespace\b)"))) {
+    if (c == '{' && inside == 0 && std::regex_search(statement, opens_namespace)) {
       statement.clear();
     } else if (c == '{') {
       if (inside++ == 0) out.defined.insert(function_of(statement));
