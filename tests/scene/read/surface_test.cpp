@@ -59,7 +59,9 @@ TEST(Surface, ThePageStatesEveryKeyWithItsDefaultAndRange) {
     ASSERT_NE(row, std::string::npos) << key;
     const std::size_t first = page.find(" | ", row) + 3, second = page.find(" | ", first) + 3;
     const std::optional<double> usual = field_value(Material(), member);
-    if (usual) EXPECT_EQ(std::strtod(page.c_str() + first, nullptr), *usual) << key;
+    if (usual) {
+      EXPECT_EQ(std::strtod(page.c_str() + first, nullptr), *usual) << key;
+    }
     char* end = nullptr;
     EXPECT_EQ(std::strtod(page.c_str() + second, &end), range.min) << key;
     ASSERT_EQ(std::string_view(end, 4), " to ") << key;
