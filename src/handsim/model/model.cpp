@@ -7,6 +7,23 @@ namespace handsim::model {
 
 namespace {
 
+double of_two(double a, double b, OfTwo rule) {
+  switch (rule) {
+    case OfTwo::geometric_mean:
+      return std::sqrt(a * b);
+    case OfTwo::larger:
+      return std::max(a, b);
+    case OfTwo::in_series:
+      return in_series(a, b);
+  }
+  return 0;
+}
+
+std::optional<double> of_two(std::optional<double> a, std::optional<double> b, OfTwo rule) {
+  if (!a || !b) return a ? a : b;
+  return of_two(*a, *b, rule);
+}
+
 std::optional<Compliance> in_series(const std::optional<Compliance>& a, const std::optional<Compliance>& b) {
   if (!a || !b) return a ? a : b;
   return in_series(*a, *b);
@@ -34,12 +51,10 @@ double Material::spinning(double friction_there, double depth) const {
 
 Material combined(const Material& a, const Material& b) {
   Material out;
-  out.friction = std::sqrt(a.friction * b.friction);
-  out.restitution = std::max(a.restitution, b.restitution);
-  out.restitution_speed = std::max(a.restitution_speed, b.restitution_speed);
+  Material::fields([&](std::string_view, auto member, const Quantity&, OfTwo rule, auto...) {
+    set_field(out, member, of_two(field_value(a, member), field_value(b, member), rule));
+  });
   out.compliance = in_series(a.compliance, b.compliance);
-  out.rolling_friction = std::max(a.rolling_friction, b.rolling_friction);
-  out.spinning_friction = std::max(a.spinning_friction, b.spinning_friction);
   out.spins_by_area = a.spins_by_area || b.spins_by_area;
   out.friction_over_load = mean(a.friction_over_load, b.friction_over_load);
   return out;

@@ -21,7 +21,7 @@ Decay decay_of(const model::Relaxation& part, double step) {
 }
 
 template <class Archive, class Pair>
-void carry_pad(Archive& archive, Pair& pair) {
+void serialize_pad(Archive& archive, Pair& pair) {
   archive(pair.shape_a, pair.shape_b, pair.force, pair.push);
   archive.each(pair.parts);
 }
@@ -107,11 +107,11 @@ void PadMemory::end_store(const Collider& collider, double step) {
 }
 
 void PadMemory::save(ArchiveWriter& out) const {
-  out.list(pairs_, [](auto& archive, auto& pair) { carry_pad(archive, pair); });
+  out.list(pairs_, [](auto& archive, auto& pair) { serialize_pad(archive, pair); });
 }
 
 void PadMemory::restore(ArchiveReader& in, const model::Model& model) {
-  in.list(pairs_, [](auto& archive, auto& pair) { carry_pad(archive, pair); });
+  in.list(pairs_, [](auto& archive, auto& pair) { serialize_pad(archive, pair); });
   const auto shapes = static_cast<int>(model.shapes.size());
   for (const Pair& pair : pairs_)
     if (pair.shape_a >= shapes || pair.shape_b >= shapes)
