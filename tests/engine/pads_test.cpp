@@ -51,8 +51,8 @@ model::Model ball_on_pad(double mass, double height, const model::Compliance& pa
   return model;
 }
 
-// Oracle: closed form: a weight sinks to d0 ln(1 + m g / A), beyond the layer; with branches to that of the part
-// that lasts, once 10 of the longest times have passed.
+// Oracle: closed form: a weight sinks to d0 ln(1 + m g / A), beyond the layer; with branches to that of the
+// part that lasts, once 10 of the longest times have passed.
 TEST_P(Pads, SinkByTheLogarithmOfTheWeight) {
   model::Compliance elastic = finger_pad();
   model::PadLaw law = *elastic.law;
@@ -109,8 +109,8 @@ double deepest(const Settings& with) {
   return out;
 }
 
-// Oracle: the same law in steps of 1 us, which the steps come nearer to in first order: 0.44 m/s passes 1.6 rises
-// of the exponential in 1 ms.
+// Oracle: the same law in steps of 1 us, which the steps come nearer to in first order: 0.44 m/s passes 1.6
+// rises of the exponential in 1 ms.
 TEST_P(Pads, ADropComesNearerToTheLawAsTheStepShrinks) {
   const double want = drop_reference(kDropMass, kDropHeight, kDropTime).most;
   double last = 0.15;
@@ -123,8 +123,8 @@ TEST_P(Pads, ADropComesNearerToTheLawAsTheStepShrinks) {
   }
 }
 
-// The tangent of ODE's row against the law that the articulated engine solves within the step. Oracle: two ways
-// that must agree as the step shrinks, faster than in first order.
+// The tangent of ODE's row against the law that the articulated engine solves within the step. Oracle: two
+// ways that must agree as the step shrinks, faster than in first order.
 TEST(PadsOfBothEngines, AgreeOnADropAsTheStepShrinks) {
   double last = 0.06;
   for (const double step : {1e-3, 0.5e-3, 0.25e-3}) {
@@ -196,7 +196,8 @@ class Rig {
   std::unique_ptr<Engine> engine_;
 };
 
-const std::initializer_list<Effect> kDriven = {Effect::object_contact, Effect::friction, Effect::wrist_motion};
+const std::initializer_list<Effect> kDriven = {Effect::object_contact, Effect::friction,
+                                               Effect::wrist_motion};
 
 struct Tap {
   double peak = 0, lost = 0;  ///< [N]; share of the energy
@@ -218,8 +219,9 @@ Tap tap(const Settings& with, double depth, double duration) {
   return out;
 }
 
-// Oracle: people: 8 adults lost 81 % of a tap's energy, less than 3 points apart over four conditions, with almost
-// three times the force and 1.5 times the energy (Jindrich et al. 2003, J Biomech 36:497). The times are ours.
+// Oracle: people: 8 adults lost 81 % of a tap's energy, less than 3 points apart over four conditions, with
+// almost three times the force and 1.5 times the energy (Jindrich et al. 2003, J Biomech 36:497). The times
+// are ours.
 TEST_P(Pads, ATapLosesAsMuchOfItsEnergyAsPeopleDo) {
   double least = 1, most = 0;
   for (const double duration : {0.06, 0.15})
@@ -275,7 +277,8 @@ TEST_P(Pads, APressThatLastsRelaxesByItsBranches) {
 // Oracle: bit equality, from the middle of a press.
 TEST_P(Pads, GoOnFromWhatWasSavedToTheBit) {
   const model::Model model = ball_on_pad(0.05, 0.005, finger_pad());
-  const auto a = make_engine(model, settings(test::kContact)), b = make_engine(model, settings(test::kContact));
+  const auto a = make_engine(model, settings(test::kContact)),
+             b = make_engine(model, settings(test::kContact));
   test::run(*a, 45);
   ArchiveWriter out;
   a->save(out);

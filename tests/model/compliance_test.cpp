@@ -83,7 +83,8 @@ TEST(Compliance, SecantIsThatOfAPressThatLasts) {
   EXPECT_NEAR(surface.secant(5.2), 5.2 / depth, 1e-9);
 }
 
-// Oracle: F = p0 pi a^2 / 2 with p = p0 (1 - r^2 / a^2), and the moment of friction over that disc, by summing.
+// Oracle: F = p0 pi a^2 / 2 with p = p0 (1 - r^2 / a^2), and the moment of friction over that disc, by
+// summing.
 TEST(Compliance, SpinningFrictionIsThatOfAParaboloidOfPressure) {
   Material surface;
   surface.friction = 0.8;

@@ -56,7 +56,8 @@ std::vector<model::Relaxation> read_relaxation(MapReader& reader) {
     sum += part.share;
   });
   if (sum < 1) return out;
-  reader.problem("relaxation", fmt::format("shares that add up to {:g}", sum), "shares that add up to less than 1");
+  reader.problem("relaxation", fmt::format("shares that add up to {:g}", sum),
+                 "shares that add up to less than 1");
   return {};
 }
 
@@ -88,8 +89,7 @@ void read_pad_law(MapReader& reader, model::Material& material) {
   law.relaxations = read_relaxation(reader);
   law.radius = reader.maybe_number("reference_radius", {Dimension::length, 1e-4, 1}).value_or(0);
   material.spins_by_area = reader.flag("spins_by_area", false);
-  if (reader.has("friction_over_load"))
-    read_friction_over_load(reader.map("friction_over_load"), material);
+  if (reader.has("friction_over_load")) read_friction_over_load(reader.map("friction_over_load"), material);
   if (curves.size() > 1)
     reader.problem(curves[1], fmt::format("{} beside {}", curves[1], curves[0]),
                    "one of stiffness, exponential and table");

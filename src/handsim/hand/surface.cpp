@@ -14,7 +14,8 @@ model::Material read_material(MapReader& reader, std::string name) {
   // Standard deviations over the values, for studies of uncertainty.
   if (reader.has("spread")) {
     MapReader spread = reader.map("spread");
-    for (const char* key : {"friction", "stiffness", "depth"}) spread.maybe_number(key, {Dimension::none, 0, 1});
+    for (const char* key : {"friction", "stiffness", "depth"})
+      spread.maybe_number(key, {Dimension::none, 0, 1});
     spread.finish();
   }
   return material;

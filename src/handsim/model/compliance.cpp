@@ -22,8 +22,8 @@ Elastic between(const Point& a, const Point& b, double depth) {
   const double width = b.depth - a.depth, s = (depth - a.depth) / width, left = 1 - s;
   const double force = a.force * left * left * (1 + 2 * s) + b.force * s * s * (1 + 2 * left) +
                        width * s * left * (a.slope * left - b.slope * s);
-  const double slope = 6 * s * left * (b.force - a.force) / width + a.slope * left * (1 - 3 * s) +
-                       b.slope * s * (3 * s - 2);
+  const double slope =
+      6 * s * left * (b.force - a.force) / width + a.slope * left * (1 - 3 * s) + b.slope * s * (3 * s - 2);
   return {force, slope};
 }
 
@@ -166,9 +166,16 @@ double PadLaw::lasting() const {
 Elastic Compliance::elastic(double depth) const {
   if (!law) return {stiffness * depth, stiffness};
   const auto own = [&](double d) { return scaled(law->curve, size, d); };
-  if (under) return together(own, [&](double d) { return scaled(under->curve, under_size, d); }, depth);
+  if (under)
+    return together(
+        own, [&](double d) { return scaled(under->curve, under_size, d); }, depth);
   if (stiffness > 0)
-    return together(own, [&](double d) { return Elastic{stiffness * d, stiffness}; }, depth);
+    return together(
+        own,
+        [&](double d) {
+          return Elastic{stiffness * d, stiffness};
+        },
+        depth);
   return own(depth);
 }
 

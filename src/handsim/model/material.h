@@ -60,8 +60,8 @@ struct Material {
   }
 };
 
-/// The surface of a contact of two surfaces; it has no name. Laws of compliance act in series, and friction over
-/// load is the geometric mean.
+/// The surface of a contact of two surfaces; it has no name. Laws of compliance act in series, and friction
+/// over load is the geometric mean.
 Material combined(const Material& a, const Material& b);
 
 }  // namespace handsim::model

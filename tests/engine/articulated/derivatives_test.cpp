@@ -244,7 +244,8 @@ TEST(Derivatives, OfSlidingBoxesAndRollingCapsulesAreThoseOfDifferences) {
             1e-7);
 }
 
-// A pad that stiffens, with and without parts that relax, on one point, on points that share it and at its spin.
+// A pad that stiffens, with and without parts that relax, on one point, on points that share it and at its
+// spin.
 TEST(Derivatives, OfPadsThatStiffenAreThoseOfDifferences) {
   model::Material skin = engine::test::material("skin", 0.5);
   const Vec3 slow(0.3, -0.1, -0.05), spin(0.1, 0.2, 1.5);
@@ -261,7 +262,8 @@ TEST(Derivatives, OfPadsThatStiffenAreThoseOfDifferences) {
       skin.spins_by_area = by_area;
       EXPECT_LT(error_on_ground(ball, skin, 0.0182, Quat::Identity(), slow, spin), 1e-7);
     }
-    EXPECT_LT(error_on_ground(box, skin, 0.0285, rotation_quaternion({0.001, 0.0007, 0.4}), slow, spin), 1e-7);
+    EXPECT_LT(error_on_ground(box, skin, 0.0285, rotation_quaternion({0.001, 0.0007, 0.4}), slow, spin),
+              1e-7);
     EXPECT_LT(error_on_ground(capsule, skin, 0.0088, rotation_quaternion({M_PI / 2, 0, 0.4}), slow, spin),
               1e-7);
   }

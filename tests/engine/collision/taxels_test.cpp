@@ -24,7 +24,8 @@ model::Model fingertips() {
   hand.palm = test::add_body(model, test::body("palm", 0.3, {3e-4, 3e-4, 5e-4}));
   for (int i = 0; i < 4; ++i) {
     const Pose at{Vec3(0.02 * i, 0.1, 0), rotation_quaternion({-M_PI / 2, 0, 0})};
-    const int body = test::add_body(model, test::body("tip" + std::to_string(i), 0.01, Vec3::Constant(1e-6), at));
+    const int body =
+        test::add_body(model, test::body("tip" + std::to_string(i), 0.01, Vec3::Constant(1e-6), at));
     model::Shape capsule = test::shape("tip" + std::to_string(i), model::ShapeKind::capsule, body);
     capsule.radius = kRadius;
     capsule.length = kLength;
@@ -55,8 +56,8 @@ Contact touch(const model::State& state, int i, double along, double angle, doub
   return contact;
 }
 
-// Oracle: the contacts themselves: forces add up to the normal force, and their centre in the tangent plane is
-// the contact's place.
+// Oracle: the contacts themselves: forces add up to the normal force, and their centre in the tangent plane
+// is the contact's place.
 TEST(Taxels, AddUpToTheForceAtThePlaceOfTheContact) {
   const model::Model model = fingertips();
   const model::State state = model::initial_state(model);
@@ -95,7 +96,8 @@ TEST(Taxels, ASmallDiscLoadsTheNearestPoint) {
   EXPECT_EQ(loaded, 1);
 }
 
-// Oracle: geometry: the areas are those of half a cylinder and a quarter of a sphere; points lie on the palmar side.
+// Oracle: geometry: the areas are those of half a cylinder and a quarter of a sphere; points lie on the
+// palmar side.
 TEST(Taxels, CoverThePalmarHalfOfThePad) {
   const model::Model model = fingertips();
   const model::State state = model::initial_state(model);

@@ -47,9 +47,7 @@ PadPoint::Push PadPoint::at(double r) const {
           step * share * (step * gain * elastic.slope + pad->damping)};
 }
 
-bool PadMemory::needed(const model::Model& model) {
-  return std::ranges::any_of(model.materials, remembers);
-}
+bool PadMemory::needed(const model::Model& model) { return std::ranges::any_of(model.materials, remembers); }
 
 const PadMemory::Pair* PadMemory::find(int shape_a, int shape_b) const {
   const auto found = std::ranges::lower_bound(start_, std::pair(shape_a, shape_b), {}, shapes_of);

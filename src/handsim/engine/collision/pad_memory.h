@@ -1,8 +1,8 @@
 // What pads remember from step to step: each pair of shapes its elastic force and the parts of it that relax
-// (model/compliance.h). Memory is the pair's, so that contact points may come and go. In a step of length h the
-// elastic force goes straight from its last value to the one at the step's end, F+; then the relaxing parts are
-// exactly q_k+ = e_k q_k + c_k phi_k (F+ - F), e_k = exp(-h / t_k), phi_k = (1 - e_k) t_k / h, and the whole
-// force at the step's end is gain F+ + offset with numbers that are known at its start.
+// (model/compliance.h). Memory is the pair's, so that contact points may come and go. In a step of length h
+// the elastic force goes straight from its last value to the one at the step's end, F+; then the relaxing
+// parts are exactly q_k+ = e_k q_k + c_k phi_k (F+ - F), e_k = exp(-h / t_k), phi_k = (1 - e_k) t_k / h, and
+// the whole force at the step's end is gain F+ + offset with numbers that are known at its start.
 #pragma once
 
 #include <algorithm>
@@ -41,8 +41,8 @@ class PadMemory {
   /// A touching pair, or one that has parted not long ago.
   struct Pair {
     int shape_a = 0, shape_b = 0;
-    double force = 0;  ///< elastic [N]
-    double push = 0;   ///< with what relaxes [N]
+    double force = 0;                                     ///< elastic [N]
+    double push = 0;                                      ///< with what relaxes [N]
     std::array<double, model::kMostRelaxations> parts{};  ///< q_k [N]
   };
 
@@ -58,7 +58,8 @@ class PadMemory {
   void recall(Collider& collider, double step);
   /// As the touches of the collider; of pairs without memory the defaults.
   const PadStep& of(std::size_t touch) const { return steps_[touch]; }
-  /// Takes over the step made, also a second time. @param depth_after of a contact's surfaces, by its index [m]
+  /// Takes over the step made, also a second time. @param depth_after of a contact's surfaces, by its index
+  /// [m]
   template <class Depth>
   void store(const Collider& collider, double step, const Depth& depth_after) {
     begin_store();

@@ -43,8 +43,7 @@ void Taxels::add_pad(const model::HandIndex& hand, const model::Fingertip& tip, 
     const std::size_t count = steps(M_PI * radius, spacing);
     for (std::size_t k = 0; k < count; ++k) {
       const double angle = M_PI * ((static_cast<double>(k) + 0.5) / static_cast<double>(count) - 0.5);
-      const Vec3 point =
-          radius * (std::cos(angle) * palmar + std::sin(angle) * across) + Vec3(0, 0, end * z);
+      const Vec3 point = radius * (std::cos(angle) * palmar + std::sin(angle) * across) + Vec3(0, 0, end * z);
       points_.push_back(capsule.pose * point);
       areas_.push_back(width * M_PI * radius / static_cast<double>(count));
     }
@@ -76,9 +75,9 @@ void Taxels::spread(const Pad& pad, const Contact& contact, const model::State& 
   const model::Material surface =
       rules_.between(model_.shapes[at(contact.shape_a)], model_.shapes[at(contact.shape_b)]);
   const double radius = model_.shapes[at(pad.shape)].radius;
-  const double flat2 = 2 * (surface.compliance && surface.compliance->radius > 0 ? surface.compliance->radius
-                                                                                : radius) *
-                       std::max(contact.depth, 0.0);
+  const double flat2 =
+      2 * (surface.compliance && surface.compliance->radius > 0 ? surface.compliance->radius : radius) *
+      std::max(contact.depth, 0.0);
   const Pose to_body = state.bodies[at(pad.body)].pose().inverse();
   const Vec3 place = to_body * contact.position, normal = to_body.q * contact.normal;
   const Vec3 e = normal.unitOrthogonal(), f = normal.cross(e);

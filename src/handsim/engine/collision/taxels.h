@@ -1,7 +1,8 @@
-// Points of touch on finger pads: the force of each contact on a pad, spread over points on the pad's surface as
-// the paraboloid of pressure of the disc that is pressed flat (model::Compliance::contact_radius). Their sum is
-// the contact's normal force, and where the disc has three points or more that are not on a line, their centre of
-// pressure is the contact's place in its tangent plane; a smaller disc loads the nearest point alone.
+// Points of touch on finger pads: the force of each contact on a pad, spread over points on the pad's surface
+// as the paraboloid of pressure of the disc that is pressed flat (model::Compliance::contact_radius). Their
+// sum is the contact's normal force, and where the disc has three points or more that are not on a line,
+// their centre of pressure is the contact's place in its tangent plane; a smaller disc loads the nearest
+// point alone.
 #pragma once
 
 #include <span>

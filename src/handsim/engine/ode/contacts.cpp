@@ -105,7 +105,8 @@ void Contacts::read_forces() {
 void Contacts::update_memory(const model::State& before) {
   if (friction_ && iterative_) memory_.update(before, step_);
   if (pads_)
-    pads_->store(collider_, step_, [&](std::size_t i) { return depth_after(collider_.contacts()[i], before); });
+    pads_->store(collider_, step_,
+                 [&](std::size_t i) { return depth_after(collider_.contacts()[i], before); });
 }
 
 /// How fast the surfaces of a contact part along its normal.
@@ -123,8 +124,7 @@ double Contacts::depth_after(const Contact& contact, const model::State& before)
     const Vec3 v(moved.v[0], moved.v[1], moved.v[2]), w(moved.w[0], moved.w[1], moved.w[2]);
     return v + w.cross(contact.position - before.bodies[body].p);
   };
-  return depth_in_pad(contact) -
-         step_ * contact.normal.dot(moves(contact.shape_a) - moves(contact.shape_b));
+  return depth_in_pad(contact) - step_ * contact.normal.dot(moves(contact.shape_a) - moves(contact.shape_b));
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
@@ -155,8 +155,8 @@ void Contacts::set_compliance(dSurfaceParameters& surface, const model::Complian
   surface.soft_cfm = row.cfm;
 }
 
-/// The tangent of a pad's law at the depth that the step would end at with the rates of its start, so that the
-/// row's force is the law's where these last. @param rate at which the surfaces part
+/// The tangent of a pad's law at the depth that the step would end at with the rates of its start, so that
+/// the row's force is the law's where these last. @param rate at which the surfaces part
 void Contacts::set_law(dSurfaceParameters& surface, const Contact& contact, const model::Compliance& pad,
                        const Known& known, double rate) const {
   const double depth = depth_in_pad(contact), rise = pad.rise();
@@ -217,8 +217,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   }
   // A pad with spinning but no rolling friction gets a motor: its row takes a speed or a limit.
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
-                     between.rolling_friction == 0 &&
-                     between.spinning(between.friction, contact.depth) > 0;
+                     between.rolling_friction == 0 && between.spinning(between.friction, contact.depth) > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
   if (surface.mu > 0) set_friction_direction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
@@ -263,7 +262,7 @@ void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Kn
   const double turn = known.patch != nullptr ? known.patch->turn : 0;
   dJointSetAMotorParam(motor, dParamVel, -side(contact) * kPullBack / step_ * turn);
   dJointSetAMotorParam(motor, dParamFMax,
-                        touch.surface.spinning(touch.surface.friction, contact.depth) * force);
+                       touch.surface.spinning(touch.surface.friction, contact.depth) * force);
 }
 
 /// Lays the first friction row along the change of velocity that it has to bring about: from what the

@@ -79,8 +79,8 @@ std::string spring_damper(const model::Compliance& pad, double mobility, double 
 
 constexpr double kPadLoad = 5;  ///< of the pads that stiffen and spin by their area [N]
 
-/// The spring and damper in place of a pad's law: its secant at kPadLoad of a press that lasts, and of this the
-/// shortest of the times in which it relaxes.
+/// The spring and damper in place of a pad's law: its secant at kPadLoad of a press that lasts, and of this
+/// the shortest of the times in which it relaxes.
 model::Compliance straightened(const model::Compliance& pad) {
   if (!pad.law) return pad;
   const double stiffness = pad.secant(kPadLoad);
@@ -159,8 +159,9 @@ std::string mjcf_pairs(const model::Model& model, const engine::Settings& settin
       model::Material pair = rules.between(a, b);
       if (pair.compliance && (pair.compliance->law || pair.spins_by_area)) {
         if (!stiffens)
-          out += fmt::format("    <!-- Pads that stiffen: the secant and the area of a lasting press of {:g} N -->\n",
-                             kPadLoad);
+          out += fmt::format(
+              "    <!-- Pads that stiffen: the secant and the area of a lasting press of {:g} N -->\n",
+              kPadLoad);
         stiffens = true;
         if (pair.friction_over_load) pair.friction *= pair.friction_over_load->factor(kPadLoad);
         pair.compliance = straightened(*pair.compliance);

@@ -272,10 +272,10 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
       point.pad = touch.surface.compliance;
       if (!point.pad) continue;
       const model::Elastic elastic = point.pad->elastic(contact.depth);
-      point.stiffness = point.pad->law ? share * point.pad->lasting() * elastic.slope
-                                       : share * point.pad->stiffness;
-      point.push = point.pad->law ? share * point.pad->lasting() * elastic.force
-                                  : point.stiffness * contact.depth;
+      point.stiffness =
+          point.pad->law ? share * point.pad->lasting() * elastic.slope : share * point.pad->stiffness;
+      point.push =
+          point.pad->law ? share * point.pad->lasting() * elastic.force : point.stiffness * contact.depth;
     }
   return touches_;
 }

@@ -251,8 +251,7 @@ class Fit {
   std::vector<double> lacking() const {
     std::vector<double> out(depth_.size());
     for (std::size_t i = 0; i < contacts_.size(); ++i)
-      if (contacts_[i].stiffness > 0)
-        out[at(contacts_[i].body)] += normal_force(i) - contacts_[i].push;
+      if (contacts_[i].stiffness > 0) out[at(contacts_[i].body)] += normal_force(i) - contacts_[i].push;
     return out;
   }
 

@@ -161,10 +161,9 @@ class Sweeps {
     const double D = block.D[0];
     ContactRows& contact = p_.contacts[block.index];
     double& normal = contact.impulse[0];
-    double next =
-        contact.pad
-            ? pad_impulse(*contact.pad, velocity(contact, 0) - D * normal, D, normal)
-            : normal - (velocity(contact, 0) + contact.regularization * normal) / (D + contact.regularization);
+    double next = contact.pad ? pad_impulse(*contact.pad, velocity(contact, 0) - D * normal, D, normal)
+                              : normal - (velocity(contact, 0) + contact.regularization * normal) /
+                                             (D + contact.regularization);
     if (!contact.bilateral) next = std::max(next, 0.0);
     double change = std::abs(next - normal) * D;
     apply(block, 0, next - normal);

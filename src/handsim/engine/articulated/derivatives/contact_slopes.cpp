@@ -284,7 +284,8 @@ void ContactSlopes::compute_target(Point& point, const Touch& touch, double step
   // The coefficient goes with the root of the depth.
   if (surface.spins_by_area && depth > 0) point.spin_by_depth = 0.5 / depth;
   if (const PadPoint* pad = point.rows->pad) {
-    const double slope = pad->share * step * pad->gain * pad->pad->elastic(pad->depth - step * point.r[0]).slope;
+    const double slope =
+        pad->share * step * pad->gain * pad->pad->elastic(pad->depth - step * point.r[0]).slope;
     point.by_depth = depth < 0 || inside > 0 ? slope * point.rows->regularization : 0;
     return;
   }
