@@ -11,9 +11,12 @@
 namespace handsim::study {
 namespace {
 
+constexpr const char* kIs = ", source: s, of: people, spread_is: source, value_is: fitted";
+const std::string kEnd = std::string("measured: 1, spread: 1") + kIs;
+
 /// Writes rows of the median man to a file. @param rows `kind: ...` without name, source, measured and spread
 ValidateSpec load(const test::TemporaryFolder& folder, const std::vector<std::string>& rows,
-                  const std::string& end = "measured: 1, spread: 1, source: s") {
+                  const std::string& end = kEnd) {
   const auto file = folder.path() / "own.yaml";
   std::ofstream out(file);
   out << "hand: " << test::source("handmodels/anatomical.yaml").string()
@@ -31,10 +34,10 @@ std::vector<double> ours(const ValidateSpec& spec) {
   return out;
 }
 
-std::string problems(const std::vector<std::string>& rows) {
+std::string problems(const std::vector<std::string>& rows, const std::string& end = kEnd) {
   const test::TemporaryFolder folder;
   try {
-    load(folder, rows);
+    load(folder, rows, end);
   } catch (const Error& error) {
     return error.what();
   }
@@ -77,7 +80,7 @@ TEST(Validate, ArmsAtTheWristFollowPublishedOnesToTheEndsOfItsRange) {
   for (const char* muscle : {"EDC2", "EDC3", "EDC4", "EDC5", "EIP", "EDM", "EPL", "ECRL", "ECRB", "ECU"})
     rows.push_back(row(muscle, 75));
   const test::TemporaryFolder folder;
-  const auto found = ours(load(folder, rows, "spread: 1, source: s"));
+  const auto found = ours(load(folder, rows, std::string("spread: 1") + kIs));
   for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_NEAR(found[i], wanted[i], 3e-3) << rows[i];
   for (std::size_t i = wanted.size(); i < rows.size(); ++i) EXPECT_LT(found[i], -1e-3) << rows[i];
 }
@@ -146,24 +149,45 @@ TEST(Validate, FingersAtRestCloseAsTheWristExtends) {
     rows.push_back(
         std::string("kind: coupled_angle, axis: middle_mcp.flexion, finger: middle, pose: {wrist.flexion: ") +
         wrist + " deg}");
-  const auto found = ours(load(folder, rows, "measured: 1 deg, spread: 1 deg, source: s"));
+  const auto found = ours(load(folder, rows, std::string("measured: 1 deg, spread: 1 deg") + kIs));
   EXPECT_GT(found[1] - found[0], 20 * M_PI / 180);
   EXPECT_LT(found[1] - found[0], 60 * M_PI / 180);
 }
 
-// Oracle: the two rows: one holds and is no prediction, the other is one and does not hold.
-TEST(Validate, PredictionsCountApart) {
+// Oracle: five rows. Two of one value count once, within by half; the row whose condition is chosen is none
+// with the conditions of its source; the prediction counts apart.
+TEST(Validate, CountsEachValueOnceByWhatItsRowsAre) {
   const test::TemporaryFolder folder;
+  const std::string mass = "kind: hand_mass, of: people, spread_is: source, ";
   const ValidateSpec spec = load(folder,
-                                 {"kind: hand_mass, predicted: true, spread: 0.1, measured: 5",
-                                  "kind: hand_mass, spread: 10, measured: 0.4"},
+                                 {mass + "value_is: scaled, spread: 10, measured: 0.4",
+                                  mass + "value_is: scaled, spread: 0.1, measured: 5",
+                                  "kind: centre_of_mass, of: people, spread_is: source, value_is: fitted, "
+                                  "chosen: straight fingers, spread: 10, measured: 1",
+                                  "kind: gyration, direction: sagittal, of: people, spread_is: source, value_is: "
+                                  "predicted, spread: 0.1, measured: 5",
+                                  "kind: gyration, direction: transverse, of: cadavers, spread_is: chosen, "
+                                  "value_is: fitted, spread: 10, measured: 1"},
                                  "source: s");
   const ValidateResult result = run_validate(spec);
-  EXPECT_EQ(result.share, 1);
-  EXPECT_EQ(result.predicted, 0);
+  const Tally people = result.within(&Measurement::is_of_people),
+              predicted = result.within(&Measurement::is_predicted),
+              all = result.within([](const Measurement&) { return true; });
+  EXPECT_EQ(people.values, 2);
+  EXPECT_EQ(people.within, 0.5);
+  EXPECT_EQ(predicted.values, 1);
+  EXPECT_EQ(predicted.within, 0);
+  EXPECT_EQ(all.values, 4);
+  EXPECT_EQ(all.within, 2.5);
   const std::string table = validate_table(spec, result);
-  EXPECT_NE(table.find("0 % of 1 predictions"), std::string::npos) << table;
-  EXPECT_LT(table.find("row1"), table.find("predictions, to which")) << table;
+  for (const char* part : {"0.5 of 2 values of people", "0 of 1 predictions", "chosen: straight fingers"})
+    EXPECT_NE(table.find(part), std::string::npos) << part << "\n" << table;
+  EXPECT_LT(table.find("row2"), table.find("predictions, to which")) << table;
+}
+
+TEST(Validate, ARowHasToSayWhatItIs) {
+  const std::string text = problems({"kind: hand_mass, of: peple, spread_is: source"}, "measured: 1, spread: 1, source: s");
+  for (const char* part : {"peple", "value_is"}) EXPECT_NE(text.find(part), std::string::npos) << text;
 }
 
 TEST(Validate, NamesWhatAGripCannotHave) {

@@ -1,7 +1,6 @@
 #include "handsim/study/validate/validate.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -271,7 +270,6 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
       if (progress) progress(++done / count);
     }
   });
-  double rows = 0, inside = 0;
   for (std::size_t r = 0; r < out.rows.size(); ++r) {
     const Measurement& of = *out.rows[r].of;
     if (of.kind == Measured::simulation) continue;
@@ -280,13 +278,39 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
       ours[r][i] += of.spread * environment::Draws(2, i, of.name).normal();
     const Uncertainty both = uncertainty_of({}, ours[r]);
     out.rows[r].inside = both.low <= of.value && of.value <= both.high;
-    inside += out.rows[r].inside ? 1 : 0;
-    ++rows;
   }
-  out.coverage = inside / std::max(1.0, rows);
+}
+
+/// Rows of one kind with the same bits have one value.
+void weigh(std::vector<ValidateRow>& rows) {
+  std::map<std::pair<Measured, double>, int> served;
+  for (const ValidateRow& row : rows)
+    if (row.measured) ++served[{row.of->kind, row.ours}];
+  for (ValidateRow& row : rows)
+    if (row.measured && row.ours != 0) row.weight = 1.0 / served[{row.of->kind, row.ours}];
 }
 
 }  // namespace
+
+Tally ValidateResult::within(const RowFilter& of) const {
+  Tally out;
+  for (const ValidateRow& row : rows)
+    if (row.measured && of(*row.of)) {
+      out.values += row.weight;
+      out.within += row.within() ? row.weight : 0;
+    }
+  return out;
+}
+
+Tally ValidateResult::covered(const RowFilter& of) const {
+  Tally out;
+  for (const ValidateRow& row : rows)
+    if (row.uncertainty && of(*row.of)) {
+      ++out.values;
+      out.within += row.inside ? 1 : 0;
+    }
+  return out;
+}
 
 bool ValidateResult::passed() const {
   return std::ranges::all_of(
@@ -299,7 +323,6 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   ValidateResult out;
   std::optional<SimulatedScenes> scenes;
   if (runs) scenes.emplace(*runs);
-  std::array<double, 2> within{}, measured{};  // fitted, predicted
   for (const Measurement& of : spec.measurements) {
     ValidateRow row;
     row.of = &of;
@@ -314,12 +337,9 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
                                   ? measure_arms(subjects.of(of, spec.people.at(of.person)), of).second
                                   : std::abs(row.ours - of.value);
     row.deviation = difference / of.spread;
-    within[of.predicted] += row.within() ? 1 : 0;
-    measured[of.predicted] += row.measured ? 1 : 0;
     out.rows.push_back(row);
   }
-  out.share = within[0] / std::max(1.0, measured[0]);
-  if (measured[1] > 0) out.predicted = within[1] / measured[1];
+  weigh(out.rows);
   if (uncertain) draw_hands(spec, *uncertain, progress, out);
   return out;
 }

@@ -2,7 +2,9 @@
 // beside measured values and their spread, rows of a file such as config/validate.yaml.
 #pragma once
 
+#include <array>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -40,11 +42,30 @@ enum class Measured {
 /// Its word in files.
 std::string_view kind_name(Measured kind);
 
+/// On whom a row was measured; a model is another hand model, or a published formula.
+enum class MeasuredOn { people, cadavers, model };
+/// Whose a row's spread is: the source's for this very quantity, or chosen here.
+enum class SpreadIs { source, chosen };
+/// How the hand's value relates to the row.
+enum class ValueIs {
+  fitted,    ///< a number of the hand is fitted to it, or to the same quantity of another source
+  norm,      ///< a norm by sex, age or stature, beside a hand whose strength is such a norm
+  scaled,    ///< a value that no number is fitted to, of a person whose strength is a norm's
+  predicted  ///< none of these
+};
+inline constexpr std::array kMeasuredOn = {"people", "cadavers", "model"};
+inline constexpr std::array kSpreadIs = {"source", "chosen"};
+inline constexpr std::array kValueIs = {"fitted", "norm", "scaled", "predicted"};
+
 using Angles = std::map<std::string, double>;  ///< by axis [rad]
 
 struct Measurement {
   std::string name, unit, source, reason;
   Measured kind = Measured::moment_arms;
+  MeasuredOn on = MeasuredOn::people;
+  SpreadIs spread_is = SpreadIs::source;
+  ValueIs value_is = ValueIs::fitted;
+  std::string chosen;  ///< which of the row's conditions are not the source's; empty: none
   std::string person;
   std::string hand;                     ///< of ValidateSpec::hands; empty: that of the file
   std::optional<std::size_t> over_row;  ///< row above, whose value divides this one's
@@ -70,7 +91,11 @@ struct Measurement {
   double value = 0, spread = 0;
   double scale = 1;  ///< of the printed unit
   bool required = false;
-  bool predicted = false;  ///< nothing of the hand is fitted to it: counts apart
+  /// Of people, with the spread and the conditions of the source.
+  bool is_of_people() const {
+    return on == MeasuredOn::people && spread_is == SpreadIs::source && chosen.empty();
+  }
+  bool is_predicted() const { return value_is == ValueIs::predicted; }
 };
 
 struct ValidateSpec {
@@ -90,16 +115,26 @@ struct ValidateRow {
   double ours = 0;
   double deviation = 0;                    ///< over the spread; moment_arms: root mean square over the angles
   bool measured = true;                    ///< false: a simulation that was not run
+  double weight = 1;                       ///< one over the rows that this value serves
   std::optional<Uncertainty> uncertainty;  ///< of drawn hands
   bool inside = false;  ///< the measured value is within the middle 90 % of drawn hands, its spread added
   bool within() const { return measured && deviation <= 1; }
 };
 
+/// Measured values of some rows: how many there are, and how many of them are within. A value that serves
+/// several rows counts once, within by the part of these rows that it is within.
+struct Tally {
+  double within = 0, values = 0;
+  double share() const { return values > 0 ? within / values : 0; }
+};
+using RowFilter = std::function<bool(const Measurement&)>;
+
 struct ValidateResult {
   std::vector<ValidateRow> rows;
-  double share = 0;                 ///< of the measured rows within their spread, without predicted ones
-  std::optional<double> predicted;  ///< of the measured rows that are predicted
-  std::optional<double> coverage;   ///< share of the rows with drawn hands that are `inside`
+  /// Values within one spread, of measured rows.
+  Tally within(const RowFilter& of) const;
+  /// Rows with drawn hands that are `inside`.
+  Tally covered(const RowFilter& of) const;
   /// True if every required row that was measured is within its spread.
   bool passed() const;
 };

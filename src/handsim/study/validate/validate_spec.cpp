@@ -111,12 +111,22 @@ class RowReader {
     row.source = reader.text("source");
     row.reason = reader.maybe_text("reason").value_or("");
     row.required = reader.flag("required", false);
-    row.predicted = reader.flag("predicted", false);
+    row.on = word<MeasuredOn>(reader, "of", kMeasuredOn);
+    row.spread_is = word<SpreadIs>(reader, "spread_is", kSpreadIs);
+    row.value_is = word<ValueIs>(reader, "value_is", kValueIs);
+    row.chosen = reader.maybe_text("chosen").value_or("");
     reader.finish();
     spec_.measurements.push_back(std::move(row));
   }
 
  private:
+  template <class Enum, std::size_t N>
+  static Enum word(MapReader& reader, std::string_view key, const std::array<const char*, N>& words) {
+    std::vector<std::pair<std::string_view, Enum>> known;
+    for (std::size_t i = 0; i < N; ++i) known.emplace_back(words[i], static_cast<Enum>(i));
+    return reader.choice<Enum>(key, known);
+  }
+
   std::vector<std::string> segments_of(const std::string& finger) const {
     std::vector<std::string> out;
     for (const hand::SegmentSpec& segment : spec_.hand.segments)
