@@ -120,8 +120,6 @@ double measure_once(const Subject& subject, const Measurement& of) {
       return largest_tip_force(subject, of);
     case Measured::pinch_force:
       return largest_pinch_force(subject, of);
-    case Measured::grip_force:
-      return largest_grip_force(subject, of);
     case Measured::joint_moment:
       return of.balanced.empty() ? measure_joint_moment(subject, of) : largest_moment(subject, of);
     case Measured::passive_moment:
@@ -146,8 +144,9 @@ double measure_once(const Subject& subject, const Measurement& of) {
       return of.direction == "sagittal"     ? shares().gyration_sagittal
              : of.direction == "transverse" ? shares().gyration_transverse
                                             : shares().gyration_longitudinal;
+    case Measured::grip_force:
     case Measured::simulation:
-      break;  // of no subject: SimulatedScenes
+      break;  // of no subject
   }
   return 0;
 }
@@ -259,7 +258,7 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
     for (int i = next++; i < count && !stop; i = next++) {
       Subjects subjects{spec};
       for (std::size_t r = 0; r < out.rows.size(); ++r)
-        if (const Measurement& of = *out.rows[r].of; of.kind != Measured::simulation) try {
+        if (const Measurement& of = *out.rows[r].of; !of.has_scene()) try {
             ours[r][at(i)] = measure(subjects.of(of, drawn.at(of.person).persons[at(i)]), of);
             if (of.over_row) ours[r][at(i)] /= ours[*of.over_row][at(i)];
           } catch (const Error&) {
@@ -272,7 +271,7 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
   });
   for (std::size_t r = 0; r < out.rows.size(); ++r) {
     const Measurement& of = *out.rows[r].of;
-    if (of.kind == Measured::simulation) continue;
+    if (of.has_scene()) continue;
     out.rows[r].uncertainty = uncertainty_of(drawn.at(of.person).inputs, ours[r]);
     for (std::size_t i = 0; i < ours[r].size(); ++i)
       ours[r][i] += of.spread * environment::Draws(2, i, of.name).normal();
@@ -329,6 +328,8 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
     if (of.kind == Measured::simulation) {
       row.measured = scenes.has_value();
       if (scenes) row.ours = scenes->figure(of);
+    } else if (of.kind == Measured::grip_force) {
+      row.ours = largest_grip_force(of);
     } else {
       row.ours = measure(subjects.of(of, spec.people.at(of.person)), of);
     }

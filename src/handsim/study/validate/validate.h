@@ -24,7 +24,7 @@ enum class Measured {
   tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
   tip_force,        ///< largest force of a fingertip in a direction [N]
   pinch_force,      ///< largest force between thumb and a finger [N]
-  grip_force,       ///< largest sum of palmar forces of several fingers, some axes balanced [N]
+  grip_force,       ///< largest force of fingers that press an object to the palm [N]
   joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
   passive_moment,   ///< of tissue and resting muscles about an axis, other joints at rest [N m]
   loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
@@ -73,24 +73,28 @@ struct Measurement {
   std::string
       segment;  ///< tip_force: whose middle is pressed; empty: the fingertip. pulley_force: the pulley
   std::vector<std::string> muscles;
-  std::vector<std::string> balanced;     ///< axes without a moment: grip_force; joint_moment, of all muscles
-  std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1
-  std::vector<double> angles, arms;      ///< moment_arms: [rad], [m]
+  std::vector<std::string> balanced;  ///< forces: axes without a moment; joint_moment: then of all muscles
+  /// grip_force: from the palm's normal towards the fingers, of the line along which the object is pressed to
+  /// the palm; the strongest counts [rad]
+  std::vector<double> tilts;
+  std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
   Angles pose, from;
   std::vector<Angles> or_poses;      ///< beside `pose`: the largest value counts
   std::optional<Angles> over_pose;   ///< forces and moments: a pose whose value divides that of `pose`
-  std::filesystem::path scene;       ///< simulation
-  std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
+  std::filesystem::path scene;       ///< simulation, grip_force
+  std::vector<std::string> changes;  ///< of the scene: `key.path=value`
   /// simulation: paths in summary.json (`climbs.0.load_N`) whose numbers or vectors, by length, are added
   std::vector<std::string> figures;
   std::vector<std::string> over;      ///< simulation: figures whose sum divides it; empty: none
-  double friction = 0;                ///< tip_force, pinch_force: of the surface; 0: force without shear
+  double friction = 0;                ///< of forces: of the surface; 0: force without shear
   double tension = 0;                 ///< pulley_force [N]
   double load = 0;                    ///< loaded_rotation: share of the muscle's force
   std::optional<double> hand_length;  ///< of the measured hand: lengths of ours are scaled to it [m]
   double value = 0, spread = 0;
   double scale = 1;  ///< of the printed unit
   bool required = false;
+  /// Its hand is a scene's, not one of `people`.
+  bool has_scene() const { return kind == Measured::simulation || kind == Measured::grip_force; }
   /// Of people, with the spread and the conditions of the source.
   bool is_of_people() const {
     return on == MeasuredOn::people && spread_is == SpreadIs::source && chosen.empty();
