@@ -14,6 +14,7 @@ import time
 import zlib
 from collections import deque
 from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Callable, Iterator, NamedTuple, Optional
 
@@ -71,6 +72,9 @@ class Work(NamedTuple):
     key: str
     """The hash of all these."""
 
+    def __repr__(self) -> str:
+        return f"<{self.asked.file}, {self.key}>"
+
 
 class Rows(NamedTuple):
     """Rows [first, last) of a study."""
@@ -90,8 +94,16 @@ def open_study(asked: Asked, folder: str, files: dict[str, bytes]) -> Any:
                           Path(folder), files)
 
 
+@lru_cache(maxsize=1)
+def _own_build() -> list[str]:
+    """What a commit does not say: a module that was built from changed sources."""
+    if "dirty" not in _core.commit:
+        return []
+    return [f"module {hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()[:16]}"]
+
+
 def work_of(asked: Asked, study: Any, folder: str) -> Work:
-    parts = (asked._replace(file=str(asked.file)), folder, study.carried, study.head["origin"])
+    parts = (asked._replace(file=str(asked.file)), folder, study.carried, study.head["origin"] + _own_build())
     return Work(*parts, key=hashlib.sha256(repr(parts).encode()).hexdigest()[:24])
 
 
@@ -120,8 +132,8 @@ def _study_of(work: Work) -> Any:
                 found = open_study(work.asked, work.folder, work.files)
             except Error as error:
                 raise Error(f"worker {_place()}: {error}", error.kind, error.problems) from None
-            has, needs = ([part for part in mine if part not in other] for mine, other in
-                          ((found.head["origin"], work.origin), (work.origin, found.head["origin"])))
+            own = found.head["origin"] + _own_build()
+            has, needs = ([part for part in mine if part not in other] for mine, other in ((own, work.origin), (work.origin, own)))
             if has or needs:
                 raise input_error(f"worker {_place()}", ", ".join(has), ", ".join(needs) + ", as where the study was begun")
             while len(_studies) >= STUDIES:
@@ -199,29 +211,36 @@ class Dask(Executor):
 
     @property
     def page(self) -> str:
-        """The address of Dask's own page."""
-        return str(self._client.dashboard_link)
+        """The address of Dask's own page; empty where the scheduler has none."""
+        return str(self._client.dashboard_link) if "dashboard" in self._client.scheduler_info()["services"] else ""
 
     def slots(self) -> int:
         if time.monotonic() - self._asked > 2:
-            self._count = sum(self._client.nthreads().values())
+            try:
+                self._count = sum(self._client.nthreads().values())
+            except OSError:
+                raise _gone() from None
             self._asked = time.monotonic()
         return max(1, self._count)
 
     def submit(self, work: Work, first: int, last: int) -> Any:
         # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
-        if self._study is None:
+        if self._study is None or self._study.cancelled():
             self._study = self._client.submit(_itself, work, key=f"handsim-study-{work.key}")
         return self._client.submit(rows_of, self._study, first, last, pure=False)
 
     def check(self) -> None:
-        if self._client.status != "running":
-            raise Error("the Dask scheduler cannot be reached any more; the same command with --resume goes on", "output")
+        if self._client.status not in ("running", "connecting"):
+            raise _gone()
 
     def close(self) -> None:
         self._study = None
         if self._own:
             self._client.close()
+
+
+def _gone() -> Error:
+    return Error("the Dask scheduler cannot be reached any more; the same command with --resume goes on", "output")
 
 
 def _itself(work: Work) -> Work:
@@ -396,16 +415,16 @@ class Parts:
         try:
             if not line.startswith(MARK):
                 return None
-            head = json.loads(line[len(MARK):])
+            told, _, text = line[len(MARK):].partition(b" ")
+            head = json.loads(text)
             begin, length = place + len(line), sum(part[0] for part in head["parts"])
             if begin + length > size:
                 return None
-            crc = 0
-            left = length
+            crc, left = zlib.crc32(text), length
             while left:
                 block = file.read(min(left, 1 << 20))
                 crc, left = zlib.crc32(block, crc), left - len(block)
-            return (head, begin, begin + length) if crc == head["crc"] and head["first"] < head["last"] <= head["size"] else None
+            return (head, begin, begin + length) if crc == int(told, 16) and head["first"] < head["last"] <= head["size"] else None
         except (ValueError, KeyError, TypeError):
             return None
 
@@ -431,11 +450,12 @@ class Parts:
         arrays = [(*trajectory, number) for number, trajectory in rows.trajectories.items()] + [(*curves, None) for curves in rows.curves]
         parts: list[list[Any]] = [[len(rows.csv)], *([values.nbytes, values.shape[0], names, number] for names, values, number in arrays)]
         content = b"".join([rows.csv, *(values.tobytes() for _, values, _ in arrays)])
-        head = {"first": rows.first, "last": rows.last, "crc": zlib.crc32(content), "id": self.id, "parts": parts, **self._told}
+        head = {"first": rows.first, "last": rows.last, "id": self.id, "parts": parts, **self._told}
         try:
             if self._file is None:
                 self._file = open(self.path, "ab", buffering=0)
-            record = MARK + json.dumps(head).encode() + b"\n" + content
+            text = json.dumps(head).encode() + b"\n"
+            record = MARK + b"%08x " % zlib.crc32(content, zlib.crc32(text)) + text + content
             begin = self._file.tell()
             if self._file.write(record) != len(record):
                 self._file.truncate(begin)

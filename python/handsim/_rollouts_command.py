@@ -92,7 +92,8 @@ def _executor(address: str, threads: int = 0) -> Executor:
     if not address:
         return Threads(threads)
     out = dask_at(address)
-    _note(f"Dask's page: {out.page}")
+    if out.page:
+        _note(f"Dask's page: {out.page}")
     return out
 
 

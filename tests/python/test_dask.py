@@ -116,7 +116,7 @@ def test_a_killed_scheduler_and_the_command_again(whole, tmp_path):
     file, expected = whole
 
     def started(*words):
-        return subprocess.Popen([sys.executable, "-m", *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+        return subprocess.Popen([sys.executable, "-m", *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
     def cluster(port):
         scheduler = started("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard", "--no-show")
@@ -137,8 +137,7 @@ def test_a_killed_scheduler_and_the_command_again(whole, tmp_path):
                     time.sleep(0.01)
                 first[0].kill()
             _, errors = run.communicate(timeout=120)
-            assert run.returncode in ((1, 0) if attempt == 0 else (0,)), errors
-            assert "Dask's page" in errors
+            assert run.returncode == 0 or (attempt == 0 and "the Dask scheduler cannot be reached any more" in errors), errors
         assert contents(tmp_path / "out") == expected
     finally:
         for process in processes:

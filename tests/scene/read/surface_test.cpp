@@ -13,7 +13,7 @@ namespace {
 
 using model::Material;
 
-Scene ball(const std::string& surface) {
+Scene object_with(const std::string& surface) {
   return compile_scene(
       parse_yaml("objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0.2], " +
                      surface + "}]\nground: {}\nduration: 1\n",
@@ -27,7 +27,7 @@ std::string beside(std::string_view key) { return key == "damping" ? "stiffness:
 TEST(Surface, EveryKeyReachesTheModel) {
   Material::fields([](std::string_view key, auto member, const Quantity& range, auto...) {
     const double value = range.min + 0.25 * (range.max - range.min);
-    const Scene scene = ball(fmt::format("{}{}: {}", beside(key), key, value));
+    const Scene scene = object_with(fmt::format("{}{}: {}", beside(key), key, value));
     const model::Shape& shape =
         scene.model.shapes[static_cast<std::size_t>(scene.model.objects[0].shapes[0])];
     const Material& surface = scene.model.materials[static_cast<std::size_t>(shape.material)];
@@ -41,7 +41,7 @@ TEST(Surface, EveryKeyReachesTheModel) {
 TEST(Surface, EveryKeyIsRefusedOutsideOfItsRange) {
   Material::fields([](std::string_view key, auto, const Quantity& range, auto...) {
     try {
-      ball(fmt::format("{}{}: {}", beside(key), key, 1.01 * range.max));
+      object_with(fmt::format("{}{}: {}", beside(key), key, 1.01 * range.max));
       ADD_FAILURE() << key;
     } catch (const Error& error) {
       ASSERT_EQ(error.problems().size(), 1U) << error.what();

@@ -82,17 +82,17 @@ TEST(Rollouts, AreTheSameFromCarriedFiles) {
            "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 0.1\nvertex 0 0.1 0\nendloop\nendfacet\n"
            "facet normal 0 0 0\nouter loop\nvertex 0.1 0 0\nvertex 0 0.1 0\nvertex 0 0 0.1\nendloop\nendfacet\nendsolid\n";
     std::ofstream(folder.path() / "scene.yaml")
-        << "objects: [{name: wedge, shape: mesh, mesh: shapes/wedge.stl, mass: 1, position: [0, 0, 0]}]\nduration: 0.02\n"
+        << "objects: [{name: wedge, shape: convex_mesh, mesh: shapes/wedge.stl, mass: 1, position: [0, 0, 0]}]\nduration: 0.02\n"
            "effects: [gravity]\n";
     std::ofstream(folder.path() / "study.yaml")
-        << "scene: scene.yaml\ncount: 3\nvary: {objects.0.mass: {normal: {sd: 2}}}\n";
+        << "scene: scene.yaml\ncount: 8\nvary: {objects.0.mass: {normal: {sd: 20}}}\n";
     const CarriedScope scope(files, true);
     const RolloutStudy study(load_rollouts("study.yaml"));
     table = table_of(study);
     origin = study.head().origin;
   }
   EXPECT_EQ(files.files.size(), 3U);
-  EXPECT_NE(table.find("refused"), std::string::npos) << "a message names its file: " << table;
+  EXPECT_NE(table.find("refused"), std::string::npos) << table;
   const CarriedScope scope(files, false);
   const RolloutStudy study(load_rollouts("study.yaml"));
   EXPECT_EQ(table_of(study), table);

@@ -31,11 +31,11 @@ constexpr KindForm kForms[] = {
     {"excursion", Measured::excursion, D::length, "mm", 1e-3, "muscles"},
     {"tip_force_share", Measured::tip_force_share, D::none, "1", 1, "finger muscles",
      "any palmar dorsal distal proximal"},
-    {"tip_force", Measured::tip_force, D::force, "N", 1, "finger friction",
+    {"tip_force", Measured::tip_force, D::force, "N", 1, "finger friction balanced",
      "palmar dorsal distal proximal ulnar radial"},
-    {"pinch_force", Measured::pinch_force, D::force, "N", 1, "finger friction"},
-    {"grip_force", Measured::grip_force, D::force, "N", 1, "shares"},
-    {"joint_moment", Measured::joint_moment, D::torque, "N m", 1, "axis muscles", "positive negative"},
+    {"pinch_force", Measured::pinch_force, D::force, "N", 1, "finger friction balanced"},
+    {"grip_force", Measured::grip_force, D::force, "N", 1, "friction balanced"},
+    {"joint_moment", Measured::joint_moment, D::torque, "N m", 1, "axis balanced muscles", "positive negative"},
     {"passive_moment", Measured::passive_moment, D::torque, "N m", 1, "axis"},
     {"loaded_rotation", Measured::loaded_rotation, D::angle, "deg", kDegree, "finger muscle axis"},
     {"coupled_angle", Measured::coupled_angle, D::angle, "deg", kDegree, "axis"},
@@ -102,7 +102,7 @@ class RowReader {
     for (const KindForm& form : kForms) kinds.emplace_back(form.word, form.kind);
     row.kind = reader.choice<Measured>("kind", kinds);
     const bool kind_known = reader.sound();
-    if (row.kind != Measured::simulation) {
+    if (!row.has_scene()) {
       row.person = known_name(reader, "person", people_, "a person of this file");
       if (reader.has("hand"))
         row.hand = known_name(reader, "hand", hands_, "one of the variants of this file");
@@ -111,12 +111,22 @@ class RowReader {
     row.source = reader.text("source");
     row.reason = reader.maybe_text("reason").value_or("");
     row.required = reader.flag("required", false);
-    row.predicted = reader.flag("predicted", false);
+    row.on = word<MeasuredOn>(reader, "of", kMeasuredOn);
+    row.spread_is = word<SpreadIs>(reader, "spread_is", kSpreadIs);
+    row.value_is = word<ValueIs>(reader, "value_is", kValueIs);
+    row.chosen = reader.maybe_text("chosen").value_or("");
     reader.finish();
     spec_.measurements.push_back(std::move(row));
   }
 
  private:
+  template <class Enum, std::size_t N>
+  static Enum word(MapReader& reader, std::string_view key, const std::array<const char*, N>& words) {
+    std::vector<std::pair<std::string_view, Enum>> known;
+    for (std::size_t i = 0; i < N; ++i) known.emplace_back(words[i], static_cast<Enum>(i));
+    return reader.choice<Enum>(key, known);
+  }
+
   std::vector<std::string> segments_of(const std::string& finger) const {
     std::vector<std::string> out;
     for (const hand::SegmentSpec& segment : spec_.hand.segments)
@@ -136,25 +146,23 @@ class RowReader {
   }
 
   /// The scene's name is relative to this file.
-  static void read_simulation(MapReader& reader, Measurement& row) {
+  static void read_scene(MapReader& reader, Measurement& row) {
     row.scene = std::filesystem::path(reader.node().place().file).parent_path() / reader.text("scene");
     if (reader.has("set")) row.changes = reader.texts("set", 1, 100, "overrides such as duration=1");
+  }
+
+  static void read_simulation(MapReader& reader, Measurement& row) {
+    read_scene(reader, row);
     row.figures = reader.texts("figure", 1, 100, kFigures);
     if (reader.has("over")) row.over = reader.texts("over", 1, 100, kFigures);
     row.unit = row.over_row ? "1" : reader.text("unit");
   }
 
-  void read_shares(MapReader& reader, Measurement& row) {
-    MapReader shares = reader.required_map("shares", "a mapping of segments to shares");
-    for (const std::string& segment : shares.keys()) {
-      check(shares, segment, segment, segments_of(""), "a segment of a finger");
-      row.shares[segment] = shares.number(segment, {Dimension::none, 0, 1});
-    }
-    shares.finish();
-    double sum = 0;
-    for (const auto& [segment, share] : row.shares) sum += share;
-    if (shares.sound() && std::abs(sum - 1) > 0.01)
-      reader.problem("shares", fmt::format("a sum of {:.3g}", sum), "shares whose sum is 1");
+  void read_balanced(MapReader& reader, Measurement& row) {
+    row.balanced = reader.texts("balanced", 1, 100, "axes of the hand");
+    for (const std::string& axis : row.balanced) check(reader, "balanced", axis, axes_, "axes of the hand");
+    if (reader.has("muscles"))
+      reader.problem("muscles", "muscles beside balanced axes", "one of the two");
   }
 
   /// The keys of the row's kind.
@@ -164,14 +172,7 @@ class RowReader {
       if (key == "muscle") row.muscle = known_name(reader, key, muscles_, "a muscle of the hand");
       if (key == "finger") row.finger = known_name(reader, key, fingers_, "a finger of the hand");
       if (key == "friction") row.friction = reader.number(key, {Dimension::none, 0, 10}, 0);
-      if (key == "shares") read_shares(reader, row);
-      if ((key == "axis" || key == "shares") && reader.has("balanced")) {
-        row.balanced = reader.texts("balanced", 1, 100, "axes of the hand");
-        for (const std::string& axis : row.balanced)
-          check(reader, "balanced", axis, axes_, "axes of the hand");
-        if (reader.has("muscles"))
-          reader.problem("muscles", "muscles beside balanced axes", "one of the two");
-      }
+      if (key == "balanced" && reader.has(key)) read_balanced(reader, row);
       if (key != "muscles" || !row.balanced.empty()) continue;
       row.muscles = reader.texts(key, 1, 100, "muscles of the hand");
       for (const std::string& name : row.muscles) check(reader, key, name, muscles_, "muscles of the hand");
@@ -220,6 +221,10 @@ class RowReader {
     if (row.kind == Measured::pulley_force || row.kind == Measured::sheath_friction)
       row.angles = {reader.number("pip", kAngle)};
     if (row.kind == Measured::simulation) read_simulation(reader, row);
+    if (row.kind == Measured::grip_force) {
+      read_scene(reader, row);
+      row.tilts = read_numbers(reader, "tilts", kAngle);
+    }
     row.pose = read_pose(reader, "pose", axes);
     if (form_of(row.kind).dimension == D::force && reader.has("or_poses"))
       reader.each("or_poses", 1, 100,
