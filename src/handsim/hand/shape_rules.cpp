@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/units.h"
-#include "handsim/hand/pad_spec.h"
 
 namespace handsim::hand {
 

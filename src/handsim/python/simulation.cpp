@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "handsim/engine/collision/taxels.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -206,12 +208,35 @@ class SimulationHandle {
                           array_of(force, 3));
   }
 
+  /// Pads: names, number of taxels; taxels: points in their bodies' frames, areas, forces.
+  py::tuple taxels(double spacing) {
+    if (!taxels_ || spacing != taxel_spacing_) taxels_.emplace(simulation().model(), spacing);
+    taxel_spacing_ = spacing;
+    const auto forces = read([&](const auto& of) {
+      const std::span<const double> now = taxels_->read(of.engine().contacts(), of.state());
+      return std::vector<double>(now.begin(), now.end());
+    });
+    std::vector<std::string> names;
+    std::vector<std::size_t> counts;
+    for (const engine::Taxels::Pad& pad : taxels_->pads()) {
+      names.push_back(pad.name);
+      counts.push_back(pad.count);
+    }
+    std::vector<double> points;
+    for (const Vec3& point : taxels_->points()) add(points, point);
+    const std::vector<double> areas(taxels_->areas().begin(), taxels_->areas().end());
+    return py::make_tuple(names, counts, array_of(points, 3), array_of(areas), array_of(forces));
+  }
+
   environment::Environment& environment() { return environment_; }
   const simulation::Simulation& simulation() const { return environment_.simulation(); }
 
   std::vector<double> q, u, tau;
 
  private:
+  std::optional<engine::Taxels> taxels_;
+  double taxel_spacing_ = 0;
+
   void publish() {
     const model::State& state = simulation().state();
     for (const auto& [from, to] : {std::pair(&state.q, &q), {&state.u, &u}, {&state.tau, &tau}})
@@ -333,6 +358,7 @@ void bind_simulation(py::module_& module) {
            })
       .def("bodies", &Self::bodies)
       .def("contacts", &Self::contacts)
+      .def("taxels", &Self::taxels)
       .def("reset", &reset_to)
       .def("reset_beside",
            [](Self& self, Self& other, const py::object& change) {
