@@ -5,6 +5,8 @@ machine, the workers of a Dask cluster on many, and whatever else has ``submit``
 """
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import hashlib
 import json
 import os
@@ -39,6 +41,9 @@ TRIES = 2
 """Of a row that ends its worker."""
 MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
+PATIENCE = 2.0
+"""Seconds for a result that is there to come."""
+TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 STUDIES = 4
 """That a worker keeps in memory."""
 CRASHES = {"KilledWorker", "WorkerCrashedError", "LocalRayletDiedError", "NodeDiedError", "OutOfMemoryError"}
@@ -331,7 +336,11 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
                 continue
             first, last = flying.pop(future)
             try:
-                rows = future.result()
+                rows = future.result(timeout=PATIENCE)
+            except TIMEOUTS:
+                # Dask computes again what a worker that has died had in memory.
+                flying[future] = (first, last)
+                done.put(future)
             except CancelledError:
                 executor.check()
                 waiting.again((first, last))
