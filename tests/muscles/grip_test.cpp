@@ -28,7 +28,7 @@ std::string row_of(const hand::HandSpec& spec, const hand::Person& person) {
   return fmt::format(
       "  - {{name: grip, kind: simulation, scene: {}, set: [\"hands.0.person={}\", "
       "\"objects.0.position=[0, {}, {}]\"], figure: [{}], unit: N, measured: {}, spread: {}, source: "
-      "norm}}\n",
+      "norm, of: people, spread_is: source, value_is: norm}}\n",
       test::source("config/muscle_grip.yaml").string(), body, 0.3884 * length, -0.0382 - 0.0843 * length,
       figures, norm.own, norm.deviation);
 }

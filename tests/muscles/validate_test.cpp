@@ -34,11 +34,11 @@ TEST(Validate, MeasuresSimulationsWhereAsked) {
       << head()
       << "  - {name: steps, kind: simulation, scene: " << test::source("config/two_hands.yaml").string()
       << ", set: [duration=0.1, \"solver.step=1 ms\"], figure: counts.steps, unit: \"1\", measured: 100, "
-         "spread: 0.5, source: s, required: true}\n"
+         "spread: 0.5, source: s, of: people, spread_is: source, value_is: fitted, required: true}\n"
       << "  - {name: share, kind: simulation, scene: " << test::source("config/two_hands.yaml").string()
       << ", set: [duration=0.1, \"solver.step=1 ms\"], figure: counts.steps, over: counts.steps, unit: "
          "\"1\", "
-         "measured: 1, spread: 0.5, source: s}\n";
+         "measured: 1, spread: 0.5, source: s, of: people, spread_is: source, value_is: fitted}\n";
   const ValidateSpec spec = load_validate(file);
   const ValidateResult left_out = run(spec), run_too = run_validate(spec, folder.path() / "runs");
   EXPECT_FALSE(left_out.rows.at(0).measured);
@@ -61,11 +61,11 @@ TEST(Validate, AddsFiguresAndTakesTheLengthOfVectors) {
   const std::string pair = "contact_forces.pairs.0.force_at_end_N";
   std::ofstream(file)
       << head() << "  - {name: both, kind: simulation, scene: " << scene.string()
-      << ", figure: [counts.steps, counts.steps], unit: \"1\", measured: 2000, spread: 0.5, source: s}\n"
+      << ", figure: [counts.steps, counts.steps], unit: \"1\", measured: 2000, spread: 0.5, source: s, of: people, spread_is: source, value_is: fitted}\n"
       << "  - {name: weight, kind: simulation, scene: " << scene.string() << ", figure: " << pair
-      << ", unit: N, measured: 9.80665, spread: 0.01, source: s}\n"
+      << ", unit: N, measured: 9.80665, spread: 0.01, source: s, of: people, spread_is: source, value_is: fitted}\n"
       << "  - {name: none, kind: simulation, scene: " << scene.string()
-      << ", figure: contact_forces.pairs.9.force_at_end_N, unit: N, measured: 1, spread: 1, source: s}\n";
+      << ", figure: contact_forces.pairs.9.force_at_end_N, unit: N, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
   ValidateSpec spec = load_validate(file);
   EXPECT_THROW(run_validate(spec, folder.path() / "bad"), Error);
   spec.measurements.pop_back();
@@ -92,7 +92,7 @@ TEST(Validate, PinchNeverFallsWithFrictionAndGrowsWithStrength) {
     for (const char* friction : {"0", "0.4", "0.8"})
       out << "  - {name: " << person << friction << ", kind: pinch_force, person: " << person
           << ", finger: index, friction: " << friction << ", pose: " << kPinch
-          << ", measured: 1, spread: 1, source: s}\n";
+          << ", measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
   out.close();
   const ValidateResult result = run(load_validate(file));
   const auto ours = [&](std::size_t i) { return result.rows.at(i).ours; };
@@ -110,7 +110,7 @@ TEST(Validate, RefusesAPinchWhoseEndsDoNotFaceEachOther) {
       << "  - {name: past, kind: pinch_force, person: man, finger: index, friction: 0.8, pose: "
          "{thumb_cmc.flexion: 15 deg, thumb_mcp.flexion: 28 deg, thumb_ip.flexion: 9 deg, "
          "index_mcp.flexion: 74 deg, index_mcp.abduction: 8 deg, index_pip.flexion: 47 deg, "
-         "index_dip.flexion: 21 deg}, measured: 1, spread: 1, source: s}\n";
+         "index_dip.flexion: 21 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
   EXPECT_THROW(run(load_validate(file)), Error);
 }
 
@@ -122,12 +122,12 @@ TEST(Validate, AForceAtASegmentsMiddleIsHeldByTheMomentAtItsJoint) {
   const std::string row =
       "kind: tip_force, person: man, finger: thumb, direction: palmar, friction: 2, pose: "
       "{thumb_mcp.flexion: "
-      "20 deg, thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s}\n";
+      "20 deg, thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
   std::ofstream(file) << head() << "  - {name: tip, " << row << "  - {name: pad, segment: thumb_distal, "
                       << row
                       << "  - {name: moment, kind: joint_moment, person: man, axis: thumb_ip.flexion, "
                          "direction: positive, muscles: [FPL], pose: {thumb_mcp.flexion: 20 deg, "
-                         "thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s}\n";
+                         "thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
   const ValidateSpec spec = load_validate(file);
   const ValidateResult result = run(spec);
   const double length = 0.158 * 0.1931;  // of the last segment of a hand of 193.1 mm
@@ -146,7 +146,7 @@ TEST(Validate, FailsWhereARequiredRowFallsShort) {
     const auto file = folder.path() / "own.yaml";
     std::ofstream(file)
         << head()
-        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: s, required: "
+        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: s, of: people, spread_is: source, value_is: fitted, required: "
         << (required ? "true" : "false") << "}\n";
     const ValidateSpec spec = load_validate(file);
     EXPECT_EQ(run(spec).passed(), !required);
@@ -160,13 +160,14 @@ TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";
   const std::string arm =
-      "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, "
+      "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, of: people, spread_is: source, value_is: fitted, "
       "spread: 0.0001, ";
   std::ofstream(file) << head() << "  - {name: arm, " << arm << "arms: [0.01]}\n  - {name: far, " << arm
                       << "arms: [0.03]}\n";
   const ValidateSpec spec = load_validate(file);
   const ValidateResult plain = run_validate(spec), drawn = run_validate(spec, {}, 200);
-  EXPECT_FALSE(plain.coverage);
+  const RowFilter all = [](const Measurement&) { return true; };
+  EXPECT_EQ(plain.covered(all).values, 0);
   EXPECT_EQ(drawn.rows[0].ours, plain.rows[0].ours);
   const Uncertainty& of = *drawn.rows[0].uncertainty;
   const double half = 1.645 * std::hypot(0.12, 0.039);
@@ -176,7 +177,7 @@ TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
   EXPECT_NEAR(of.variance.front().share, 0.12 * 0.12 / (0.12 * 0.12 + 0.039 * 0.039), 0.1);
   EXPECT_TRUE(drawn.rows[0].inside);
   EXPECT_FALSE(drawn.rows[1].inside);
-  EXPECT_EQ(drawn.coverage, 0.5);
+  EXPECT_EQ(drawn.covered(all).share(), 0.5);
   EXPECT_NE(validate_table(spec, drawn).find("OUTSIDE"), std::string::npos);
 }
 
@@ -185,7 +186,7 @@ TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
 TEST(Validate, PlotNamesTheKindsAndWhatFallsShort) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";
-  const std::string mass = "kind: hand_mass, person: man, measured: 5, source: s, spread: ";
+  const std::string mass = "kind: hand_mass, person: man, measured: 5, source: s, of: people, spread_is: source, value_is: fitted, spread: ";
   std::ofstream(file) << head() << "  - {name: \"it's `mass`\", " << mass << "1}\n  - {name: loose, " << mass
                       << "100}\n";
   const ValidateSpec spec = load_validate(file);
@@ -204,7 +205,7 @@ TEST(Validate, NamesWhatTheHandDoesNotHave) {
   std::ofstream(file)
       << head()
       << "  - {name: a, kind: moment_arms, person: men, muscle: FPD2, axis: index_mcp.flexon, angles: "
-         "[0, 1], arms: [0.01], spread: 0.001, source: s}\n";
+         "[0, 1], arms: [0.01], spread: 0.001, source: s, of: people, spread_is: source, value_is: fitted}\n";
   try {
     load_validate(file);
     FAIL() << "accepted";

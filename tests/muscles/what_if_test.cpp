@@ -235,7 +235,7 @@ TEST(WhatIf, UlnarBlockWeakensTheKeyPinch) {
   const std::string row =
       "kind: tip_force, person: man, finger: thumb, segment: thumb_distal, direction: palmar, "
       "friction: 0.8, pose: {thumb_mcp.flexion: 20 deg, thumb_ip.flexion: 20 deg}, measured: 1, "
-      "spread: 1, source: s";
+      "spread: 1, source: s, of: people, spread_is: source, value_is: fitted";
   std::ofstream(file)
       << "title: t\nhand: " << test::source("handmodels/anatomical.yaml").string()
       << "\nvariants:\n  block: {without: [ulnar_nerve_at_wrist]}\n  weak: {strength: 0.5}\npeople: {man: "

@@ -90,7 +90,7 @@ def files(tmp_path_factory):
            "ROLLOUTS": write("rolls.yaml", {"scene": str(folder / "slide.yaml"), "count": 2, "seed": 1, "vary": {"objects.0.mass": {"uniform": [0.1, 0.3]}}}),
            "MEASURED": write("measured.yaml", {"hand": HAND["model"], "people": {"man": HAND["person"]}, "measurements": [
                {"name": "fist", "kind": "excursion", "person": "man", "muscles": ["FDP3"], "from": {}, "pose": {"middle_mcp.flexion": "85 deg"}, "measured": "12 mm",
-                "spread": "4 mm", "source": "a test"}]}), "RUN": folder / "run",
+                "spread": "4 mm", "source": "a test", "of": "cadavers", "spread_is": "chosen", "value_is": "fitted"}]}), "RUN": folder / "run",
            "GOAL": write("goal.yaml", {"actions": "torques", "of": ["right.index_*"], "hold": "10 ms", "duration": "20 ms",
                                        "costs": [{"angle": "right.index_pip.flexion", "is": 0.01, "at": "20 ms", "weight": 100}]})}
     done = hs.load(out["SLIDE"]).run(out["RUN"], frames=0)

@@ -118,7 +118,7 @@ struct ExportArguments {
   std::optional<std::string> mount;  ///< of these hands; absent: fixed
   bool muscles = false;              ///< of these hands, with the bands between their joints
   std::filesystem::path out;
-  std::optional<std::string> format;  ///< mjcf, urdf or osim; absent: by the ending of `out`, else mjcf
+  std::optional<std::string> format;  ///< of output::kFormats; absent: by the ending of `out`, else the first
   std::optional<double> time;         ///< of the scene's run, at which the file begins [s]; absent: 0
   std::vector<std::string> overrides;
 };
@@ -159,7 +159,7 @@ std::filesystem::path write_report(const std::vector<std::filesystem::path>& fol
 struct FileReader {
   std::string_view word;  ///< of the command line
   scene::FileKind kind;
-  void (*read)(YamlNode& root, Diagnostics& diagnostics);
+  void (*read)(const YamlNode& root, Diagnostics& diagnostics);
 };
 
 std::span<const FileReader> file_readers();

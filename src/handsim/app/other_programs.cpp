@@ -14,6 +14,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
+#include "handsim/output/export/export.h"
 
 namespace handsim::app {
 
@@ -41,9 +42,6 @@ constexpr std::array<OtherCommand, 6> kOtherCommands = {
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"}}};
 
-/// Formats of `export` that the package writes, and of `track` that it reads.
-constexpr std::array<std::string_view, 6> kPythonFormats = {"glb", "usda", "obj", "stl", "mcap", "c3d"};
-
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it. An interpreter that has no package or no NumPy goes on to the next one.
 constexpr const char* kStart = R"py(import os, sys
@@ -69,10 +67,14 @@ except ImportError as error:
 sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
-/// True for `glb`, `--format=glb` and `out/hand.glb`.
-bool names_format(std::string_view argument) {
+/// True where a command of this program is the package's: `export` in a format that the package writes, such
+/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file.
+bool is_for_package(std::string_view command, std::string_view argument) {
   argument.remove_prefix(argument.find_last_of(".=") + 1);
-  return std::ranges::find(kPythonFormats, lower_case(argument)) != kPythonFormats.end();
+  const std::string word = lower_case(argument);
+  if (command == "track") return word == "c3d";
+  const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
+  return command == "export" && format != output::kFormats.end() && !format->write;
 }
 
 /// The interpreter that the package was built for, then the path's; or HANDSIM_PYTHON, parted by colons.
@@ -91,7 +93,8 @@ bool is_other_command(int argc, const char* const* argv) {
   if (argc < 2) return false;
   const std::string_view name = argv[1];
   return std::ranges::find(kOtherCommands, name, &OtherCommand::name) != kOtherCommands.end() ||
-         ((name == "export" || name == "track") && std::any_of(argv + 2, argv + argc, names_format));
+         std::any_of(argv + 2, argv + argc,
+                     [&](const char* argument) { return is_for_package(name, argument); });
 }
 
 void run_other_command(int argc, const char* const* argv) {

@@ -35,8 +35,8 @@ study::RolloutsSpec spec_of(const study::RolloutsAsked& asked, const std::option
   if (!inverse) return study::asked_rollouts(asked);
   app::InverseArguments arguments;
   std::optional<double> least;
-  std::tie(arguments.motion, arguments.names, arguments.loads, arguments.cutoff, arguments.clamp, least) =
-      *inverse;
+  std::tie(arguments.motion, arguments.names, arguments.loads, arguments.options.filter,
+           arguments.options.clamp, least) = *inverse;
   arguments.muscles = least.has_value();
   arguments.co_contraction = least.value_or(0);
   return study::uncertain_inverse(asked.file, asked.overrides, app::inverse_input(arguments), *asked.count);

@@ -89,8 +89,7 @@ void bind_motion(py::module_& module) {
                            std::optional<double> least_activation, const py::object& progress) {
     app::InverseArguments arguments;
     arguments.motion = motion, arguments.names = names, arguments.loads = loads;
-    arguments.cutoff = cutoff, arguments.clamp = clamp;
-    arguments.no_check = !check;
+    arguments.options.filter = cutoff, arguments.options.clamp = clamp, arguments.forward = check;
     arguments.muscles = least_activation.has_value();
     arguments.co_contraction = least_activation.value_or(0);
     return inverse(of, out, arguments, progress);
@@ -101,9 +100,8 @@ void bind_motion(py::module_& module) {
                          unsigned seed, const py::object& progress) {
     app::TrackArguments arguments;
     arguments.recording = recording;
-    arguments.person = person, arguments.model = model;
-    arguments.markers = markers, arguments.truth = truth;
-    arguments.keep_person = !fit_bones, arguments.no_smoothing = !smooth;
+    arguments.person_file = person, arguments.hand_file = model, arguments.marker_file = markers;
+    arguments.truth = truth, arguments.fit_bones = fit_bones, arguments.smooth = smooth;
     arguments.noise = noise, arguments.seed = seed;
     run_study(progress, [&](StudyHooks& hooks) {
       const study::TrackInput input = app::track_input(arguments);

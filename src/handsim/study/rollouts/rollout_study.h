@@ -12,7 +12,7 @@
 #include "handsim/scene/compile/scene.h"
 #include "handsim/study/rollouts/rollout_draw.h"
 #include "handsim/study/rollouts/rollout_table.h"
-#include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/rollouts/rollouts_file.h"
 
 namespace handsim::study {
 

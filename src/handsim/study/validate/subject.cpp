@@ -1,10 +1,8 @@
 #include "handsim/study/validate/subject.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
-#include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
@@ -20,123 +18,6 @@ void pull(const Path& path, std::span<const double> q, const Force& force, std::
   const double tension = force(state.excursion);
   for (std::size_t i = 0; i < path.arms.size(); ++i) out[at(path.arms[i].dof)] += state.arm[i] * tension;
 }
-
-constexpr double kHighest = 2000;  ///< of the forces that are tried [N]
-/// Share of the largest torque, and torque [N m], that may be missing.
-constexpr double kMissingShare = 0.01, kMissingTorque = 1e-3;
-constexpr double kInwards = -0.5;     ///< cosine beyond which the other end lies inside the finger's shaft
-constexpr double kFinestLean = 1e-4;  ///< of the search, over the friction
-constexpr double kAtStop = 1e-6;      ///< an axis this near to its stop lies on it [rad]
-
-/// The model with a muscle for each stop that an axis lies on, of all that muscles of the axis can give.
-model::Model with_stops(model::Model model, std::span<const double> q) {
-  std::vector<double> most(q.size());
-  for (const model::Muscle& muscle : model.muscles) {
-    const model::PathState path = model::path_state(muscle.path, q);
-    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
-      most[at(muscle.path.arms[i].dof)] += muscle.force * std::abs(path.arm[i]);
-  }
-  for (const model::Joint& joint : model.joints)
-    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-      const std::size_t i = at(joint.first_dof) + a;
-      const auto& stop = joint.axes[a].stop;
-      if (!stop || !(most[i] > 0) || (q[i] > stop->low + kAtStop && q[i] < stop->high - kAtStop)) continue;
-      model::Muscle& back = model.muscles.emplace_back();
-      back.path.arms = {{static_cast<int>(i), {q[i] > stop->low + kAtStop ? -1.0 : 1.0}}};
-      back.force = most[i];
-      back.fibre_length = 1;
-      back.length = 1 + model::path_state(back.path, q).excursion;
-    }
-  return model;
-}
-
-/// Forces of a contact whose torques muscles hold beside those of tissue, bands and stops, at one posture.
-class Press {
- public:
-  /// @param J torques of a force: a column for each of `dofs`, rows in the axes of `normal`
-  Press(const Subject& subject, std::span<const double> q, std::vector<int> dofs, Eigen::MatrixXd J)
-      : dofs_(std::move(dofs)),
-        J_(std::move(J)),
-        model_(with_stops(subject.model(), q)),
-        state_(model::state_at(model_, q)),
-        muscles_(model_, {dofs_.begin(), dofs_.end()}),
-        torques_(q.size()),
-        helped_(subject.tissue(q)) {
-    const std::vector<double> bands = subject.bands(q);
-    for (std::size_t i = 0; i < helped_.size(); ++i) helped_[i] += bands[i];
-  }
-
-  /// Largest component along `normal` of forces within `friction` of it: bisection on what is left undone.
-  /// Tissue and bands may ask for a force: forces that hold are an interval.
-  double largest(const Vec3& normal, double friction) {
-    const Vec3 first = normal.unitOrthogonal(), second = normal.cross(first);
-    across_ = J_.transpose() * (Eigen::Matrix<double, 3, 2>() << first, second).finished();
-    along_ = J_.transpose() * normal;
-    lean_.setZero();
-    double low = 0, high = kHighest;
-    while (low < kHighest && !holds(low, friction)) low = std::max(0.25, 1.4 * low);
-    if (low > kHighest) return 0;
-    for (int i = 0; i < 40; ++i) {
-      const double middle = 0.5 * (low + high);
-      (holds(middle, friction) ? low : high) = middle;
-    }
-    return low;
-  }
-
- private:
-  /// Torques that muscles leave undone under a force along the normal and a lean.
-  std::span<const double> missing(double force, const Eigen::Vector2d& lean) {
-    const Eigen::VectorXd wanted = force * (along_ + across_ * lean);
-    largest_ = wanted.cwiseAbs().maxCoeff();
-    for (std::size_t i = 0; i < dofs_.size(); ++i)
-      torques_[at(dofs_[i])] = wanted[static_cast<Eigen::Index>(i)] - helped_[at(dofs_[i])];
-    muscles_.solve(state_, torques_);
-    return muscles_.missing();
-  }
-
-  double squares(double force, const Eigen::Vector2d& lean) {
-    double out = 0;
-    for (const double each : missing(force, lean)) out += each * each;
-    return out;
-  }
-
-  /// A pattern search over the lean, from the last one: what is missing is a smooth convex function of it.
-  bool holds(double force, double friction) {
-    double least = squares(force, lean_);
-    for (double step = friction / 2; step > kFinestLean * friction;) {
-      bool better = false;
-      for (int way = 0; way < 8; ++way) {
-        const Eigen::Vector2d lean =
-            lean_ + step * Eigen::Vector2d(std::cos(way * M_PI_4), std::sin(way * M_PI_4));
-        if (lean.norm() > friction) continue;
-        if (const double found = squares(force, lean); found < least) {
-          lean_ = lean;
-          least = found;
-          better = true;
-        }
-      }
-      if (!better) step /= 2;
-    }
-    return balances(force, lean_) || balances(force, Eigen::Vector2d::Zero());
-  }
-
-  bool balances(double force, const Eigen::Vector2d& lean) {
-    double most = 0;
-    for (const double each : missing(force, lean)) most = std::max(most, std::abs(each));
-    return most <= kMissingShare * largest_ + kMissingTorque;
-  }
-
-  std::vector<int> dofs_;
-  Eigen::MatrixXd J_;
-  model::Model model_;
-  model::State state_;
-  control::StaticOptimisation muscles_;
-  std::vector<double> torques_, helped_;  ///< of muscles, of tissue and bands
-  Eigen::VectorXd along_;                 ///< torques of a newton along the normal
-  Eigen::Matrix<double, -1, 2> across_;   ///< and of one across it, in two directions
-  Eigen::Vector2d lean_;                  ///< shear over the force along the normal
-  double largest_ = 0;                    ///< of the torques that were wanted last [N m]
-};
 
 }  // namespace
 
@@ -322,75 +203,20 @@ Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const
 
 Eigen::MatrixXd Subject::point_jacobian(const std::string& segment, double along,
                                         std::span<const double> q) const {
+  return point_jacobian(segment, Vec3(0, along, 0), q);
+}
+
+Eigen::MatrixXd Subject::point_jacobian(const std::string& segment, const Vec3& point,
+                                        std::span<const double> q) const {
   const std::size_t of = body(segment);
   const model::State state = model::state_at(model_, q);
   const Pose frame = state.bodies[of].pose();
-  const model::Jacobian J = model::jacobian(model_, state, static_cast<int>(of), frame * Vec3(0, along, 0));
+  const model::Jacobian J = model::jacobian(model_, state, static_cast<int>(of), frame * point);
   const Mat3 axes = frame.q.conjugate().toRotationMatrix();
   Eigen::MatrixXd out = J(Eigen::all, finger_dofs(segment.substr(0, segment.rfind('_'))));
   out.topRows<3>() = (axes * out.topRows<3>()).eval();
   out.bottomRows<3>() = (axes * out.bottomRows<3>()).eval();
   return out;
-}
-
-double largest_tip_force(const Subject& subject, const Measurement& of) {
-  const std::vector<double> q = subject.coordinates(of.pose);
-  const Eigen::MatrixXd J = of.segment.empty()
-                                ? subject.tip_jacobian(of.finger, q)
-                                : subject.point_jacobian(of.segment, subject.middle(of.segment), q);
-  return Press(subject, q, subject.finger_dofs(of.finger), J.topRows<3>())
-      .largest(tip_direction(of.direction), of.friction);
-}
-
-double largest_pinch_force(const Subject& subject, const Measurement& of) {
-  const std::vector<double> q = subject.coordinates(of.pose);
-  std::vector<int> dofs;
-  std::array<Vec3, 2> centre, outwards;
-  std::array<Eigen::MatrixXd, 2> J;  // in the world
-  const std::array<std::string, 2> fingers = {"thumb", of.finger};
-  for (std::size_t i = 0; i < 2; ++i) {
-    const Pose segment = subject.segment_pose(last_segment(fingers[i]), q);
-    const double along = subject.tip_centre(fingers[i]);
-    centre[i] = segment.p + segment.q * Vec3(0, along, 0);
-    outwards[i] = segment.q * Vec3(0, 1, 0);
-    J[i] = segment.q.toRotationMatrix() *
-           subject.point_jacobian(last_segment(fingers[i]), along, q).topRows<3>();
-    for (const int dof : subject.finger_dofs(fingers[i])) dofs.push_back(dof);
-  }
-  const Vec3 normal = (centre[1] - centre[0]).normalized();
-  if (normal.dot(outwards[0]) < kInwards || -normal.dot(outwards[1]) < kInwards)
-    throw Error(PhysicsFault{0, of.name, "pinch", "the round ends do not face each other in this pose"});
-  // The thumb presses towards the finger, the finger with the opposite force.
-  Eigen::MatrixXd both(3, J[0].cols() + J[1].cols());
-  both << J[0], -J[1];
-  return Press(subject, q, dofs, std::move(both)).largest(normal, of.friction);
-}
-
-double largest_moment(const Subject& subject, const Measurement& of) {
-  std::vector<int> dofs = {*subject.dof(of.axis)};
-  for (const std::string& axis : of.balanced) dofs.push_back(*subject.dof(axis));
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(dofs.size()));
-  J(0, 0) = of.direction == "negative" ? -1 : 1;
-  return Press(subject, subject.coordinates(of.pose), dofs, std::move(J)).largest({1, 0, 0}, 0);
-}
-
-double largest_grip_force(const Subject& subject, const Measurement& of) {
-  const std::vector<double> q = subject.coordinates(of.pose);
-  std::map<int, double> torques;  // of a newton, by coordinate; the hand's own grip does not load the wrist
-  for (const std::string& axis : of.balanced) torques[*subject.dof(axis)] = 0;
-  for (const auto& [segment, share] : of.shares) {
-    const Eigen::MatrixXd J = subject.point_jacobian(segment, subject.middle(segment), q);
-    Eigen::Index column = 0;
-    for (const int dof : subject.finger_dofs(segment.substr(0, segment.rfind('_'))))
-      torques[dof] += share * tip_direction("palmar").dot(J.col(column++).head<3>());
-  }
-  std::vector<int> dofs;
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(3, static_cast<Eigen::Index>(torques.size()));
-  for (const auto& [dof, torque] : torques) {
-    J(0, static_cast<Eigen::Index>(dofs.size())) = torque;
-    dofs.push_back(dof);
-  }
-  return Press(subject, q, dofs, std::move(J)).largest({1, 0, 0}, 0);
 }
 
 }  // namespace handsim::study

@@ -42,6 +42,9 @@ class Subject {
   /// finger's joints' rates, in the segment's frame: x ulnar, y distal, z dorsal (right hand).
   /// @param along the segment: the point's y [m]
   Eigen::MatrixXd point_jacobian(const std::string& segment, double along, std::span<const double> q) const;
+  /// As above, of any point in the segment's frame.
+  Eigen::MatrixXd point_jacobian(const std::string& segment, const Vec3& point,
+                                 std::span<const double> q) const;
   /// As point_jacobian(), for the fingertip.
   Eigen::MatrixXd tip_jacobian(const std::string& finger, std::span<const double> q) const;
   /// Pose of a finger's segment in the world.
@@ -60,8 +63,11 @@ class Subject {
   model::Model model_;
 };
 
-/// The largest force along a direction that activations of 0 to 1 hold at a fingertip without a moment [N],
-/// beside tissue, bands and the stops of axes that the pose puts on them.
+// Largest forces of a hand that is still (press.cpp). Muscles have activations from 0 to 1; moments of the
+// fingers that press, and of axes that are `balanced`, balance beside tissue, bands and the stops of axes
+// that the pose puts on them. Fused axes, and the wrist where it is not balanced, are held.
+
+/// The largest force along a direction at a fingertip, without a moment [N].
 /// @param of: with a `segment` at its middle; its `friction` lets the force lean from the direction
 double largest_tip_force(const Subject& subject, const Measurement& of);
 
@@ -69,11 +75,13 @@ double largest_tip_force(const Subject& subject, const Measurement& of);
 /// [N]. @throws Error (physics) where the ends do not face each other
 double largest_pinch_force(const Subject& subject, const Measurement& of);
 
-/// The largest moment about an axis while axes that are `balanced` have none [N m].
+/// The largest moment about an axis [N m].
 double largest_moment(const Subject& subject, const Measurement& of);
 
-/// The largest sum of palmar forces at the middles of segments, in given `shares`, while `balanced` axes have
-/// no moment [N].
-double largest_grip_force(const Subject& subject, const Measurement& of);
+/// The force with which the fingers press an object to the palm, along the strongest of its `tilts`, in a
+/// simulation of `scene` [N]: with the activations of the largest force that the muscles hold where the
+/// fingers touch. The palm holds what they push across by its friction; the wrist is held at the angles of
+/// the pose, where its moments balance if it is `balanced`. @throws Error (input) as load_scene()
+double largest_grip_force(const Measurement& of);
 
 }  // namespace handsim::study

@@ -1,7 +1,6 @@
 #include "handsim/study/validate/validate.h"
 
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <mutex>
@@ -121,8 +120,6 @@ double measure_once(const Subject& subject, const Measurement& of) {
       return largest_tip_force(subject, of);
     case Measured::pinch_force:
       return largest_pinch_force(subject, of);
-    case Measured::grip_force:
-      return largest_grip_force(subject, of);
     case Measured::joint_moment:
       return of.balanced.empty() ? measure_joint_moment(subject, of) : largest_moment(subject, of);
     case Measured::passive_moment:
@@ -147,8 +144,9 @@ double measure_once(const Subject& subject, const Measurement& of) {
       return of.direction == "sagittal"     ? shares().gyration_sagittal
              : of.direction == "transverse" ? shares().gyration_transverse
                                             : shares().gyration_longitudinal;
+    case Measured::grip_force:
     case Measured::simulation:
-      break;  // of no subject: SimulatedScenes
+      break;  // of no subject
   }
   return 0;
 }
@@ -260,7 +258,7 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
     for (int i = next++; i < count && !stop; i = next++) {
       Subjects subjects{spec};
       for (std::size_t r = 0; r < out.rows.size(); ++r)
-        if (const Measurement& of = *out.rows[r].of; of.kind != Measured::simulation) try {
+        if (const Measurement& of = *out.rows[r].of; !of.has_scene()) try {
             ours[r][at(i)] = measure(subjects.of(of, drawn.at(of.person).persons[at(i)]), of);
             if (of.over_row) ours[r][at(i)] /= ours[*of.over_row][at(i)];
           } catch (const Error&) {
@@ -271,22 +269,47 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
       if (progress) progress(++done / count);
     }
   });
-  double rows = 0, inside = 0;
   for (std::size_t r = 0; r < out.rows.size(); ++r) {
     const Measurement& of = *out.rows[r].of;
-    if (of.kind == Measured::simulation) continue;
+    if (of.has_scene()) continue;
     out.rows[r].uncertainty = uncertainty_of(drawn.at(of.person).inputs, ours[r]);
     for (std::size_t i = 0; i < ours[r].size(); ++i)
       ours[r][i] += of.spread * environment::Draws(2, i, of.name).normal();
     const Uncertainty both = uncertainty_of({}, ours[r]);
     out.rows[r].inside = both.low <= of.value && of.value <= both.high;
-    inside += out.rows[r].inside ? 1 : 0;
-    ++rows;
   }
-  out.coverage = inside / std::max(1.0, rows);
+}
+
+/// Rows of one kind with the same bits have one value.
+void weigh(std::vector<ValidateRow>& rows) {
+  std::map<std::pair<Measured, double>, int> served;
+  for (const ValidateRow& row : rows)
+    if (row.measured) ++served[{row.of->kind, row.ours}];
+  for (ValidateRow& row : rows)
+    if (row.measured && row.ours != 0) row.weight = 1.0 / served[{row.of->kind, row.ours}];
 }
 
 }  // namespace
+
+Tally ValidateResult::within(const RowFilter& of) const {
+  Tally out;
+  for (const ValidateRow& row : rows)
+    if (row.measured && of(*row.of)) {
+      out.values += row.weight;
+      out.within += row.within() ? row.weight : 0;
+    }
+  return out;
+}
+
+Tally ValidateResult::covered(const RowFilter& of) const {
+  Tally out;
+  for (const ValidateRow& row : rows)
+    if (row.uncertainty && of(*row.of)) {
+      ++out.values;
+      out.within += row.inside ? 1 : 0;
+    }
+  return out;
+}
 
 bool ValidateResult::passed() const {
   return std::ranges::all_of(
@@ -299,13 +322,14 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   ValidateResult out;
   std::optional<SimulatedScenes> scenes;
   if (runs) scenes.emplace(*runs);
-  std::array<double, 2> within{}, measured{};  // fitted, predicted
   for (const Measurement& of : spec.measurements) {
     ValidateRow row;
     row.of = &of;
     if (of.kind == Measured::simulation) {
       row.measured = scenes.has_value();
       if (scenes) row.ours = scenes->figure(of);
+    } else if (of.kind == Measured::grip_force) {
+      row.ours = largest_grip_force(of);
     } else {
       row.ours = measure(subjects.of(of, spec.people.at(of.person)), of);
     }
@@ -314,12 +338,9 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
                                   ? measure_arms(subjects.of(of, spec.people.at(of.person)), of).second
                                   : std::abs(row.ours - of.value);
     row.deviation = difference / of.spread;
-    within[of.predicted] += row.within() ? 1 : 0;
-    measured[of.predicted] += row.measured ? 1 : 0;
     out.rows.push_back(row);
   }
-  out.share = within[0] / std::max(1.0, measured[0]);
-  if (measured[1] > 0) out.predicted = within[1] / measured[1];
+  weigh(out.rows);
   if (uncertain) draw_hands(spec, *uncertain, progress, out);
   return out;
 }

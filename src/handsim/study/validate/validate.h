@@ -2,7 +2,9 @@
 // beside measured values and their spread, rows of a file such as config/validate.yaml.
 #pragma once
 
+#include <array>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -22,7 +24,7 @@ enum class Measured {
   tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
   tip_force,        ///< largest force of a fingertip in a direction [N]
   pinch_force,      ///< largest force between thumb and a finger [N]
-  grip_force,       ///< largest sum of palmar forces of several fingers, some axes balanced [N]
+  grip_force,       ///< largest force of fingers that press an object to the palm [N]
   joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
   passive_moment,   ///< of tissue and resting muscles about an axis, other joints at rest [N m]
   loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
@@ -40,11 +42,30 @@ enum class Measured {
 /// Its word in files.
 std::string_view kind_name(Measured kind);
 
+/// On whom a row was measured; a model is another hand model, or a published formula.
+enum class MeasuredOn { people, cadavers, model };
+/// Whose a row's spread is: the source's for this very quantity, or chosen here.
+enum class SpreadIs { source, chosen };
+/// How the hand's value relates to the row.
+enum class ValueIs {
+  fitted,    ///< a number of the hand is fitted to it, or to the same quantity of another source
+  norm,      ///< a norm by sex, age or stature, beside a hand whose strength is such a norm
+  scaled,    ///< a value that no number is fitted to, of a person whose strength is a norm's
+  predicted  ///< none of these
+};
+inline constexpr std::array kMeasuredOn = {"people", "cadavers", "model"};
+inline constexpr std::array kSpreadIs = {"source", "chosen"};
+inline constexpr std::array kValueIs = {"fitted", "norm", "scaled", "predicted"};
+
 using Angles = std::map<std::string, double>;  ///< by axis [rad]
 
 struct Measurement {
   std::string name, unit, source, reason;
   Measured kind = Measured::moment_arms;
+  MeasuredOn on = MeasuredOn::people;
+  SpreadIs spread_is = SpreadIs::source;
+  ValueIs value_is = ValueIs::fitted;
+  std::string chosen;  ///< which of the row's conditions are not the source's; empty: none
   std::string person;
   std::string hand;                     ///< of ValidateSpec::hands; empty: that of the file
   std::optional<std::size_t> over_row;  ///< row above, whose value divides this one's
@@ -52,25 +73,33 @@ struct Measurement {
   std::string
       segment;  ///< tip_force: whose middle is pressed; empty: the fingertip. pulley_force: the pulley
   std::vector<std::string> muscles;
-  std::vector<std::string> balanced;     ///< axes without a moment: grip_force; joint_moment, of all muscles
-  std::map<std::string, double> shares;  ///< grip_force: of each segment that presses; their sum is 1
-  std::vector<double> angles, arms;      ///< moment_arms: [rad], [m]
+  std::vector<std::string> balanced;  ///< forces: axes without a moment; joint_moment: then of all muscles
+  /// grip_force: from the palm's normal towards the fingers, of the line along which the object is pressed to
+  /// the palm; the strongest counts [rad]
+  std::vector<double> tilts;
+  std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
   Angles pose, from;
   std::vector<Angles> or_poses;      ///< beside `pose`: the largest value counts
   std::optional<Angles> over_pose;   ///< forces and moments: a pose whose value divides that of `pose`
-  std::filesystem::path scene;       ///< simulation
-  std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
+  std::filesystem::path scene;       ///< simulation, grip_force
+  std::vector<std::string> changes;  ///< of the scene: `key.path=value`
   /// simulation: paths in summary.json (`climbs.0.load_N`) whose numbers or vectors, by length, are added
   std::vector<std::string> figures;
   std::vector<std::string> over;      ///< simulation: figures whose sum divides it; empty: none
-  double friction = 0;                ///< tip_force, pinch_force: of the surface; 0: force without shear
+  double friction = 0;                ///< of forces: of the surface; 0: force without shear
   double tension = 0;                 ///< pulley_force [N]
   double load = 0;                    ///< loaded_rotation: share of the muscle's force
   std::optional<double> hand_length;  ///< of the measured hand: lengths of ours are scaled to it [m]
   double value = 0, spread = 0;
   double scale = 1;  ///< of the printed unit
   bool required = false;
-  bool predicted = false;  ///< nothing of the hand is fitted to it: counts apart
+  /// Its hand is a scene's, not one of `people`.
+  bool has_scene() const { return kind == Measured::simulation || kind == Measured::grip_force; }
+  /// Of people, with the spread and the conditions of the source.
+  bool is_of_people() const {
+    return on == MeasuredOn::people && spread_is == SpreadIs::source && chosen.empty();
+  }
+  bool is_predicted() const { return value_is == ValueIs::predicted; }
 };
 
 struct ValidateSpec {
@@ -90,23 +119,33 @@ struct ValidateRow {
   double ours = 0;
   double deviation = 0;                    ///< over the spread; moment_arms: root mean square over the angles
   bool measured = true;                    ///< false: a simulation that was not run
+  double weight = 1;                       ///< one over the rows that this value serves
   std::optional<Uncertainty> uncertainty;  ///< of drawn hands
   bool inside = false;  ///< the measured value is within the middle 90 % of drawn hands, its spread added
   bool within() const { return measured && deviation <= 1; }
 };
 
+/// Measured values of some rows: how many there are, and how many of them are within. A value that serves
+/// several rows counts once, within by the part of these rows that it is within.
+struct Tally {
+  double within = 0, values = 0;
+  double share() const { return values > 0 ? within / values : 0; }
+};
+using RowFilter = std::function<bool(const Measurement&)>;
+
 struct ValidateResult {
   std::vector<ValidateRow> rows;
-  double share = 0;                 ///< of the measured rows within their spread, without predicted ones
-  std::optional<double> predicted;  ///< of the measured rows that are predicted
-  std::optional<double> coverage;   ///< share of the rows with drawn hands that are `inside`
+  /// Values within one spread, of measured rows.
+  Tally within(const RowFilter& of) const;
+  /// Rows with drawn hands that are `inside`.
+  Tally covered(const RowFilter& of) const;
   /// True if every required row that was measured is within its spread.
   bool passed() const;
 };
 
 /// Reads a file of measurements. @throws Error (input) with every problem
 ValidateSpec load_validate(const std::filesystem::path& path);
-void read_validate(YamlNode& root, Diagnostics& diagnostics);
+void read_validate(const YamlNode& root, Diagnostics& diagnostics);
 /// @param runs folder for the files of simulations; absent: these rows are not measured
 /// @param uncertain hands drawn of each person, for rows that are no simulations
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {},

@@ -20,6 +20,11 @@ constexpr double kPointHeight = 0.3, kTicHeight = 1;  ///< of a row without and 
 constexpr double kGroupHeight = 2, kLinePixels = 16;  ///< two lines name a group
 constexpr std::size_t kLongestName = 56;              ///< of a row, in characters
 
+template <std::size_t N, class Enum>
+const char* word_of(const std::array<const char*, N>& words, Enum value) {
+  return words[static_cast<std::size_t>(value)];
+}
+
 /// The measured rows of a kind.
 struct RowsOfKind {
   Measured kind;
@@ -99,7 +104,7 @@ void add_plot(const ValidateSpec& spec, const ValidateResult& result, Report& re
       {"validate",
        fmt::format("noenhanced size 1100,{:.0f} font 'DejaVu Sans,9'", 110 + kLinePixels * layout.height),
        fmt::format(
-           "  set title '{0}: {1:.0f} % of rows within one spread'\n"
+           "  set title '{0}: {1:.0f} % of values within one spread'\n"
            "set xlabel '(ours - measured) / spread; of moment arms the root mean square over the angles'\n"
            "set xrange [-{2}:{2}]\nset yrange [{3}:0]\nset y2range [{3}:0]\nset grid xtics\n"
            "set ytics scale 0 ({4})\nset y2tics scale 0 ({5})\nset lmargin at screen 0.14\n"
@@ -107,11 +112,76 @@ void add_plot(const ValidateSpec& spec, const ValidateResult& result, Report& re
            "set object 1 rectangle from -1, graph 0 to 1, graph 1 fillcolor rgb '#dcebd5' fillstyle solid "
            "noborder behind\n"
            "{6}plot {7}, {8}, {9}\n",
-           output::plot_text(spec.title), 100 * result.share, kMostSpreads + 0.2, layout.height,
+           output::plot_text(spec.title),
+           100 * result.within([](const Measurement&) { return true; }).share(), kMostSpreads + 0.2, layout.height,
            fmt::join(layout.kinds, ", "), fmt::join(layout.short_rows, ", "), lines,
            points(1, "pointtype 7 pointsize 0.6 linecolor rgb '#2e7d32'", "within"),
            points(2, "pointtype 7 pointsize 0.8 linecolor rgb '#c8553d'", "short"),
            points(3, "pointtype 13 pointsize 1.2 linecolor rgb '#c8553d'", "beyond"))});
+}
+
+/// Groups of rows by what they are, each row in one.
+struct RowsThatAre {
+  const char* name;
+  RowFilter has;
+};
+std::array<RowsThatAre, 4> groups_of_rows() {
+  return {{
+      {"people, spread and conditions of the source", [](const Measurement& of) { return of.is_of_people(); }},
+      {"people, some of these chosen",
+       [](const Measurement& of) { return of.on == MeasuredOn::people && !of.is_of_people(); }},
+      {"cadavers", [](const Measurement& of) { return of.on == MeasuredOn::cadavers; }},
+      {"other models", [](const Measurement& of) { return of.on == MeasuredOn::model; }},
+  }};
+}
+
+RowFilter both(const RowFilter& first, const RowFilter& second) {
+  return [first, second](const Measurement& of) { return first(of) && second(of); };
+}
+
+RowFilter related(ValueIs how) {
+  return [how](const Measurement& of) { return of.value_is == how; };
+}
+
+Json tally_json(const Tally& of) { return {{"within", of.within}, {"values", of.values}}; }
+
+std::string tally_text(const Tally& of) {
+  return of.values > 0 ? fmt::format("{:.4g} of {:.4g}", of.within, of.values) : "";
+}
+
+/// Values within one spread by what they are (lines) and by how ours relate to them (columns).
+std::string groups_table(const ValidateResult& result) {
+  std::string out = fmt::format("\n{:<45}", "values within one spread, of");
+  for (const char* word : kValueIs) out += fmt::format("{:>15}", word);
+  const auto line = [&](const char* name, const RowFilter& has) {
+    std::string cells;
+    for (std::size_t i = 0; i < kValueIs.size(); ++i)
+      cells +=
+          fmt::format("{:>15}", tally_text(result.within(both(has, related(static_cast<ValueIs>(i))))));
+    if (result.within(has).values > 0)
+      out += fmt::format("\n{:<45}{}{:>17}", name, cells, tally_text(result.within(has)));
+  };
+  out += fmt::format("{:>17}", "all");
+  for (const RowsThatAre& group : groups_of_rows()) line(group.name, group.has);
+  line("all", [](const Measurement&) { return true; });
+  return out + "\n";
+}
+
+/// Measured values within the middle 90 % of drawn hands, by kind.
+std::string coverage_text(const ValidateResult& result) {
+  std::string out;
+  for (const RowsOfKind& group : groups_of(result))
+    if (const Tally of = result.covered([&](const Measurement& row) { return row.kind == group.kind; });
+        of.values > 0)
+      out += fmt::format("{}{} {:.0f} % of {:.0f}", out.empty() ? "" : ", ", kind_name(group.kind),
+                         100 * of.share(), of.values);
+  const Tally all = result.covered([](const Measurement&) { return true; }),
+              predicted = result.covered(&Measurement::is_predicted);
+  if (all.values == 0) return "";
+  return fmt::format(
+      "{:.0f} % of {:.0f} measured values are within the middle 90 % of drawn hands, their spread added "
+      "({:.0f} % of {:.0f} predictions): {}\n",
+      100 * all.share(), all.values, 100 * predicted.share(), predicted.values, out);
 }
 
 StudyCommands validate_commands(const std::filesystem::path& file, bool runs, const ValidateResult& result) {
@@ -135,56 +205,63 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
                                 "measured +- spread", "unit", "verdict", "source");
   int required = 0;
   std::size_t left_out = 0;
-  std::array<std::size_t, 2> rows{};  // fitted, predicted
   const auto add = [&](const ValidateRow& row) {
     const Measurement& of = *row.of;
     left_out += row.measured ? 0 : 1;
     if (!row.measured) return;
-    ++rows[of.predicted];
     const double scale = 1 / of.scale;
     std::string verdict = row.within() ? "within" : fmt::format("{:.1f} x", row.deviation);
     if (!row.within() && of.required) verdict += " short";
-    out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width,
-                       scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict, of.source);
+    out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}, {}: {}\n", of.name, width,
+                       scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict,
+                       word_of(kMeasuredOn, of.on), word_of(kValueIs, of.value_is), of.source);
     if (row.uncertainty)
       out += fmt::format(
           "{:>{}}  nine in ten hands {:.3g} to {:.3g}{}{}; {}\n", "", width, scale * row.uncertainty->low,
           scale * row.uncertainty->high, row.inside ? "" : ", OUTSIDE with the spread",
           row.uncertainty->missing > 0 ? fmt::format(", {} have none", row.uncertainty->missing) : "",
           owners_text(row.uncertainty->variance));
+    if (!of.chosen.empty()) out += fmt::format("{:>{}}  chosen: {}\n", "", width, of.chosen);
     if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
     required += of.required ? 1 : 0;
   };
-  for (const bool predicted : {false, true}) {
-    if (predicted && result.predicted) out += "\npredictions, to which nothing of the hand is fitted\n";
+  const auto rows = [&](bool predicted) {
     for (const ValidateRow& row : result.rows)
-      if (row.of->predicted == predicted) add(row);
-  }
-  out += fmt::format("\n{:.0f} % of {} rows are within one spread (goal {:.0f} %); {} are required, {}\n",
-                     100 * result.share, rows[0], 100 * spec.goal, required,
+      if (row.of->is_predicted() == predicted) add(row);
+  };
+  rows(false);
+  const Tally predicted = result.within(&Measurement::is_predicted),
+              people = result.within(&Measurement::is_of_people),
+              all = result.within([](const Measurement&) { return true; });
+  if (predicted.values > 0) out += "\npredictions, to which neither a number of the hand nor a norm is fitted\n";
+  rows(true);
+  out += groups_table(result);
+  if (people.values > 0)
+    out += fmt::format("\n{} values of people with spread and conditions of their source are within it\n",
+                       tally_text(people));
+  if (predicted.values > 0) out += fmt::format("{} predictions are within one spread\n", tally_text(predicted));
+  out += fmt::format("{:.0f} % of {:.4g} values are within one spread (goal {:.0f} %); {} rows are required, {}\n",
+                     100 * all.share(), all.values, 100 * spec.goal, required,
                      result.passed() ? "all within" : "not all within");
-  if (result.predicted)
-    out +=
-        fmt::format("{:.0f} % of {} predictions are within one spread\n", 100 * *result.predicted, rows[1]);
-  if (result.coverage)
-    out += fmt::format(
-        "{:.0f} % of the measured values are within the middle 90 % of drawn hands, their spread added\n",
-        100 * *result.coverage);
+  out += coverage_text(result);
   if (left_out > 0) out += fmt::format("{} rows are simulations, which --runs runs\n", left_out);
   return out;
 }
 
 std::string validate_csv(const ValidateResult& result) {
   std::string out =
-      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,predicted,source,reason,"
+      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,of,spread_is,value_is,chosen,"
+      "weight,source,reason,"
       "percentile_5,percentile_95,inside\n";
   for (const ValidateRow& row : result.rows) {
     if (!row.measured) continue;
     const Measurement& of = *row.of;
     out += fmt::format(
-        "{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{},{}\n", quoted(of.name), row.ours / of.scale,
-        of.value / of.scale, of.spread / of.scale, of.unit, row.deviation, row.within() ? "within" : "short",
-        of.required ? "yes" : "no", of.predicted ? "yes" : "no", quoted(of.source), quoted(of.reason),
+        "{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{},{},{},{:.4g},{},{},{}\n", quoted(of.name),
+        row.ours / of.scale, of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
+        row.within() ? "within" : "short", of.required ? "yes" : "no", word_of(kMeasuredOn, of.on),
+        word_of(kSpreadIs, of.spread_is), word_of(kValueIs, of.value_is), quoted(of.chosen), row.weight,
+        quoted(of.source), quoted(of.reason),
         row.uncertainty ? fmt::format("{:.6g},{:.6g},{}", row.uncertainty->low / of.scale,
                                       row.uncertainty->high / of.scale, row.inside ? "yes" : "no")
                         : ",,");
@@ -194,12 +271,18 @@ std::string validate_csv(const ValidateResult& result) {
 
 bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
                     const std::filesystem::path& out) {
+  const RowFilter all = [](const Measurement&) { return true; };
   Json json = {{"title", spec.title},
-               {"rows_within_spread", result.share},
+               {"values_within_spread", tally_json(result.within(all))},
+               {"people_within_spread", tally_json(result.within(&Measurement::is_of_people))},
+               {"predictions_within_spread", tally_json(result.within(&Measurement::is_predicted))},
                {"goal", spec.goal},
                {"required_rows_within", result.passed()}};
-  if (result.predicted) json["predictions_within_spread"] = *result.predicted;
-  if (result.coverage) json["inside_90"] = *result.coverage;
+  for (const RowsThatAre& group : groups_of_rows())
+    for (std::size_t i = 0; i < kValueIs.size(); ++i)
+      if (const Tally of = result.within(both(group.has, related(static_cast<ValueIs>(i)))); of.values > 0)
+        json["groups"][group.name][kValueIs[i]] = tally_json(of);
+  if (const Tally covered = result.covered(all); covered.values > 0) json["inside_90"] = covered.share();
   add_origin(json);
   Report report{validate_csv(result), json.dump(2) + "\n", {}, {}};
   add_plot(spec, result, report);
