@@ -75,6 +75,8 @@ TEST(Rollouts, AreTheSameFromCarriedFiles) {
   {
     const TemporaryFolder folder;
     files.folder = folder.path();
+    const fs::path before = fs::current_path();
+    fs::current_path(folder.path());
     fs::create_directories(folder.path() / "shapes");
     std::ofstream(folder.path() / "shapes/wedge.stl")
         << "solid wedge\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\nvertex 0.1 0 0\nendloop\nendfacet\n"
@@ -90,6 +92,7 @@ TEST(Rollouts, AreTheSameFromCarriedFiles) {
     const RolloutStudy study(load_rollouts("study.yaml"));
     table = table_of(study);
     origin = study.head().origin;
+    fs::current_path(before);
   }
   EXPECT_EQ(files.files.size(), 3U);
   EXPECT_NE(table.find("refused"), std::string::npos) << table;

@@ -19,7 +19,7 @@ struct RolloutsAsked {
   std::filesystem::path file;
   bool uncertain = false;              ///< the file is a scene, whose uncertain hands are drawn
   std::vector<std::string> overrides;  ///< of the scene
-  std::optional<int> count, seed;      ///< in place of the study's
+  std::optional<int> count = {}, seed = {};  ///< in place of the study's
   bool bands = true;                   ///< of uncertain hands: keeps curves
 };
 
