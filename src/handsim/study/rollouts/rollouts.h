@@ -1,6 +1,6 @@
-// The unit of work of `handsim rollouts`: rows [from, to) of a study, a pure function of study, seed and range. A
-// row is the same whichever thread, process or machine computes it. Who calls this function, who keeps the rows
-// and what is made of them, is the package's business: python/handsim/_rollouts.py.
+// The unit of work of `handsim rollouts`: rows [from, to) of a study, a pure function of study, seed and
+// range. A row is the same whichever thread, process or machine computes it. Who calls this function, who
+// keeps the rows and what is made of them, is the package's business: python/handsim/_rollouts.py.
 #pragma once
 
 #include <atomic>
@@ -17,10 +17,10 @@ namespace handsim::study {
 /// A study as a command names it.
 struct RolloutsAsked {
   std::filesystem::path file;
-  bool uncertain = false;              ///< the file is a scene, whose uncertain hands are drawn
-  std::vector<std::string> overrides;  ///< of the scene
+  bool uncertain = false;                    ///< the file is a scene, whose uncertain hands are drawn
+  std::vector<std::string> overrides;        ///< of the scene
   std::optional<int> count = {}, seed = {};  ///< in place of the study's
-  bool bands = true;                   ///< of uncertain hands: keeps curves
+  bool bands = true;                         ///< of uncertain hands: keeps curves
 };
 
 /// @throws Error (input) with every problem of the file.
