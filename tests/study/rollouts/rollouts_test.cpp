@@ -229,7 +229,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "what vary.objects.*.mass draws"},
         BadStudy{"SetAndVaried", "objects.0.mass: {uniform: [1, 2]}\nset: {objects.0.mass: 1}",
                  "study.yaml:4:7: set.objects.0.mass: got a value that vary.objects.0.mass replaces"},
-        BadStudy{"EmptyKey", "\"\": {uniform: [1, 2]}", "study.yaml:3:7: vary: got an empty key"},
+        BadStudy{"EmptyKey", "\"\": {uniform: [1, 2]}", "study.yaml:3:3: vary: got an empty key"},
         BadStudy{"DotsAlone", "\"..\": {uniform: [1, 2]}", "study.yaml:3:9: vary...: got \"..\""},
         BadStudy{"NoSuchObject", "objects.7.mass: {uniform: [1, 2]}",
                  "study.yaml:3:19: vary.objects.7.mass: got \"7\" for a list of 1"},
