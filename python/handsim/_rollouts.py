@@ -5,6 +5,8 @@ machine, the workers of a Dask cluster on many, and whatever else has ``submit``
 """
 from __future__ import annotations
 
+import asyncio
+import concurrent.futures
 import hashlib
 import json
 import os
@@ -14,6 +16,7 @@ import time
 import zlib
 from collections import deque
 from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Callable, Iterator, NamedTuple, Optional
@@ -32,13 +35,18 @@ PARTS = "rollouts.part"
 """The file of the rows that are there, while a study runs."""
 MARK = b"\n#handsim-rows "
 SECONDS = 1.0
-"""Work of a chunk of rows: a crash costs so much, and a scheduler at 1 ms a task feeds a thousand cores."""
+"""Work of a chunk of rows, at least: a crash costs so much."""
+SECONDS_A_SLOT = 0.004
+"""The same for each core: a scheduler that needs 1 ms for a task is idle for three quarters of the time."""
 MOST_ROWS = 20_000
 """Of a chunk."""
 TRIES = 2
 """Of a row that ends its worker."""
 MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
+PATIENCE = 2.0
+"""Seconds for a result that is there to come."""
+TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 STUDIES = 4
 """That a worker keeps in memory."""
 CRASHES = {"KilledWorker", "WorkerCrashedError", "LocalRayletDiedError", "NodeDiedError", "OutOfMemoryError"}
@@ -216,10 +224,7 @@ class Dask(Executor):
 
     def slots(self) -> int:
         if time.monotonic() - self._asked > 2:
-            try:
-                self._count = sum(self._client.nthreads().values())
-            except OSError:
-                raise _gone() from None
+            self._count = sum(self._client.nthreads().values())
             self._asked = time.monotonic()
         return max(1, self._count)
 
@@ -231,7 +236,7 @@ class Dask(Executor):
 
     def check(self) -> None:
         if self._client.status not in ("running", "connecting"):
-            raise _gone()
+            raise _gone("no scheduler answers")
 
     def close(self) -> None:
         self._study = None
@@ -239,8 +244,8 @@ class Dask(Executor):
             self._client.close()
 
 
-def _gone() -> Error:
-    return Error("the Dask scheduler cannot be reached any more; the same command with --resume goes on", "output")
+def _gone(why: object) -> Error:
+    return Error(f"what computes the rows has gone ({why}); the same command with --resume goes on", "output")
 
 
 def _itself(work: Work) -> Work:
@@ -293,7 +298,10 @@ class _Queue:
         """Towards the end chunks are smaller, so that all workers end together."""
         if not self._ranges:
             return None
-        size = 1 if self._seconds is None else int(min(MOST_ROWS, max(1, SECONDS / max(self._seconds, 1e-9)), self.left / (2 * slots) + 1))
+        size = 1
+        if self._seconds is not None:
+            wanted = max(SECONDS, SECONDS_A_SLOT * slots) / max(self._seconds, 1e-9)
+            size = int(min(MOST_ROWS, max(1, wanted), self.left / (2 * slots) + 1))
         first, last = self._ranges.popleft()
         end = min(last, first + size)
         if end < last:
@@ -331,12 +339,14 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
                 continue
             first, last = flying.pop(future)
             try:
-                rows = future.result()
+                rows = future.result(timeout=PATIENCE)
+            except TIMEOUTS:
+                # Dask computes again what a worker that has died had in memory.
+                flying[future] = (first, last)
+                done.put(future)
             except CancelledError:
                 executor.check()
                 waiting.again((first, last))
-            except BrokenExecutor as error:
-                raise Error(f"the executor has broken ({error}); with --resume the study goes on", "output") from None
             except Exception as error:
                 if not _is_crash(error):
                     raise
@@ -347,9 +357,12 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
                 if rows.last < last:
                     waiting.again((rows.last, last))
             wait()
+    except (BrokenExecutor, OSError) as error:
+        raise _gone(error) from None
     finally:
         for future in flying:
-            future.cancel()
+            with suppress(OSError):
+                future.cancel()
 
 
 def _after_crash(study: Any, waiting: _Queue, tries: dict[int, int], chunk: Range, error: Exception, keep: Callable[[Rows], None]) -> None:

@@ -13,6 +13,7 @@ from handsim import _rollouts
 from handsim._rollouts import PARTS
 
 try:
+    import dask
     import distributed
     import h5py  # noqa: F401
 except ImportError:
@@ -30,7 +31,9 @@ def whole(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def cluster():
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
+    # A task whose worker has died twice is given back: each death takes seconds, until its nanny has a new process.
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), \
+            distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
         yield made
 
 
@@ -59,18 +62,19 @@ def test_killed_workers_cost_no_row(whole, client, tmp_path, monkeypatch):
             if killer.kills >= 4:
                 break
     assert killer.kills >= 3
+    wait_for_workers(client, 2)
 
 
-def test_workers_that_come_are_used(whole, cluster, client, tmp_path, monkeypatch):
+def test_workers_that_come_are_used(whole, tmp_path, monkeypatch):
     file, expected = whole
     monkeypatch.setattr(_rollouts, "SECONDS", 0.02)
-    adding = threading.Timer(0.3, cluster.scale, (3,))
-    adding.start()
-    hs.study.rollouts(file, client=client, out=tmp_path)
-    adding.join()
-    wait_for_workers(client, 3)
-    assert contents(tmp_path) == expected and len(client.nthreads()) == 3
-    cluster.scale(2)
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster, distributed.Client(cluster) as client:
+        adding = threading.Timer(0.3, cluster.scale, (2,))
+        adding.start()
+        hs.study.rollouts(file, client=client, out=tmp_path)
+        adding.join()
+        wait_for_workers(client, 2)
+        assert contents(tmp_path) == expected and len(client.nthreads()) == 2
 
 
 # Oracle: the table of one machine, but for that row; only a worker process can die so.
@@ -87,6 +91,8 @@ def test_a_row_that_crashes_its_worker_is_a_row(client, tmp_path):
     hs.study.rollouts(file, client=Crashing(), out=tmp_path / "out")
     rows = (tmp_path / "out/rollouts.csv").read_text().splitlines()
     assert [i - 1 for i, row in enumerate(rows) if "crashed" in row] == [4] and len(rows) == 7
+    # A nanny that is just starting a process does not end.
+    wait_for_workers(client, 2)
 
 
 def _dies_at_4(work, first, last):
@@ -137,7 +143,7 @@ def test_a_killed_scheduler_and_the_command_again(whole, tmp_path):
                     time.sleep(0.01)
                 first[0].kill()
             _, errors = run.communicate(timeout=120)
-            assert run.returncode == 0 or (attempt == 0 and "the Dask scheduler cannot be reached any more" in errors), errors
+            assert run.returncode == 0 or (attempt == 0 and "what computes the rows has gone" in errors), errors
         assert contents(tmp_path / "out") == expected
     finally:
         for process in processes:

@@ -81,6 +81,28 @@ def test_any_threads_and_executors_give_the_same_bytes(whole, tmp_path):
     assert contents(tmp_path / "pool") == contents(tmp_path / "processes") == expected
 
 
+def _dies(work, first, last):
+    if first <= 5 < last:
+        os._exit(9)
+    return rows_of(work, first, last)
+
+
+# Oracle: an executor of the standard library is broken for good by one process that dies; rows that came before stay.
+def test_a_broken_executor_is_a_sentence(whole, tmp_path):
+    class Dying:
+        def __init__(self, pool):
+            self.pool = pool
+
+        def submit(self, _, *arguments):
+            return self.pool.submit(_dies, *arguments)
+
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool, pytest.raises(hs.Error, match="what computes the rows has gone") as lost:
+        hs.study.rollouts(whole[0], client=Dying(pool), out=tmp_path)
+    assert lost.value.kind == "output" and (tmp_path / PARTS).exists()
+    hs.study.rollouts(whole[0], resume=True, out=tmp_path)
+    assert contents(tmp_path) == whole[1]
+
+
 # Oracle: the study that was never stopped; the second command finds the rows of the first.
 def test_a_killed_study_goes_on_to_the_same_bytes(longer, tmp_path):
     file, expected = longer

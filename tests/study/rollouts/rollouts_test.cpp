@@ -75,6 +75,8 @@ TEST(Rollouts, AreTheSameFromCarriedFiles) {
   {
     const TemporaryFolder folder;
     files.folder = folder.path();
+    const fs::path before = fs::current_path();
+    fs::current_path(folder.path());
     fs::create_directories(folder.path() / "shapes");
     std::ofstream(folder.path() / "shapes/wedge.stl")
         << "solid wedge\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\nvertex 0.1 0 0\nendloop\nendfacet\n"
@@ -90,6 +92,7 @@ TEST(Rollouts, AreTheSameFromCarriedFiles) {
     const RolloutStudy study(load_rollouts("study.yaml"));
     table = table_of(study);
     origin = study.head().origin;
+    fs::current_path(before);
   }
   EXPECT_EQ(files.files.size(), 3U);
   EXPECT_NE(table.find("refused"), std::string::npos) << table;
@@ -226,7 +229,7 @@ INSTANTIATE_TEST_SUITE_P(
                  "what vary.objects.*.mass draws"},
         BadStudy{"SetAndVaried", "objects.0.mass: {uniform: [1, 2]}\nset: {objects.0.mass: 1}",
                  "study.yaml:4:7: set.objects.0.mass: got a value that vary.objects.0.mass replaces"},
-        BadStudy{"EmptyKey", "\"\": {uniform: [1, 2]}", "study.yaml:3:7: vary: got an empty key"},
+        BadStudy{"EmptyKey", "\"\": {uniform: [1, 2]}", "study.yaml:3:3: vary: got an empty key"},
         BadStudy{"DotsAlone", "\"..\": {uniform: [1, 2]}", "study.yaml:3:9: vary...: got \"..\""},
         BadStudy{"NoSuchObject", "objects.7.mass: {uniform: [1, 2]}",
                  "study.yaml:3:19: vary.objects.7.mass: got \"7\" for a list of 1"},
