@@ -164,10 +164,10 @@ def check_commands(program, problems):
 
 
 def check_sources(problems):
-    """Checks files of src/handsim/ that pages name: `hand/person.cpp`, `handsim/engine/engine.h`."""
+    """Checks source files that pages name: `hand/person.cpp`, `handsim/engine/engine.h`, `python/handsim/export.py`."""
     for page in tables.PAGES:
         text = without_code(page.read_text())
-        for name in re.finditer(r"`([a-z_0-9]+/[a-z_0-9/]*\.(?:cpp|h))`", text):
+        for name in re.finditer(r"`([a-z_0-9]+/[a-z_0-9/]*\.(?:cpp|h|py))`", text):
             path = name.group(1).removeprefix("handsim/")
             if not (ROOT / "src/handsim" / path).exists() and not (ROOT / path).exists():
                 problems.append(f"{place(page, text, name.start())}: no src/handsim/{path}")

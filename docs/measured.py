@@ -91,6 +91,13 @@ def hand():
     return fenced("\n".join(line for line in lines[:end] if not line.startswith("  predicted from")))
 
 
+def formats():
+    return table(["format", "ending", "for", "of", "written by"],
+                 [[f"`{name}`", ", ".join(f"`{ending}`" for ending in endings), text.replace("--time", "`--time`"), of,
+                   "program" if by_program else "package" + (f", with {needs}" if needs else "")]
+                  for name, endings, text, of, needs, by_program in json.loads(study_text("formats", "formats"))])
+
+
 def poses():
     rows = []
     titles = {"implicit": "`implicit.yaml`, 8 Hz, weight and tissue compensated",
@@ -415,7 +422,7 @@ def speed():
         entry = found[f"control_share/{key}"]
         rows.append([f"control of one hand, {key} form", f"{number(1e-3 * entry['control_ns'])} µs",
                      f"{number(entry['share'])} of the step that it drives"])
-    for key, title in {"auto_50": "mug held in the whole hand, `method: auto`", "world_step": "the same, `world_step`",
+    for key, title in {"world_step": "mug held in the whole hand, `world_step`",
                        "quick_step_50": "the same, `quick_step` 50"}.items():
         entry = found[f"grasp/{key}"]
         rows.append([title, "", f"{number(entry['of_real_time'])} of real time, {entry['contacts']:.0f} contacts"])
@@ -862,7 +869,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "formats": ("formats", formats), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

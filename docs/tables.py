@@ -98,6 +98,7 @@ STUDIES = {
                           "few_iterations": ["run", "config/two_hands.yaml", "--out", "{out}", "--quiet", "--set",
                                              "solver.method=quick_step", "--set", "solver.iterations=5"]}),
     "hand": Study("1 s", {"hand": ["hand", "--stature", "1.75", "--mass", "72", "--sex", "male", "--side", "right"]}),
+    "formats": Study("1 s", {"formats": None}),
     "poses": Study("20 s", pose_runs()),
     "tracking": Study("20 s", tracking_runs()),
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
@@ -164,6 +165,9 @@ def command_of(name, label, build):
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
     if name == "agreement":
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
+    if name == "formats":
+        return [python_of(build), "-c", "import json; from handsim.export import FORMATS; "
+                "print(json.dumps([[of.name, of.endings, of.text, of.of, of.needs, of.by_program] for of in FORMATS.values()]))"]
     if name == "learning":
         return [python_of(build), "tests/peers/learning.py", "--minutes", "2", "--out", str(OUT / name)]
     if name == "tests":
@@ -210,7 +214,7 @@ def run_study(name, build, handsim):
             continue
         print("+", shlex.join(command), flush=True)
         # The package is built for the interpreter's own numpy, which those packages replace.
-        own = name in ("agreement", "skin", "gradients", "reach")
+        own = name in ("agreement", "formats", "skin", "gradients", "reach")
         paths = os.pathsep.join([str(build / "python"), *([] if own else [ENVIRONMENT["PYTHONPATH"]])])
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": paths})
         (OUT / name / f"{label}.txt").write_text(done.stdout)

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import handsim as hs
-from handsim._gradients import _free, _state
+from handsim._derivatives import _free, _state
 from handsim.gym import TASKS, Episodes
 from handsim.optimise import Places
 

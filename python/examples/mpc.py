@@ -15,7 +15,7 @@ import numpy as np
 
 import handsim as hs
 from handsim import optimise
-from handsim._gradients import rotation_vector
+from handsim._derivatives import rotation_vector
 from handsim._plot import COLORS, axes, line, sheet_of
 
 HOLD = 2  # steps of a knot: 10 ms

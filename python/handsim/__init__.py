@@ -19,16 +19,18 @@ from . import _core, study
 from ._batch import Batch
 from ._core import Frame, Motion, Snapshot
 from ._errors import Error, Fault, Problem
-from ._gradients import Derivatives, Parameters, Product, Rollout
+from ._derivatives import Derivatives
+from ._gradients import Product, Rollout
 from ._hand import Hand, draw_persons
 from ._live import Live, live
 from ._pictures import contact_sheet, png, save_png
 from ._reports import report, save_video
-from ._result import Result, Verdict
-from ._scene import Muscle, Scene, data_path, load, scenes
-from ._simulation import Bodies, Contacts, Muscles, Simulation
+from ._scene import Muscle, Result, Scene, load
+from ._shipped import data_path, scenes
+from ._simulation import Bodies, Contacts, Muscles, Parameters, Simulation
 from ._smoothing import Smoothing
 from ._table import Quantities, Table
+from ._verdict import Verdict
 
 if TYPE_CHECKING:
     from . import gym

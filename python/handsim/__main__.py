@@ -4,9 +4,11 @@ Commands of COMMANDS are Python modules with ``main(arguments) -> exit status``;
 """
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from importlib import import_module
+from pathlib import Path
 
 from . import _core
 
@@ -16,6 +18,7 @@ COMMANDS: dict[str, str] = {
     "identify": "handsim._identify_command",
     "live": "handsim._live.command",
     "optimise": "handsim._optimise_command",
+    "rollouts": "handsim._rollouts_command",
     "track": "handsim._c3d",
 }
 """Commands in Python, by name: the module of each."""
@@ -28,6 +31,9 @@ def main() -> int:
     if arguments and arguments[0] in COMMANDS:
         status: int = import_module(COMMANDS[arguments[0]]).main(arguments[1:])
         return status
+    # Commands with uncertain hands go on as `rollouts`, in a new process of this interpreter.
+    os.environ.setdefault("HANDSIM_PYTHON", sys.executable)
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH")]))
     return _core.command_line(arguments)
 
 

@@ -8,11 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._core import Frame, Motion
+from ._derivatives import Array
 from ._errors import Error, flag, input_error, numbers, one_of, real, seed_of, whole
 from ._gradients import Product, Rollout, each
-from ._pictures import Picture
-from ._scene import Camera, Scene, Source, load
-from ._simulation import Array, Forces, Simulation
+from ._overrides import Source
+from ._pictures import Camera, Picture
+from ._scene import Scene, load
+from ._simulation import Forces, Simulation
 from ._smoothing import Smoothing
 
 MOST = 1_000_000

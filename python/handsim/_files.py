@@ -11,19 +11,16 @@ import sys
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping, Sequence, Union
+from typing import Any, Callable, Iterable, Mapping, Sequence, Union
 
 from . import _core
 from ._errors import Error, Problem, input_error
-
-if TYPE_CHECKING:
-    from ._scene import Scene
+from ._formats import FORMATS
 
 PathText = Union[str, "PathLike[str]"]
 KINDS: dict[str, tuple[str, bytes]] = {
-    "glb": ("a binary glTF file", b"glTF"), "usda": ("a USD text file", b"#usda"), "obj": ("an OBJ file of handsim", b"# handsim: metres"),
-    "stl": ("an STL file of handsim", b"handsim: millimetres"), "mcap": ("an MCAP file", b"MCAP0"), "png": ("a PNG picture", b"\x89PNG"),
-    "mp4": ("an MP4 video", b"ftyp"), "html": ("a page of handsim", _core.page_mark)}
+    "png": ("a PNG picture", b"\x89PNG"), "mp4": ("an MP4 video", b"ftyp"), "html": ("a page of handsim", _core.page_mark),
+    **{name: (of.file, of.mark) for name, of in FORMATS.items()}}
 """What a file of an ending may replace: its name, and what the first 1000 bytes have."""
 
 
@@ -36,11 +33,6 @@ def path_of(key: str, path: Any) -> Path:
     if isinstance(path, bytes) or not text or "\0" in text:
         raise input_error(key, repr(path)[:200], "a path")
     return Path(text)
-
-
-def files_of(scene: "Scene") -> list[Path]:
-    """All that a scene was read from."""
-    return _core.files_read(scene._core)
 
 
 def check_target(option: str, path: PathText, kind: str, inputs: Iterable[PathText] = ()) -> Path:
@@ -110,12 +102,6 @@ class OutputFolder:
     def __exit__(self, *_: object) -> None:
         del self._core  # ends the lock
         self._remove()
-
-
-def standing_alone(scene: "Scene") -> dict[str, bytes]:
-    """By name: scene.yaml and what it reads."""
-    files: dict[str, bytes] = scene._core.standalone()
-    return {"scene.yaml" if name == "resolved.yaml" else name: content for name, content in files.items()}
 
 
 def ended(work: Callable[[], int]) -> int:

@@ -3,16 +3,12 @@ from __future__ import annotations
 
 import json
 import struct
-from typing import TYPE_CHECKING, Any, Optional, Sequence
+from typing import Any, Optional, Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ._errors import Error, Problem, numbers
 from ._model import Model, Shape, SkinParts, compose, inverse, matrices, normals_of, surface
-
-if TYPE_CHECKING:
-    from ._hand import Hand
 
 Array = NDArray[np.float64]
 _FLOAT, _UINT16, _UINT32 = 5126, 5123, 5125
@@ -197,22 +193,3 @@ def glb_of_model(model: Model, skins: Sequence[SkinParts], poses: Array, times: 
     for shape in shown_shapes(model, skins, hands):
         out.add_shape(shape)
     return out.content(times)
-
-
-def glb_of_hand(hand: "Hand", q: Optional[ArrayLike], times: Optional[ArrayLike]) -> bytes:
-    """See `Hand.to_glb`."""
-    zero = np.zeros(len(hand.coordinates))
-    angles = numbers("q", zero if q is None else q, "angles [rad]")
-    clock = None if times is None else numbers("times", times, "shape (times,)")
-    if clock is not None and (clock.ndim != 1 or len(clock) == 0 or np.any(np.diff(clock) <= 0) or clock[0] < 0 or
-                              angles.shape != (len(clock), len(zero))):
-        got = f"shapes {clock.shape} and {angles.shape}"
-        need = f"rising times of 0 or more, shape (times,), and q of shape (times, {len(zero)})"
-        raise Error(f"times: got {got}, need {need}", "input", [Problem(None, None, None, "times", got, need)])
-    model = hand._model
-    moments = [hand.poses(each) for each in (angles if clock is not None else angles[None])]
-    poses = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(moments), len(model.bodies), 1))
-    for row, moment in zip(poses, moments):
-        row[model.hands[0].bodies] = np.concatenate([moment.position, moment.quaternion], axis=1)
-    names = [f"{hand.side} hand", *(body.name.partition(".")[2] for body in model.bodies[1:])]
-    return glb_of_model(model, hand._skins, poses, clock, names=names)

@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._errors import Error, Problem, flags, input_error, numbers, seed_of, whole
-from ._glb import glb_of_hand
+from ._glb import glb_of_model
 from ._model import Model, SkinParts, bent, compose, inverse, skins_of
-from ._pictures import Picture, html_picture
-from ._scene import Camera, Scene, data_path, load
+from ._pictures import Camera, Picture, html_picture
+from ._scene import Scene, load
+from ._shipped import data_path
 from ._table import Quantities, Table, rows_table
 
 MOST_PERSONS = 1_000_000
@@ -154,7 +155,7 @@ class Hand:
 
     @cached_property
     def _skins(self) -> list[SkinParts]:
-        return skins_of(self.scene)
+        return skins_of(self.scene._core)
 
     def poses(self, q: ArrayLike) -> Poses:
         """Forward kinematics: the frames of all bodies in H.
@@ -189,7 +190,20 @@ class Hand:
         :return: the content of a ``.glb`` file
         :raises Error: of kind input for another shape
         """
-        return glb_of_hand(self, q, times)
+        zero = np.zeros(len(self.coordinates))
+        angles = numbers("q", zero if q is None else q, "angles [rad]")
+        clock = None if times is None else numbers("times", times, "shape (times,)")
+        if clock is not None and (clock.ndim != 1 or len(clock) == 0 or np.any(np.diff(clock) <= 0) or clock[0] < 0 or
+                                  angles.shape != (len(clock), len(zero))):
+            raise input_error("times", f"shapes {clock.shape} and {angles.shape}",
+                              f"rising times of 0 or more, shape (times,), and q of shape (times, {len(zero)})")
+        model = self._model
+        moments = [self.poses(each) for each in (angles if clock is not None else angles[None])]
+        poses = np.tile([0.0, 0, 0, 1, 0, 0, 0], (len(moments), len(model.bodies), 1))
+        for row, moment in zip(poses, moments):
+            row[model.hands[0].bodies] = np.concatenate([moment.position, moment.quaternion], axis=1)
+        names = [f"{self.side} hand", *(_part(body.name) for body in model.bodies[1:])]
+        return glb_of_model(model, self._skins, poses, clock, names=names)
 
     def position(self, q: ArrayLike, point: Point) -> NDArray[np.float64]:
         """Forward kinematics of one point.

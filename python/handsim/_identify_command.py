@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import Error, Problem, input_error
-from ._files import OutputFolder, ended, files_of, path_of, read_options, standing_alone
-from ._scene import Scene, find_file, load
+from ._files import OutputFolder, ended, path_of, read_options
+from ._scene import Scene, files_of, load, standing_alone
+from ._shipped import find_file
 from ._table import UNIT
-from ._yaml import UNITS, number_of, scene_number
+from ._table_files import at, read_csv
+from ._yaml import number_of, scene_number
 from .identify import NO_NUMBERS, Identified, identify
-from .study import at, read_csv
 
 USAGE = """handsim identify RECORDING --scene SCENE --free KEY[=VALUE],... [--out DIR]
 
@@ -38,7 +39,7 @@ RECORDING is a folder of handsim run (trajectory.csv, contacts.csv) or a CSV fil
 Example: handsim identify out/run --scene slide.yaml --free objects.0.mass,objects.0.friction=0.4 --out out/found
 """
 DEVIATIONS = {"m": 1e-3, "rad": 0.01, "N": 0.05, "m/s": 0.02, "rad/s": 0.1}
-BASE = {"mm": "m", "cm": "m", "um": "m", "deg": "rad", "mN": "N", "mm/s": "m/s", "deg/s": "rad/s"}
+BASE = {"mm": "m", "cm": "m", "um": "m", "deg": "rad", "mm/s": "m/s", "deg/s": "rad/s"}
 MOST_STEPS = 1_000_000
 Array = NDArray[np.float64]
 
@@ -48,7 +49,7 @@ def _numbers(text: str, scene: Scene) -> dict[str, float]:
     out, problems = dict[str, float](), list[str]()
     for each in text.split(","):
         key, equals, value = each.strip().partition("=")
-        found = number_of(value if not value.replace(".", "").isdigit() else float(value)) if equals else scene_number(scene.resolved, key)
+        found = number_of(value) if equals else scene_number(scene.resolved, key)
         if key.partition(".")[0] in NO_NUMBERS:
             problems.append(f"--free: got {each.strip()}, which says how the scene is run, need a number of what is in it")
         elif found is None or not np.isfinite(found):
@@ -141,12 +142,13 @@ def _recorded(file: Path, columns: dict[str, Array], scene: Scene, wanted: Optio
         stem, unit = match.groups() if match else (head, "")
         name = _name_of(stem, scene)
         base = BASE.get(unit, unit)
-        known = name is not None and base in DEVIATIONS and (".force." in stem) == (base == "N")
+        scale = number_of(f"1 {unit}")
+        known = name is not None and scale is not None and base in DEVIATIONS and (".force." in stem) == (base == "N")
         # Of a run's folder: coordinates, objects and forces; all the rest follows from them.
-        if known and name and (any(fnmatch(stem, p) or stem == p for p in patterns) if patterns
+        if known and name and scale and (any(fnmatch(stem, p) or stem == p for p in patterns) if patterns
                                else not folder or ".place." not in name and not name.startswith("d(")):
             _seen(file, head, values)
-            used[name], units[name] = values * UNITS[unit], base
+            used[name], units[name] = values * scale, base
         elif head != "time[s]" and (not folder or patterns):
             left.append(head)
     missing = [p for p in patterns if not any(fnmatch((UNIT.fullmatch(h) or [h, h])[1], p) for h in columns)]

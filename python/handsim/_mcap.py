@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import input_error
-from ._model import Model, turned
+from ._model import turned
 from ._progress import bar
 from ._scene import Scene
 from ._simulation import Simulation
@@ -68,7 +68,7 @@ def _wrenches(run: Simulation, of_shape: dict[str, int], poses: Array) -> Array:
 def samples(scene: Scene, end: float, fps: float, show: bool) -> Iterator[Sample]:
     """Moments of a simulation, from its start to its end. :raises Error: of kind physics where it diverges"""
     run = Simulation(scene)
-    of_shape = {shape.name: shape.body for shape in Model(scene).shapes}
+    of_shape = {shape.name: shape.body for shape in scene._model.shapes}
     steps, number = max(1, round(1 / fps / scene.step)), round(end / scene.step)
     with bar(show, "simulates") as told:
         while True:

@@ -1,15 +1,12 @@
 """What a scene's model is made of: bodies, joints, shapes and the skins of hands; and triangles of shapes."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-
-if TYPE_CHECKING:
-    from ._scene import Scene
 
 Array = NDArray[np.float64]
 SIDES = 32  # of round shapes
@@ -120,8 +117,8 @@ def _hand(of: Any) -> HandParts:
 class Model:
     """All of a scene's model that files for other programs need."""
 
-    def __init__(self, scene: "Scene") -> None:
-        of: dict[str, Any] = _core.description(scene._core)
+    def __init__(self, scene: _core.Scene) -> None:
+        of: dict[str, Any] = _core.description(scene)
         self.title = scene.title
         self.gravity: Array = of["gravity"].ravel()
         self.bodies = [Body(name, mass, inertia, np.array(zero), fixed) for name, mass, inertia, zero, fixed in of["bodies"]]
@@ -134,8 +131,8 @@ class Model:
         return next((joint.parent for joint in self.joints if joint.child == body and not joint.closes_loop), 0)
 
 
-def skins_of(scene: "Scene") -> list[SkinParts]:
-    return [SkinParts(*each) for each in _core.skins(scene._core)]
+def skins_of(scene: _core.Scene) -> list[SkinParts]:
+    return [SkinParts(*each) for each in _core.skins(scene)]
 
 
 # Poses are rows of x y z and a quaternion w x y z.

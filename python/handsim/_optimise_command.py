@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from . import optimise
 from ._core import has_reports
 from ._errors import input_error
-from ._files import OutputFolder, ended, files_of, read_options, standing_alone
-from ._gradients import ACTIONS, exact_step
+from ._files import OutputFolder, ended, read_options
+from ._derivatives import ACTIONS, exact_step
 from ._plot import COLORS, axes, line, sheet_of
-from ._scene import Scene, find_file, load
+from ._scene import Scene, files_of, load, standing_alone
+from ._shipped import find_file
 from ._simulation import Simulation
 from ._yaml import Document, number_of
 from .optimise import Optimum, Problem, Term

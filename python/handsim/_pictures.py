@@ -13,6 +13,8 @@ from ._errors import input_error, whole
 from ._files import check_target, write_file
 
 Picture = NDArray[np.uint8]
+Camera = tuple[Sequence[float], Sequence[float], float]
+"""Position [m], target [m] and vertical field of view [rad]."""
 
 
 def check_picture(key: str, picture: Any) -> None:

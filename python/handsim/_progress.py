@@ -26,6 +26,10 @@ def in_notebook() -> bool:
     return hasattr(shell, "kernel")
 
 
+def _span(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.3g} h"
+
+
 class Bar:
     """A bar with the share done and the time that remains at the pace so far; a line every ten seconds where stderr is piped."""
 
@@ -36,12 +40,17 @@ class Bar:
         self.shown: Any = None
         self.length = 0
         self.told = 0.0
+        self.first: Optional[tuple[float, float]] = None
 
     def __call__(self, share: float) -> None:
         spent = time.monotonic() - self.begin
         if spent < QUIET:
             return
-        left = f", {spent * (1 - share) / share:.0f} s left" if share > 0.01 else ""
+        if self.first is None:
+            self.first = share, spent
+        # At the pace since the first share: what goes on from an earlier run has that from before.
+        done, gone = share - self.first[0], spent - self.first[1]
+        left = f", {_span(gone * (1 - share) / done)} left" if done > 0.001 and gone > 0.2 else ""
         text = f"{self.label}: {share:.0%}{left}"
         if self.notebook:
             self._display(f'<progress max="1" value="{share:.3f}" style="width: 24em"></progress> {text}')

@@ -1,7 +1,9 @@
-"""Scenes: compiled from files, run, drawn and exported."""
+"""Scenes: compiled from files, run, drawn and exported; and the results of runs."""
 from __future__ import annotations
 
 import html
+import json
+import tempfile
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
@@ -11,86 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._errors import flags, input_error, real, whole
-from ._files import path_of
+from ._errors import Fault, flags, input_error, real, whole
+from ._files import check_target, write_file
 from ._model import Model
-from ._pictures import Picture, html_picture
+from ._overrides import Overrides, Source, json_text, override_list
+from ._pictures import Camera, Picture, contact_sheet, html_picture
 from ._progress import Progress, bar
-from ._table import rows_table
+from ._shipped import find_file
+from ._table import Quantities, Table, rows_table
+from ._table_files import read_csv
+from ._verdict import verdicts_of
 
 if TYPE_CHECKING:
-    from ._result import Result
-
-Source = Union[str, "PathLike[str]", Mapping[str, Any]]
-Overrides = Optional[Mapping[str, Any]]
-Camera = tuple[Sequence[float], Sequence[float], float]
-
-
-def data_path() -> Path:
-    """The folder with the files that come with handsim: ``handmodels/``, ``controllers/`` and ``config/`` (scenes,
-    persons, objects, studies)."""
-    return Path(_core.data_folder())
-
-
-def scenes() -> list[str]:
-    """Names of the shipped scenes and studies, as `load` and the functions of `handsim.study` take them."""
-    config = data_path() / "config"
-    found = [*config.glob("*.yaml"), *config.glob("stability/*.yaml")]
-    return sorted(str(path.relative_to(config).with_suffix("")) for path in found)
-
-
-def find_file(name: Union[str, "PathLike[str]"], key: str = "scene", folder: str = "config") -> Path:
-    """The path of a file, or of a shipped one by its name below the folder without ``.yaml``.
-
-    :param key: what an error calls it
-    :raises Error: of kind input, with the nearest name, where there is none
-    """
-    name = str(path_of(key, name))
-    shipped = data_path() / folder / f"{name}.yaml"
-    for path in (Path(name), shipped):
-        try:
-            if path.exists():
-                return path
-        except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
-            raise input_error(key, repr(name), f"a path or a name ({error})") from None
-    import difflib
-
-    top = data_path() / folder
-    known = scenes() if folder == "config" else [str(each.relative_to(top).with_suffix("")) for each in top.rglob("*.yaml")]
-    near = difflib.get_close_matches(name, known, 1, 0.5)
-    raise input_error(key, name, f"a path, or the name of a shipped file{' (handsim.scenes())' if folder == 'config' else ''}"
-                      + (f"; nearest: {near[0]}" if near else ""))
-
-
-def override_text(value: Any) -> str:
-    """A value as the command line's ``--set key=value`` takes it. Text is passed on as it is: ``"5 ms"``, ``left``."""
-    return value if isinstance(value, str) else str(fspath(value)) if isinstance(value, PathLike) else json_text(value)
-
-
-def json_text(value: Any, key: str = "value") -> str:
-    """JSON of mappings, lists, numbers, texts, paths and arrays of numpy. :raises Error: of kind input for others"""
-    import json
-
-    def plain(of: Any) -> Any:
-        if isinstance(of, PathLike):
-            return str(fspath(of))
-        if isinstance(of, (np.ndarray, np.generic)):
-            return of.tolist()
-        if isinstance(of, Mapping):
-            return dict(of)
-        raise TypeError(f"{type(of).__name__} {of!r:.60}")
-
-    try:
-        return json.dumps(value, default=plain)
-    except (TypeError, ValueError, RecursionError) as error:
-        raise input_error(key, str(error), "mappings with names, lists, numbers, texts, paths and arrays") from None
-
-
-def override_list(overrides: Overrides, engine: Optional[str] = None) -> list[str]:
-    out = [] if engine is None else [f"solver.engine={engine}"]
-    if not isinstance(overrides, (Mapping, type(None))):
-        raise input_error("overrides", type(overrides).__name__, "a mapping: dotted key to value")
-    return out + [f"{key}={override_text(value)}" for key, value in (overrides or {}).items()]
+    import pandas
 
 
 class Muscle(NamedTuple):
@@ -127,7 +62,7 @@ class Scene:
 
     @cached_property
     def _model(self) -> Model:
-        return Model(self)
+        return Model(self._core)
 
     @property
     def title(self) -> str:
@@ -235,7 +170,7 @@ class Scene:
 
     def run(self, out: Union[str, "PathLike[str]", None] = None, *, frames: int = 12, poses: bool = False,
             plots: bool = False, report: bool = False, video: Union[str, "PathLike[str]", None] = None, fps: float = 30,
-            speed: float = 1, stop_lost: bool = False, progress: Progress = None) -> "Result":
+            speed: float = 1, stop_lost: bool = False, progress: Progress = None) -> Result:
         """Simulates the scene to its end, as ``handsim run``. Ctrl-C ends it within 0.1 s.
 
         :param out: folder for the files of ``handsim run``; None: nothing is written, and the result has the
@@ -254,8 +189,6 @@ class Scene:
         :raises Error: of kind input for a scene that cannot run. A motion that diverges does not raise: see
             `Result.fault`.
         """
-        from ._result import Result
-
         whole("frames", frames, 0)
         flags(poses=poses, plots=plots, report=report, stop_lost=stop_lost)
         if out is None:
@@ -307,17 +240,24 @@ class Scene:
         in `draw`."""
         return _core.draw(self._core, list(frames), size, view, camera)
 
+    def to_format(self, format: str) -> str:
+        """The model as text of a format that the program writes, by its name for ``handsim export --format``.
+
+        :raises Error: of kind input for another name, and for what the format cannot express
+        """
+        return self._core.to_format(format)
+
     def to_mjcf(self) -> str:
         """The model as MJCF, MuJoCo's format. :raises Error: of kind input for what MJCF cannot express"""
-        return self._core.to_mjcf()
+        return self.to_format("mjcf")
 
     def to_urdf(self) -> str:
         """The model as URDF. :raises Error: of kind input for what URDF cannot express, e.g. meshes and ball joints"""
-        return self._core.to_urdf()
+        return self.to_format("urdf")
 
     def to_osim(self) -> str:
         """The model as .osim, OpenSim 4's format. :raises Error: of kind input for what OpenSim cannot express, e.g. loops"""
-        return self._core.to_osim()
+        return self.to_format("osim")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickle, (self._core.standalone(),)
@@ -334,6 +274,135 @@ class Scene:
             ["duration", f"{self.duration:g} s"]])
         notes = "".join(f"<p>{html.escape(text)}</p>" for text in self.warnings)
         return facts._repr_html_() + notes + (html_picture(self.draw(), 480) if _core.has_pictures() else "")
+
+
+class Result:
+    """What a run gave. Can be pickled, without its frames."""
+
+    def __init__(self, scene: Scene, values: dict[str, Any], folder: Optional[Path] = None) -> None:
+        self.scene = scene
+        self.folder = folder
+        """Of the run's files; None for a run in memory."""
+        self.verdicts = verdicts_of(values["verdicts"])
+        """Figures of the scene's criteria with their limits."""
+        self.passed: bool = values["passed"]
+        """The run did not diverge, and every criterion held."""
+        self.fault = None if values["fault"] is None else Fault(*values["fault"])
+        """Of a run that diverged."""
+        self.simulated: float = values["simulated"]
+        """[s]"""
+        self.wall: float = values["wall"]
+        """Of the loop [s]."""
+        self.state_hash: str = values["state_hash"]
+        """Of all states; equal motions have equal hashes."""
+        self.warnings: list[str] = values["warnings"]
+        self.missing: list[str] = values["missing"]
+        """Pictures or plots that could not be made, with the reason."""
+        of_verdicts = {f"{each.name}[{each.unit}]": each.measured for each in self.verdicts}
+        self.figures = Quantities(values.get("figures", of_verdicts))
+        """Every figure by name: ``joint_gap``, ``grasp_slip``, ...; ``figures.units`` has their units. Of a run with files
+        those of `verdicts`."""
+        self.frames: list[_core.Frame] = values.get("frames", [])
+        """States of a run in memory for `draw`."""
+        self._summary: str = values["summary"]
+        self._columns: list[str] = values.get("columns", [])
+        self._rows: Optional[NDArray[np.float64]] = values.get("rows")
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The content of summary.json: figures, grasps, climbs, tracking, CPU times, versions."""
+        out: dict[str, Any] = json.loads(self._summary)
+        return out
+
+    @property
+    def trajectory(self) -> Table:
+        """Columns of trajectory.csv by name, each of shape (rows,): ``time``, coordinates (by their names) and rates
+        (``NAME.rate``), and of each body ``NAME.x``, y, z and the quaternion ``NAME.qw``, qx, qy, qz. A row for each
+        ``record.every`` of the scene."""
+        if self._rows is None:
+            assert self.folder is not None
+            return read_csv(self.folder / "trajectory.csv")
+        return Table({name: self._rows[:, k] for k, name in enumerate(self._columns)})
+
+    @cached_property
+    def table(self) -> Any:
+        """The trajectory: a frame of pandas (units in ``attrs["units"]``) where pandas is installed, else `trajectory`."""
+        return self.trajectory.shown()
+
+    def __getitem__(self, name: str) -> Any:
+        """A figure by name: ``result["grasp_slip"]``."""
+        return self.figures[name]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of the figures by name."""
+        return self.figures.units
+
+    def to_pandas(self) -> "pandas.DataFrame":
+        """The trajectory as a frame. Needs pandas."""
+        return self.trajectory.to_pandas()
+
+    def report(self, path: Union[str, "PathLike[str]", None] = None) -> str:
+        """The page of the run for a browser: motion in 3D, curves, verdicts; of a run in memory without contacts.
+
+        :param path: where it is written, too
+        :returns: its HTML
+        :raises Error: of kind input in a build without three.js
+        """
+        with tempfile.TemporaryDirectory() as parent:
+            page = Path(parent) / "page.html"
+            _core.report([self.folder or self._write_files(Path(parent) / "run_in_memory")], page)
+            text = page.read_text(encoding="utf-8").replace(f"{parent}/", "")
+        if path is not None:
+            write_file(check_target("path", path, "html"), text.encode())
+        return text
+
+    def _write_files(self, folder: Path) -> Path:
+        """The files from which a page is made."""
+        for name, content in self.scene._core.standalone().items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+        (folder / "summary.json").write_text(self._summary)
+        assert self._rows is not None
+        np.savetxt(folder / "trajectory.csv", self._rows, "%.17g", ",", header=",".join(self._columns), comments="")
+        return folder
+
+    def draw(self, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
+             camera: Optional[Camera] = None) -> list[Picture]:
+        """A picture of each of `frames`; options as in `Scene.draw`."""
+        if not self.frames:
+            raise input_error("frames", "none", "a run in memory with frames: scene.run(frames=12)")
+        return self.scene.draw_frames(self.frames, size=size, view=view, camera=camera)
+
+    def film_strip(self, *, size: tuple[int, int] = (480, 360), width: int = 1600) -> Picture:
+        """All frames on one page, with their times."""
+        return contact_sheet(self.draw(size=size), [f"t = {frame.time:.2f} s" for frame in self.frames],
+                             self.scene.title, width)
+
+    @property
+    def verdict_table(self) -> Table:
+        """The verdicts as a table."""
+        rows = [[v.name, v.unit, v.measured, v.limit, "-" if v.limit is None else "held" if v.held else "FAILED",
+                 v.where] for v in self.verdicts]
+        return rows_table(["criterion", "unit", "measured", "limit", "verdict", "where"], rows)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {key: value for key, value in self.__dict__.items() if key != "table"} | {"frames": []}
+
+    def __repr__(self) -> str:
+        end = f"diverged: {self.fault}" if self.fault else "passed" if self.passed else "FAILED"
+        return f"<handsim.Result: {self.scene.title}; {self.simulated:g} s in {self.wall:.3g} s, {end}>"
+
+    def _repr_html_(self) -> str:
+        picture = html_picture(self.film_strip(), 960) if self.frames and _core.has_pictures() else ""
+        return f"<p>{html.escape(repr(self)[9:-1])}</p>{self.verdict_table._repr_html_()}{picture}{self._replay()}"
+
+    def _replay(self) -> str:
+        """The page of the run in a frame of its own; nothing where it cannot be made."""
+        if not _core.has_reports or self.simulated == 0:
+            return ""
+        return ('<iframe title="the run in 3D" width="100%" height="760" style="border: 1px solid #ccc" '
+                f'srcdoc="{html.escape(self.report())}"></iframe>')
 
 
 def load(source: Source, overrides: Overrides = None, *, engine: Optional[str] = None) -> Scene:
@@ -367,11 +436,20 @@ def with_value(scene: Scene, key: str, value: float) -> Scene:
 
 
 def _unpickle(files: dict[str, bytes]) -> Scene:
-    import tempfile
-
     with tempfile.TemporaryDirectory() as folder:
         for name, content in files.items():
             path = Path(folder) / name
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(content)
         return Scene(_core.Scene.load(Path(folder) / "resolved.yaml", []))
+
+
+def files_of(scene: Scene) -> list[Path]:
+    """All that a scene was read from."""
+    return _core.files_read(scene._core)
+
+
+def standing_alone(scene: Scene) -> dict[str, bytes]:
+    """By name: scene.yaml and what it reads."""
+    files: dict[str, bytes] = scene._core.standalone()
+    return {"scene.yaml" if name == "resolved.yaml" else name: content for name, content in files.items()}

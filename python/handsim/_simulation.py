@@ -1,21 +1,21 @@
 """One simulation, step by step."""
 from __future__ import annotations
 
-from typing import Mapping, NamedTuple, Optional, Sequence, Union
+from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from . import _core
 from ._core import Frame, Motion, Snapshot
-from ._errors import flag, input_error, whole
-from ._gradients import Derivatives, Parameters, step_with_derivatives
-from ._pictures import Picture
-from ._result import Verdict, verdicts_of
-from ._scene import Camera, Overrides, Scene, Source, load
-from ._smoothing import Smoothing, smoothing_of
+from ._derivatives import Array, Derivatives, _end, _free, exact_step
+from ._errors import flag, input_error, one_of, real, whole
+from ._overrides import Overrides, Source
+from ._pictures import Camera, Picture
+from ._scene import Scene, load, with_value
+from ._smoothing import Smoothing, smoothing_of, step_with_derivatives
+from ._verdict import Verdict, verdicts_of
 
-Array = NDArray[np.float64]
 Forces = Optional[Mapping[str, ArrayLike]]
 
 
@@ -143,7 +143,7 @@ class Simulation:
             if not made:
                 self.reset(before)
 
-    def parameters(self, numbers: Mapping[str, Optional[float]]) -> Parameters:
+    def parameters(self, numbers: Mapping[str, Optional[float]]) -> "Parameters":
         """Derivatives by numbers of the scene: ``{"objects.0.mass": None, "hands.0.person.stature": 1.755}``."""
         return Parameters(self, numbers)
 
@@ -237,3 +237,65 @@ class Simulation:
 
     def __repr__(self) -> str:
         return f"<handsim.Simulation: {self.scene.title}; t = {self.time:g} s>"
+
+
+SET = ("gravity", "gains", "torque_limits", ".mass", ".friction")
+"""Ends of names of `Simulation.set` that change a scene's numbers."""
+STEP = 3e-5
+"""Of the differences, as a share of the number: an error of its fourth power beside rounding."""
+
+
+class Parameters:
+    """Derivatives of steps by numbers of a scene, by differences of steps of scenes that are compiled with other
+    numbers. All that follows from a number changes with it: lengths, masses, inertias, gains and pads with a stature.
+    """
+
+    def __init__(self, simulation: Simulation, numbers: Mapping[str, Optional[float]]) -> None:
+        """
+        :param numbers: by dotted key, as ``--set`` of the command line, the value that it has (SI); or None for a name of
+            `Simulation.set`: gravity (3 numbers), gains, torque_limits, objects.I.mass, objects.I.friction
+        :raises Error: of kind input where a scene with another number does not compile
+        """
+        self.simulation = one_of("simulation", simulation, Simulation)
+        if not isinstance(numbers, Mapping):
+            raise input_error("numbers", type(numbers).__name__, "a mapping: dotted key to its value, or to None")
+        self.free = _free(simulation)
+        self.names: list[str] = []
+        """One for each column."""
+        self._beside: list[list[tuple[Simulation, float]]] = []
+
+        def add(name: str, scale: float, make: Callable[[float], Simulation]) -> None:
+            size = STEP * max(abs(scale), 1e-9)
+            self.names.append(name)
+            self._beside.append([(make(size * k), weight / (12 * size)) for k, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1))])
+
+        for key, value in numbers.items():
+            if value is not None:
+                number = real(str(key), value)
+                add(key, number, lambda by: Simulation(with_value(simulation.scene, key, number + by)))
+                continue
+            if not isinstance(key, str):
+                raise input_error("numbers", repr(key)[:80], "dotted keys")
+            if not key.endswith(SET):
+                raise input_error(key, "no value", "the value that the scene has")
+            now = simulation.get(key)
+            for k in range(len(now)):
+                def changed(by: float) -> Simulation:
+                    other = Simulation(simulation.scene)
+                    other.set(key, now + by * (np.arange(len(now)) == k))
+                    other.reset()
+                    return other
+                add(key if len(now) == 1 else f"{key}.{'xyz'[k]}", float(np.linalg.norm(now)), changed)
+
+    def derivatives(self, **action: Any) -> Array:
+        """Of the next step with an action as in `Simulation.step`: next state by numbers, shape (s, numbers). The
+        simulation stays."""
+        columns = []
+        for beside in self._beside:
+            ends = []
+            for other, _ in beside:
+                other._core.reset_beside(self.simulation._core, None)
+                exact_step(other, action)
+                ends.append(_end(other, self.free))
+            columns.append(sum(weight * end.against(ends[0]) for end, (_, weight) in zip(ends, beside)))
+        return np.array(columns).T

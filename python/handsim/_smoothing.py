@@ -1,16 +1,13 @@
 """Smoothed derivatives: of the mean of the next state over small disturbances of this one."""
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Mapping, NamedTuple, Optional, Sequence
+from typing import Any, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ._errors import Error, input_error, real, whole
-from ._gradients import Array, Derivatives, _end, step_with_derivatives
-
-if TYPE_CHECKING:
-    from ._simulation import Simulation
+from ._derivatives import Array, Derivatives, Stepped, _end, exact_derivatives
 
 REACH = 0.1
 """An angle is disturbed as much as moves a point at this distance by the deviation [m]."""
@@ -31,7 +28,7 @@ class Smoothing(NamedTuple):
     seed: int = 0
     """Of the disturbances, with the number of the step."""
 
-    def _deviations(self, simulation: "Simulation", names: Sequence[str]) -> Array:
+    def _deviations(self, simulation: Stepped, names: Sequence[str]) -> Array:
         moving = len(names) - len(simulation.scene.muscles)
         try:
             out = np.array(self.deviation, dtype=float)
@@ -47,14 +44,14 @@ class Smoothing(NamedTuple):
         straight += [".shift." in name for name in names[len(straight):moving // 2]]
         return np.concatenate([np.where(straight, 1, 1 / REACH) * out, np.zeros(moving // 2)])
 
-    def step_with_derivatives(self, simulation: "Simulation", action: Mapping[str, Any],
+    def step_with_derivatives(self, simulation: Stepped, action: Mapping[str, Any],
                               bodies: Sequence[str]) -> Derivatives:
         """Makes the step, undisturbed. `notes` are those of that step."""
         whole("smoothing.pairs", self.pairs, 1)
-        random = np.random.default_rng([whole("smoothing.seed", self.seed, 0), simulation.steps])
-        before = simulation.motion()
-        exact = step_with_derivatives(simulation, action, bodies)
-        after = simulation.motion()
+        random = np.random.default_rng([whole("smoothing.seed", self.seed, 0), simulation._core.steps])
+        before = simulation._core.motion()
+        exact = exact_derivatives(simulation, action, bodies)
+        after = simulation._core.motion()
         deviations = self._deviations(simulation, exact.names)
         free = [simulation.scene.bodies.index(name[:-len(".turn.x")]) for name in exact.names if name.endswith(".turn.x")]
         found: list[Derivatives] = []
@@ -65,9 +62,9 @@ class Smoothing(NamedTuple):
                 pair, ends = [], []
                 try:
                     for side in (change, -change):
-                        simulation.reset(before)
+                        simulation._core.reset_to_motion(before)
                         simulation._core.reset_beside(simulation._core, side)
-                        pair.append(step_with_derivatives(simulation, action, bodies))
+                        pair.append(exact_derivatives(simulation, action, bodies))
                         ends.append(_end(simulation, free))
                 except Error as error:
                     failure = error
@@ -76,7 +73,7 @@ class Smoothing(NamedTuple):
                 changes.append(change)
                 odd.append(0.5 * ends[0].against(ends[1]))
         finally:
-            simulation.reset(after)
+            simulation._core.reset_to_motion(after)
         if failure and not found:
             raise failure
         out = _mean(exact, found)
@@ -106,3 +103,10 @@ def smoothing_of(given: Any) -> Optional[Smoothing]:
         return Smoothing(real("smoothing", given))
     except Error:
         raise input_error("smoothing", repr(given), "a deviation [m], or a Smoothing") from None
+
+
+def step_with_derivatives(simulation: Stepped, action: Mapping[str, Any], bodies: Sequence[str],
+                          smoothing: Optional[Smoothing] = None) -> Derivatives:
+    """Makes the step, and returns its derivatives: smoothed, or its own."""
+    return (exact_derivatives(simulation, action, bodies) if smoothing is None
+            else smoothing.step_with_derivatives(simulation, action, bodies))

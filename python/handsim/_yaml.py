@@ -6,11 +6,9 @@ import math
 from pathlib import Path
 from typing import Any, Optional, Sequence
 
+from . import _core
 from ._errors import Error, Problem, input_error
 
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "kg": 1.0, "g": 1e-3, "mg": 1e-6, "s": 1.0, "ms": 1e-3, "us": 1e-6, "rad": 1.0,
-         "deg": math.pi / 180, "N": 1.0, "mN": 1e-3, "N m": 1.0, "mN m": 1e-3, "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": math.pi / 180,
-         "N/m": 1.0, "N/mm": 1e3, "": 1.0}
 DEEPEST, MOST_PLACES = 50, 100_000
 """Of a file: levels and values, with those of its aliases."""
 
@@ -19,10 +17,9 @@ def number_of(value: Any) -> Optional[float]:
     """SI of 0.2, ``"5 mm"``; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
-    digits, _, unit = value.strip().partition(" ") if isinstance(value, str) else (value, "", "")
     try:
-        return float(digits) * UNITS[unit.strip()]
-    except (ValueError, KeyError, OverflowError):
+        return _core.parse_quantity(value.strip()) if isinstance(value, str) else float(value)
+    except OverflowError:
         return None
 
 

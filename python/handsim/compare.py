@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import input_error
-from ._files import OutputFolder, ended, files_of
+from ._files import OutputFolder, ended
 from ._hand import WHAT_IF, Hand
 from ._plot import COLORS, axes, line, sheet_of
-from ._scene import Scene, data_path, find_file
+from ._scene import Scene, files_of
+from ._shipped import data_path, find_file
 from ._statics import Statics, grip, key_pinch, polytope, thumb_workspace, tip_pinch
 from ._yaml import parser
 

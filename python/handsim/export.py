@@ -1,7 +1,6 @@
 """Files for viewers and other programs, from a scene, a finished run or a person: ``python3 -m handsim export``.
 
-glTF (.glb) with the motion, MCAP with ROS 2 messages of it, USD as text (.usda) with motion and physics, OBJ and STL of a
-moment. Other formats (MJCF, URDF, OpenSim) are the program's.
+Formats are those of `FORMATS`: the ones that the package writes have a function in WRITERS, all others are the program's.
 """
 from __future__ import annotations
 
@@ -9,22 +8,26 @@ import argparse
 import struct
 import sys
 from pathlib import Path
-from typing import Any, NoReturn, Optional, Sequence
+from typing import Any, Callable, NamedTuple, NoReturn, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
-from ._files import check_target, ended, files_of, write_file
+from ._files import check_target, ended, write_file
+from ._formats import FORMATS
 from ._glb import Y_UP, glb_of_model, shown_shapes
+from ._hand import Hand
+from ._mcap import mcap_of, needs_writer, samples
 from ._model import Model, SkinParts, bent, compose, matrices, normals_of, skins_of, surface, turned
 from ._progress import bar
-from ._scene import Scene, load
+from ._scene import Scene, files_of, load
 from ._simulation import Simulation
+from ._table_files import read_csv
+from ._usd import usda_of
 
 Array = NDArray[np.float64]
-FORMATS = ("glb", "usda", "obj", "stl", "mcap")
 FRAMES = 60.0
 """Of an animation in a second, at most."""
 
@@ -49,8 +52,6 @@ def _steady(times: Array, fps: float) -> NDArray[np.intp]:
 
 def recorded(folder: Path) -> tuple[Scene, Array, Array]:
     """Scene, times and poses of a finished run."""
-    from .study import read_csv
-
     for name in ("resolved.yaml", "trajectory.csv"):
         if not (folder / name).is_file():
             raise input_error(str(folder), f"a folder without {name}", "the folder of a run, or a scene file")
@@ -134,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
                      epilog="example: python3 -m handsim export config/grasp_power_can.yaml --out can.glb")
     parser.add_argument("source", nargs="?", help="scene file, name of a shipped scene, or folder of a finished run")
     parser.add_argument("--out", help="the file; its ending says the format; default: out/NAME with the ending of --format")
-    parser.add_argument("--format", help=f"one of {', '.join(FORMATS)}")
+    parser.add_argument("--format", help="; ".join(f"{name}: {FORMATS[name].text}" for name in WRITERS))
     parser.add_argument("--time", type=float, help="the moment [s]; of glb and mcap the end of the motion; default: obj and stl the start, others all")
     parser.add_argument("--hands", choices=("skin", "shapes", "both"), default="skin", help="what is seen of hands (usda has both)")
     parser.add_argument("--fps", type=float, default=FRAMES, help="frames of an animation, or messages of a topic, in a second (60)")
@@ -149,11 +150,13 @@ def _parser() -> argparse.ArgumentParser:
 def _format(out: str, given: Optional[str]) -> str:
     ending = Path(out).suffix.lower().lstrip(".")
     if given is not None and given not in FORMATS:
-        raise input_error("--format", given, f"one of mjcf, urdf, osim, {', '.join(FORMATS)}")
+        raise input_error("--format", given, f"one of {', '.join(FORMATS)}")
+    if given in FORMATS and given not in WRITERS:
+        raise input_error("--out", out, f"a name that ends in {' or '.join(FORMATS[given].endings)} for --format {given}")
     if ending and given and ending != given:
         raise input_error("--out", out, f"a name that ends in .{given} for --format {given}")
-    if (given or ending) not in FORMATS:
-        raise input_error("--out", out, f"a name that ends in .{', .'.join(FORMATS)}")
+    if (given or ending) not in WRITERS:
+        raise input_error("--out", out, f"a name that ends in .{', .'.join(WRITERS)}")
     return given or ending
 
 
@@ -161,8 +164,6 @@ def _scene_of(arguments: argparse.Namespace) -> tuple[Scene, Optional[tuple[Arra
     """The scene, and the motion of a finished run."""
     person = {key: getattr(arguments, key) for key in ("stature", "mass", "sex", "side", "model", "person") if getattr(arguments, key)}
     if arguments.source is None:
-        from ._hand import Hand
-
         if not person:
             raise input_error("scene", "nothing", "a scene file, the folder of a run, or a person: --person, or --stature, --mass and --sex")
         if arguments.overrides or arguments.engine or arguments.time is not None:
@@ -182,12 +183,15 @@ def _scene_of(arguments: argparse.Namespace) -> tuple[Scene, Optional[tuple[Arra
     return load(arguments.source, {key: value for key, _, value in pairs}, engine=arguments.engine), None
 
 
+def _check_time(time: Optional[float], end: float) -> None:
+    if time is not None and not 0 <= time <= end + 1e-9:
+        raise input_error("--time", f"{time:g} s", f"0 to the end of the motion at {end:g} s")
+
+
 def _motion(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[float], whole: bool, fps: float,
             show: bool) -> tuple[Optional[Array], Array]:
     """Times and poses of a motion, or no times and the poses of a moment."""
-    end = scene.duration if run is None else float(run[0][-1])
-    if time is not None and not 0 <= time <= end + 1e-9:
-        raise input_error("--time", f"{time:g} s", f"0 to the end of the motion at {end:g} s")
+    _check_time(time, scene.duration if run is None else float(run[0][-1]))
     if run is None and not whole:
         return None, at_time(scene, time or 0.0, show)
     times, poses = run or simulated(scene, show)
@@ -199,22 +203,70 @@ def _motion(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[flo
     return times[rows] - times[rows[0]], poses[rows]
 
 
-def _messages(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[float], fps: float, show: bool) -> bytes:
-    """MCAP of a motion; that of a finished run is simulated again, and compared with its table."""
-    from ._mcap import mcap_of, needs_writer, samples
+class Job(NamedTuple):
+    """What a file is made of."""
 
+    scene: Scene
+    run: Optional[tuple[Array, Array]]
+    """Times and poses of a finished run."""
+    still: bool
+    """A person's hand, which has no motion."""
+    time: Optional[float]
+    hands: str
+    fps: float
+    show: bool
+
+    def moving(self, whole: bool) -> tuple[Optional[Array], Array]:
+        """Times and poses of the motion, or of a moment."""
+        return _motion(self.scene, self.run, self.time, whole and not self.still, self.fps, self.show)
+
+    def told(self, kind: str, times: Optional[Array]) -> str:
+        moved = f", {times[-1]:g} s of motion" if times is not None and len(times) > 1 else ""
+        return f"{len(self.scene._model.bodies) - 1} bodies, {len(self.scene.hands)} hands as {kind}{moved}"
+
+    @property
+    def skins(self) -> list[SkinParts]:
+        return [] if self.hands == "shapes" else skins_of(self.scene._core)
+
+
+def _glb(job: Job) -> tuple[bytes, str]:
+    times, poses = job.moving(True)
+    return glb_of_model(job.scene._model, job.skins, poses, times, hands=job.hands), job.told("glb", times)
+
+
+def _usda(job: Job) -> tuple[bytes, str]:
+    times, poses = job.moving(job.time is None)
+    return usda_of(job.scene._model, skins_of(job.scene._core), poses, times, job.fps).encode(), job.told("usda", times)
+
+
+def _obj(job: Job) -> tuple[bytes, str]:
+    return obj_of(pieces(job.scene._model, job.skins, job.moving(False)[1][0], job.hands)), job.told("obj", None)
+
+
+def _stl(job: Job) -> tuple[bytes, str]:
+    return stl_of(pieces(job.scene._model, job.skins, job.moving(False)[1][0], job.hands)), job.told("stl", None)
+
+
+def _mcap(job: Job) -> tuple[bytes, str]:
+    """The motion of a finished run is simulated again, and compared with its table."""
+    if job.still:
+        raise input_error("export", "a person", "a scene or a run for the motion of an mcap file")
     needs_writer()
-    end = scene.duration if run is None else float(run[0][-1])
-    if time is not None and not 0 <= time <= end + 1e-9:
-        raise input_error("--time", f"{time:g} s", f"0 to the end of the motion at {end:g} s")
-    motion = list(samples(scene, end if time is None else time, fps, show))
-    for each in motion if run is not None else ():
-        assert run is not None
-        row = int(np.argmin(np.abs(run[0] - each.time)))
-        if abs(run[0][row] - each.time) < 1e-9 and np.abs(run[1][row] - each.poses).max() > 1e-6:
-            raise input_error("export", f"a run that its resolved.yaml does not repeat at {each.time:g} s", "a run from its scene's start, of "
-                              "this build")
-    return mcap_of(scene, motion)
+    end = job.scene.duration if job.run is None else float(job.run[0][-1])
+    _check_time(job.time, end)
+    motion = list(samples(job.scene, end if job.time is None else job.time, job.fps, job.show))
+    if job.run is not None:
+        times, poses = job.run
+        for each in motion:
+            row = int(np.argmin(np.abs(times - each.time)))
+            if abs(times[row] - each.time) < 1e-9 and np.abs(poses[row] - each.poses).max() > 1e-6:
+                raise input_error("export", f"a run that its resolved.yaml does not repeat at {each.time:g} s",
+                                  "a run from its scene's start, of this build")
+    return mcap_of(job.scene, motion), f"joint states, transforms and contact wrenches of {job.scene.title} as mcap"
+
+
+WRITERS: dict[str, Callable[[Job], tuple[bytes, str]]] = {"glb": _glb, "usda": _usda, "obj": _obj, "stl": _stl, "mcap": _mcap}
+"""By name of the format: content of the file, and what it has, in words."""
 
 
 def run(arguments: argparse.Namespace) -> str:
@@ -230,29 +282,9 @@ def run(arguments: argparse.Namespace) -> str:
         Path("out").mkdir(exist_ok=True)
     out = check_target("--out", place, kind, [*files_of(scene), *own])
     show = sys.stderr.isatty() and not arguments.quiet
-    still = arguments.source is None
-    if kind == "mcap":
-        if still:
-            raise input_error("export", "a person", "a scene or a run for the motion of an mcap file")
-        content = _messages(scene, motion, arguments.time, arguments.fps, show)
-        write_file(out, content)
-        return f"{place}: joint states, transforms and contact wrenches of {scene.title} as mcap, {len(content) / 1e6:.2f} MB"
-    whole = kind == "glb" or kind == "usda" and arguments.time is None
-    times, poses = _motion(scene, motion, arguments.time, whole and not still, arguments.fps, show)
-    model = Model(scene)
-    skins = skins_of(scene) if arguments.hands != "shapes" or kind == "usda" else []
-    if kind == "glb":
-        content = glb_of_model(model, skins, poses, times, hands=arguments.hands)
-    elif kind == "usda":
-        from ._usd import usda_of
-
-        content = usda_of(model, skins, poses, times, arguments.fps).encode()
-    else:
-        parts = pieces(model, skins, poses[0], arguments.hands)
-        content = obj_of(parts) if kind == "obj" else stl_of(parts)
+    content, told = WRITERS[kind](Job(scene, motion, arguments.source is None, arguments.time, arguments.hands, arguments.fps, show))
     write_file(out, content)
-    moved = f", {times[-1]:g} s of motion" if times is not None and len(times) > 1 else ""
-    return f"{place}: {len(model.bodies) - 1} bodies, {len(model.hands)} hands as {kind}{moved}, {len(content) / 1e6:.2f} MB"
+    return f"{place}: {told}, {len(content) / 1e6:.2f} MB"
 
 
 def _ours(words: Sequence[str]) -> bool:
@@ -260,7 +292,7 @@ def _ours(words: Sequence[str]) -> bool:
     for word, after in zip(words, [*words[1:], ""]):
         name, sign, own = word.partition("=")
         value = own if sign else after
-        if name == "--format" and value in FORMATS or name == "--out" and Path(value).suffix.lower().lstrip(".") in FORMATS:
+        if name == "--format" and value in WRITERS or name == "--out" and Path(value).suffix.lower().lstrip(".") in WRITERS:
             return True
     return False
 

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._errors import input_error, numbers as numbers_of, real, whole
-from ._gradients import Parameters, Rollout, exact_step, state_names
-from ._scene import Scene, Source, load, with_value
-from ._simulation import Simulation
+from ._derivatives import exact_step, state_names
+from ._gradients import Rollout
+from ._overrides import Source
+from ._scene import Scene, load, with_value
+from ._simulation import Parameters, Simulation
 
 Array = NDArray[np.float64]
 PARTS = (0.25, 0.5, 1.0)

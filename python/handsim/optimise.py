@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ._core import Motion
 from ._errors import Error, input_error
-from ._gradients import ACTIONS, _End, _end, _free, cross, exact_step, rotation_vector, step_with_derivatives
+from ._derivatives import ACTIONS, _End, _end, _free, cross, exact_step, rotation_vector
 from ._simulation import Bodies, Simulation
-from ._smoothing import Smoothing
+from ._smoothing import Smoothing, step_with_derivatives
 
 Array = NDArray[np.float64]
 Residual = Callable[[Simulation, int], tuple[Array, Array]]

@@ -13,12 +13,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _core
+from . import _core, _rollouts, _rollouts_run
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
+from ._overrides import Overrides, Source, override_list
 from ._progress import Progress, bar
-from ._scene import Overrides, Scene, Source, find_file, load, override_list
-from ._table import Table, rows_table
+from ._scene import Scene, load
+from ._shipped import find_file
+from ._table import Table
+from ._table_files import read_csv, read_h5, read_json, read_sto
 
 Out = Optional[PathText]
 MOST_THREADS = 1024
@@ -69,108 +72,6 @@ class Study:
         return self._own._repr_html_() + shown
 
 
-def read_json(path: Path) -> Any:
-    import json
-
-    return json.loads(path.read_text())
-
-
-def _value(text: str) -> Union[float, str, None]:
-    if text == "":
-        return None
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def at(path: Path, line: int, key: str, got: str, need: str) -> Error:
-    """An input error with its line."""
-    return Error(f"{path}:{line}:1: {key}: got {got}, need {need}", "input", [Problem(str(path), line, 1, key, got, need)])
-
-
-def _text(path: PathText) -> tuple[Path, str]:
-    where = path_of("path", path)
-    try:
-        return where, where.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise input_error(str(where), str(getattr(error, "strerror", None) or "a file that is not text in UTF-8"), "a table") from None
-
-
-def _rows(path: Path, names: Sequence[str], lines: Iterable[tuple[int, list[Any]]]) -> Table:
-    """:raises Error: of kind input, with its line, for a row of another length and for a name that stands twice"""
-    rows = []
-    twice = [name for i, name in enumerate(names) if name in names[:i]]
-    if not names or twice:
-        raise at(path, 1, "columns", f"{twice[0]} twice" if twice else "none", "names, each once")
-    for number, row in lines:
-        if len(row) != len(names):
-            raise at(path, number, "row", f"{len(row)} fields", f"{len(names)}, one for each column")
-        rows.append(row)
-    return rows_table(names, rows)
-
-
-def read_csv(path: PathText) -> Table:
-    """A CSV file of handsim as a table: columns of numbers as arrays, in which an empty field is nan.
-
-    :raises Error: of kind input for a file that cannot be read, and with its line for a row that is longer or shorter than the head
-    """
-    import csv
-    import io
-
-    where, text = _text(path)
-    reader = csv.reader(io.StringIO(text, newline=""))
-    try:
-        head: list[str] = next(reader, [])
-        return _rows(where, head, ((reader.line_num, [_value(field) for field in row]) for row in reader if row))
-    except csv.Error as error:
-        raise at(where, reader.line_num, "row", str(error), "fields with commas between them") from None
-
-
-def read_sto(path: PathText) -> Table:
-    """A ``.sto`` or ``.mot`` file as a table of numbers; names are those of the file, angles in its unit. :raises Error: as `read_csv`"""
-    where, text = _text(path)
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    first = next((i for i, (_, line) in enumerate(lines) if line.strip() == "endheader"), None)
-    if first is None or first + 1 == len(lines):
-        raise at(where, 1, "endheader", "no such line before a line of names", "a table of motion")
-
-    def numbers(of: tuple[int, str]) -> tuple[int, list[Any]]:
-        number, line = of
-        try:
-            return number, [float(field) for field in line.split("\t")]
-        except ValueError as error:
-            raise at(where, number, "row", str(error), "numbers") from None
-    return _rows(where, lines[first + 1][1].rstrip("\n").split("\t"), map(numbers, lines[first + 2:]))
-
-
-def read_h5(path: PathText, name: str = "rollouts") -> Table:
-    """A table of a ``rollouts.h5``; texts are str. Needs h5py.
-
-    :param name: ``rollouts``, the table of all, or ``trajectories/K``, the recorded states of rollout K
-    :raises Error: of kind input where the file has no such table
-    """
-    import h5py
-
-    where = path_of("path", path)
-    if not isinstance(name, str):
-        raise input_error("name", repr(name), "rollouts, or trajectories/K of a recorded rollout K")
-
-    def column(data: Any) -> Any:
-        return list(data.asstr()[:]) if h5py.check_string_dtype(data.dtype) else data[:]
-
-    try:
-        opened = h5py.File(where)
-    except OSError as error:
-        raise input_error(str(where), str(error), "an HDF5 file") from None
-    with opened as file:
-        if name == "rollouts" and name in file:
-            return Table({key: column(data) for key, data in file[name].items()})
-        if f"{name}.columns" not in file:
-            raise input_error("name", repr(name), "rollouts, or trajectories/K of a recorded rollout K")
-        return Table(dict(zip(column(file[f"{name}.columns"]), file[name][:].T)))
-
-
 def _path(key: str, path: Optional[PathText]) -> Optional[Path]:
     return None if path is None else path_of(key, path)
 
@@ -215,7 +116,7 @@ def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats
 def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = None, *, sides: Sequence[str] = (),
            friction: Optional[float] = None, friction_search: bool = False, margin: bool = False,
            confirm: bool = False, pictures: bool = False, uncertain: Optional[int] = None, threads: int = 0,
-           out: Out = None, progress: Progress = None) -> Study:
+           client: Any = None, out: Out = None, progress: Progress = None) -> Study:
     """Grasp and climb scenes in one table of each: ``tables["grasps"]``, ``tables["climbs"]``.
 
     :param scenes: files, names of shipped scenes, or folders
@@ -225,7 +126,8 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     :param margin: each grasp again with 5 % more and less friction and mass
     :param confirm: each grasp again at half the step
     :param uncertain: as many hands are drawn within what is uncertain, in place of the scenes' own, on ``threads`` cores
-        (0: all): ``tables["uncertain"]`` has every figure with its interval and the owners of its variance
+        (0: all) or by the workers of ``client`` (see `rollouts`): ``tables["uncertain"]`` has every figure with its interval
+        and the owners of its variance
     """
     flags(friction_search=friction_search, margin=margin, pictures=pictures)
     if friction is not None:
@@ -234,63 +136,72 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
         whole("uncertain", uncertain, 2), whole("threads", threads, 0, MOST_THREADS)
         if friction is not None or friction_search or margin or confirm or pictures:
             raise input_error("uncertain", "options of one run of each scene", "scenes, overrides, sides and out alone")
-    listed = _listed("scenes", scenes)
+    listed = [find_file(each) for each in _listed("scenes", scenes)]
     with _folder(out) as folder, bar(progress, "grasps") as told:
-        text = _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
-                            friction_search, margin, confirm, pictures, uncertain, threads, told)
-        return Study("uncertain" if uncertain else "grasps", folder, text)
+        if uncertain is not None:
+            words = ["grasp", *map(str, listed)] + (["--side", "both" if len(sides) == 2 else sides[0]] if sides else [])
+            command = f"{_core.command_text(words, override_list(overrides))} --uncertain {uncertain}"
+            with _executor(client, threads) as executor:
+                text = _rollouts_run.uncertain_grasps(listed, list(sides), [], override_list(overrides), uncertain, folder, command, executor, told).text
+            _core.finish_study(folder, command, {}, False)
+            return Study("uncertain", folder, text)
+        _core.grasps(listed, folder, list(sides), override_list(overrides), friction, friction_search, margin, confirm, pictures, told)
+        return Study("grasps", folder, "")
+
+
+@contextmanager
+def _executor(client: Any, threads: int) -> Iterator[_rollouts.Executor]:
+    executor = _rollouts.executor_of(client, threads)
+    try:
+        yield executor
+    finally:
+        executor.close()
+
+
+def _drawn(asked: _rollouts.Asked, client: Any, threads: int, out: Out, progress: Progress, **more: Any) -> Study:
+    """A study of rollouts, or of uncertain hands."""
+    whole("threads", threads, 0, MOST_THREADS)
+    with _folder(out) as folder, bar(progress, "rollouts") as told, _executor(client, threads) as executor:
+        order = _rollouts_run.rollouts_order(asked, folder, **more)
+        return Study("rollouts", folder, _rollouts_run.run(order, executor, told).text)
 
 
 def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[int] = None,
-             seed: Optional[int] = None, threads: int = 0, resume: bool = False, out: Out = None,
+             seed: Optional[int] = None, threads: int = 0, resume: bool = False, client: Any = None, out: Out = None,
              progress: Progress = None) -> Study:
     """Thousands of runs of a scene, each with its own person, mass, friction or pose.
 
     :param count: draws, in place of the study's
     :param seed: in place of the study's
-    :param resume: goes on with a study that was stopped, from the journal in ``out``
+    :param threads: of this machine; 0: one for each core
+    :param resume: goes on with a study that was stopped, from the rows in ``out``
+    :param client: a ``distributed.Client``, whose workers compute in place of this machine, or any executor whose ``submit`` is as
+        in concurrent.futures
     """
-    whole("threads", threads, 0, MOST_THREADS)
     flags(resume=resume)
     for name, value, least in (("count", count, 1), ("seed", seed, 0)):
         if value is not None:
             whole(name, value, least)
-    with _folder(out) as folder, bar(progress, "rollouts") as told:
-        text = _core.rollouts(find_file(study), folder, count, seed, override_list(overrides), threads, resume,
-                              False, told)
-        return Study("rollouts", folder, text)
+    return _drawn(_rollouts.Asked(find_file(study), False, tuple(override_list(overrides)), count, seed), client, threads, out, progress, resume=resume)
 
 
-def uncertain(scene: PathText, overrides: Overrides = None, *, count: int = 100, threads: int = 0, out: Out = None,
+def uncertain(scene: PathText, overrides: Overrides = None, *, count: int = 100, threads: int = 0, client: Any = None, out: Out = None,
               progress: Progress = None) -> Study:
     """Runs of a scene with hands drawn within what is uncertain of them: every figure with its interval, and the
     shares of the inputs in its variance (``study.summary["outcomes"]``).
 
     :param scene: path of a scene file, or the name of a shipped scene
     :param count: hands
+    :param client: as in `rollouts`
     """
     whole("count", count, 2)
-    whole("threads", threads, 0, MOST_THREADS)
-    with _folder(out) as folder, bar(progress, "uncertain") as told:
-        text = _core.rollouts(find_file(scene), folder, count, None, override_list(overrides), threads, False, True,
-                              told)
-        return Study("rollouts", folder, text)
-
-
-def merge(folders: Union[PathText, Sequence[PathText]], *, out: Out = None) -> Study:
-    """The table of all shards of a study of rollouts (``handsim rollouts --shard``).
-
-    :param folders: of the shards, or the folder that has them
-    """
-    listed = [path_of("folders", each) for each in _listed("folders", folders)]
-    with _folder(out) as folder:
-        return Study("rollouts", folder, _core.merge(listed, folder))
+    return _drawn(_rollouts.Asked(find_file(scene), True, tuple(override_list(overrides)), count), client, threads, out, progress)
 
 
 def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion: Optional[PathText] = None,
             names: Optional[PathText] = None, loads: Optional[PathText] = None, cutoff: Optional[float] = 6.0,
             clamp: bool = False, check: bool = True, muscles: bool = False, co_contraction: float = 0,
-            uncertain: Optional[int] = None, threads: int = 0, out: Out = None, progress: Progress = None) -> Study:
+            uncertain: Optional[int] = None, threads: int = 0, client: Any = None, out: Out = None, progress: Progress = None) -> Study:
     """Inverse dynamics: the torques about every axis that make a motion: ``tables["torques"]`` over time, and
     ``tables["summary"]`` by axis.
 
@@ -303,7 +214,7 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     :param muscles: activations by static optimisation as well, of a scene with muscles: tables ``activations``,
         ``excitations`` and ``reserves``, the torques that the muscles leave undone; the check is driven by these
     :param co_contraction: least activation of every muscle, 0 to 0.9
-    :param uncertain: as many hands are drawn within what is uncertain, on ``threads`` cores (0: all), without the check:
+    :param uncertain: as many hands are drawn within what is uncertain, on ``threads`` cores (0: all) or by ``client``, without the check:
         figures with their intervals in ``summary["outcomes"]``, ``tables["bands"]`` over time; of a scene's file or name
     """
     flags(clamp=clamp, check=check, muscles=muscles)
@@ -311,18 +222,17 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
         raise input_error("co_contraction", str(co_contraction), "0 to 0.9")
     if cutoff is not None:
         real("cutoff", cutoff)
-    file = None
+    files = [_path(key, path) for key, path in (("motion", motion), ("names", names), ("loads", loads))]
+    least = float(co_contraction) if muscles else None
     if uncertain is not None:
-        whole("uncertain", uncertain, 2), whole("threads", threads, 0, MOST_THREADS)
+        whole("uncertain", uncertain, 2)
         if not isinstance(scene, (str, PathLike)):
             raise input_error("scene", "a compiled scene beside uncertain", "its file, or the name of a shipped one")
-        file = find_file(scene)
+        asked = _rollouts.Asked(find_file(scene), True, tuple(override_list(overrides)), uncertain, inverse=(*files, cutoff, clamp, least))
+        return _drawn(asked, client, threads, out, progress)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder, bar(progress, "inverse") as told:
-        text = _core.inverse(of._core, folder, _path("motion", motion), _path("names", names), _path("loads", loads), cutoff, clamp, check,
-                             float(co_contraction) if muscles else None, file, override_list(overrides), uncertain, threads,
-                             told)
-        return Study("rollouts" if uncertain else "inverse", folder, text)
+        return Study("inverse", folder, _core.inverse(of._core, folder, *files, cutoff, clamp, check, least, told))
 
 
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,
@@ -367,5 +277,5 @@ def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int
                                                          None if uncertain is None else whole("uncertain", uncertain, 2)))
 
 
-__all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "merge", "read_csv", "read_h5",
+__all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "read_csv", "read_h5",
            "read_sto", "rollouts", "track", "uncertain", "validate"]

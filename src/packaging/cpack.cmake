@@ -31,7 +31,7 @@ set(CPACK_DEBIAN_DEV_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEV_PACKAGE_SHLIBDEPS OFF)
 # What handsim-config.cmake looks for, and the shipped models and scenes.
 set(CPACK_DEBIAN_DEV_PACKAGE_DEPENDS
-    "handsim (= ${PROJECT_VERSION}), libode-dev, libsundials-dev, libomp-dev | libgomp1, libeigen3-dev, libyaml-cpp-dev, libfmt-dev, libqhull-dev, libtbb-dev, libhdf5-dev, libpng-dev, libcairo2-dev, pkg-config")
+    "handsim (= ${PROJECT_VERSION}), libode-dev, libsundials-dev, libomp-dev | libgomp1, libeigen3-dev, libyaml-cpp-dev, libfmt-dev, libqhull-dev, libtbb-dev, libpng-dev, libcairo2-dev, pkg-config")
 set(CPACK_COMPONENT_DEV_DESCRIPTION
     "The static library and the headers of handsim, which simulates the hands of
 a person, for CMake's find_package(handsim).")

@@ -107,8 +107,6 @@ build qhull by_cmake -DLINK_APPS_SHARED=OFF
 build onetbb by_cmake -DTBB_TEST=OFF -DTBBMALLOC_BUILD=OFF -DTBB_STRICT=OFF -DTBB_DISABLE_HWLOC_AUTOMATIC_SEARCH=ON
 build sundials by_cmake -DBUILD_STATIC_LIBS=ON -DEXAMPLES_ENABLE_C=OFF -DEXAMPLES_ENABLE_CXX=OFF -DBUILD_ARKODE=OFF \
   -DBUILD_CVODES=OFF -DBUILD_IDAS=OFF -DBUILD_KINSOL=OFF
-build hdf5 by_configure --disable-tools --disable-tests --disable-hl --without-zlib --without-szlib
-pc hdf5-serial 1.10.8 -lhdf5
 build zlib by_configure_of_zlib
 build libpng1.6 by_configure CPPFLAGS="-I$prefix/include"
 build pixman by_configure --disable-gtk --disable-libpng

@@ -31,7 +31,7 @@ TEST(Completion, InBashGivesCommandsOptionsAndWords) {
   EXPECT_EQ(completed("handsim eff", 1), "effects");
   EXPECT_EQ(completed("handsim run scene.yaml --fra", 3), "--frames");
   EXPECT_EQ(completed("handsim hand --side l", 3), "left");
-  EXPECT_EQ(completed("handsim export scene.yaml --format ''", 4), "mjcf urdf osim");
+  EXPECT_EQ(completed("handsim export scene.yaml --format ''", 4), "mjcf urdf osim glb usda obj stl mcap");
   // A file of the user is left to the shell.
   EXPECT_EQ(completed("handsim run two_hands --from-snapshot ''", 4), "");
 }

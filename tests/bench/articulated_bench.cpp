@@ -311,7 +311,7 @@ void read_state(benchmark::State& state) {
   model::State out = engine.state();
   for (auto unused : state) {
     (void)unused;
-    engine.mechanism().give(out);
+    engine.mechanism().store_state(out);
     benchmark::DoNotOptimize(out.bodies.data());
   }
 }
@@ -330,7 +330,7 @@ void derivatives_of_dynamics(benchmark::State& state) {
     start.q[i] += 0.3 * std::sin(static_cast<double>(i));
     start.u[i] = std::cos(static_cast<double>(i));
   }
-  mechanism.take(start);
+  mechanism.load_state(start);
   mechanism.update_bases();
   const int n = slopes.size();
   // Coordinates of a finger depend on no other finger's.

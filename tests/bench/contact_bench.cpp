@@ -1,4 +1,4 @@
-// What contacts cost either of ODE's solvers: the measurements behind method auto. Asserts nothing.
+// What contacts cost either of ODE's solvers. Asserts nothing.
 #include <benchmark/benchmark.h>
 
 #include "bench/paired.h"
@@ -100,7 +100,6 @@ void grasp(benchmark::State& state, const char* method) {
   state.counters["of_real_time"] = median(ratios);
   state.counters["contacts"] = median(contacts);
 }
-BENCHMARK_CAPTURE(grasp, auto_50, "auto")->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(grasp, world_step, "world_step")
     ->UseManualTime()
     ->Iterations(3)

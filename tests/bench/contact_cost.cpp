@@ -30,9 +30,9 @@ struct MethodChoice {
   const char* method;
   int iterations;
 };
-constexpr std::array kMethods = {
-    MethodChoice{"world_step", "world_step", 20}, MethodChoice{"quick_step 20", "quick_step", 20},
-    MethodChoice{"quick_step 50", "quick_step", 50}, MethodChoice{"auto 50", "auto", 50}};
+constexpr std::array kMethods = {MethodChoice{"world_step", "world_step", 20},
+                                 MethodChoice{"quick_step 20", "quick_step", 20},
+                                 MethodChoice{"quick_step 50", "quick_step", 50}};
 constexpr std::array kHeights = {0, 1, 2, 3, 4, 6, 8, 10, 13, 16};
 constexpr double kSlab = 0.02;   ///< thickness [m]
 constexpr int kSettling = 1000;  ///< steps before the timed ones, in which the hand comes to rest

@@ -23,13 +23,11 @@ constexpr double kStep = 1e-3;
 
 /// A hinge under control, without files: one axis, one target.
 struct Bench {
-  explicit Bench(const Gains& gains, Form form = Form::explicit_torque, double target = 0, double start = 0)
+  explicit Bench(DrivenAxis axis, Form form = Form::explicit_torque, double target = 0, double start = 0)
       : model(engine::test::hinged_body(0, {kInertia, kInertia, kInertia})) {
     model.joints[0].axes[0].initial = start;
     plan.form = form;
-    DrivenAxis axis;
     axis.name = "pin";
-    axis.gains = gains;
     plan.axes = {axis};
     HandPlan hand{"right", model::Side::right, Trajectory(1, model::Interpolation::linear)};
     hand.trajectory.add(0, std::vector<double>{target});
@@ -47,8 +45,8 @@ struct Bench {
   Plan plan;
 };
 
-Gains gains(double p, double d, double i, double limit) {
-  Gains out;
+DrivenAxis gains(double p, double d, double i, double limit) {
+  DrivenAxis out;
   out.proportional = p, out.derivative = d, out.integral = i, out.torque_limit = limit;
   return out;
 }
@@ -79,7 +77,7 @@ TEST(Pid, TakesItsDerivativeFromTheMeasurement) {
 // Oracle: first-order low-pass, backward Euler: the share 1 - (1 + 2 pi f h)^-n of a constant rate after n
 // steps.
 TEST(Pid, LowPassesItsDerivative) {
-  Gains low = gains(0, 0.01, 0, 10);
+  DrivenAxis low = gains(0, 0.01, 0, 10);
   low.derivative_cutoff = 20;
   const Bench bench(low);
   Controller controller = bench.controller();
@@ -93,7 +91,7 @@ TEST(Pid, LowPassesItsDerivative) {
 
 // Oracle: the same filter on the engine's own motion: I (v+ - v) = -h D d+, d+ = d + s (v+ - d).
 TEST(Pid, LowPassesItsDerivativeWithinTheStepInTheImplicitForm) {
-  Gains low = gains(0, 1e-3, 0, 10);
+  DrivenAxis low = gains(0, 1e-3, 0, 10);
   low.derivative_cutoff = 20;
   Bench bench(low, Form::implicit_gain);
   bench.model.bodies[1].initial_angular_velocity = Vec3(0, 3, 0);
@@ -129,7 +127,7 @@ TEST(Pid, DoesNotWindUpAtItsLimit) {
 
 // Oracle: bit equality of a controller with the one from whose saved state it was restored.
 TEST(Pid, ContinuesFromASavedStateToTheBit) {
-  Gains full = gains(0.2, 0.01, 5, 1);
+  DrivenAxis full = gains(0.2, 0.01, 5, 1);
   full.derivative_cutoff = 50;
   const Bench bench(full, Form::implicit_gain, 0.5);
   Controller first = bench.controller();
@@ -296,8 +294,8 @@ TEST(Design, FrequencyAndDampingRatioBecomeGainsOnTheBuiltInertia) {
   ASSERT_EQ(scene.control->axes.size(), 40U);
   for (const DrivenAxis& axis : scene.control->axes) {
     const double w = 2 * M_PI * 8;
-    EXPECT_NEAR(axis.gains.proportional, axis.inertia * w * w, 1e-12 * axis.gains.proportional);
-    EXPECT_NEAR(axis.gains.derivative, 2 * axis.inertia * w, 1e-12 * axis.gains.derivative);
+    EXPECT_NEAR(axis.proportional, axis.inertia * w * w, 1e-12 * axis.proportional);
+    EXPECT_NEAR(axis.derivative, 2 * axis.inertia * w, 1e-12 * axis.derivative);
   }
 }
 

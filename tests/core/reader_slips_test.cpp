@@ -37,11 +37,11 @@ TEST(Keys, OfAnotherCaseAreNear) {
 }
 
 TEST(OptionalText, StaysAbsent) {
-  YamlNode root = parse_yaml("a: 1\n", "f.yaml");
+  const YamlNode root = parse_yaml("a: 1\n", "f.yaml");
   Diagnostics diagnostics;
   MapReader reader(root, "", diagnostics);
   EXPECT_FALSE(reader.maybe_text("source").has_value());
-  EXPECT_EQ(emit_yaml(root), "a: 1\n");
+  EXPECT_EQ(emit_yaml(diagnostics.resolution.applied(root)), "a: 1\n");
 }
 
 TEST(DecimalComma, IsReportedOnceWithTheCorrectForm) {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "handsim/hand/grip_strength.h"
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 
 namespace handsim {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 using Json = nlohmann::json;
 
 /// A file with a key of every form; `radius` exists for one shape only.
-void read_thing(YamlNode& root, Diagnostics& diagnostics) {
+void read_thing(const YamlNode& root, Diagnostics& diagnostics) {
   MapReader reader(root, "", diagnostics);
   reader.name("name");
   reader.number("mass", {Dimension::mass, 0, 5, true}, 2.0);
@@ -40,7 +40,7 @@ void read_thing(YamlNode& root, Diagnostics& diagnostics) {
 
 const std::vector<SchemaSource> kSources = {
     {"a thing", read_thing},
-    {"a person", [](YamlNode& root, Diagnostics& into) { hand::read_person(root, "", into); }},
+    {"a person", [](const YamlNode& root, Diagnostics& into) { hand::read_person(root, "", into); }},
 };
 
 Json schema() { return Json::parse(json_schema("a thing", kSources)); }
@@ -54,7 +54,7 @@ std::set<std::string> keys_of(const Json& object) {
 // Oracle: the definition: a default that depends on another key is not in the schema.
 TEST(Schema, HasNoDefaultThatDependsOnOtherKeys) {
   const std::vector<SchemaSource> sources = {
-      {"a thing", [](YamlNode& root, Diagnostics& diagnostics) {
+      {"a thing", [](const YamlNode& root, Diagnostics& diagnostics) {
          MapReader reader(root, "", diagnostics);
          const bool fast = reader.flag("fast", false);
          reader.number("speed", {Dimension::none, 0, 9}, fast ? 5.0 : 1.0);
@@ -124,17 +124,17 @@ void expect_same_keys(const std::string& kind, const SchemaSource& source,
 // Oracle: the reader's own message about an unknown key.
 TEST(Schema, HasTheKeysThatTheReaderOffers) {
   expect_same_keys("a person", kSources[1], {});
-  const SchemaSource anthropometry = {"an anthropometry file", [](YamlNode& root, Diagnostics& into) {
+  const SchemaSource anthropometry = {"an anthropometry file", [](const YamlNode& root, Diagnostics& into) {
                                         hand::read_anthropometry(root, "", into);
                                       }};
   expect_same_keys(
       "a hand model",
-      {"a hand model", [](YamlNode& root, Diagnostics& into) { hand::read_hand_spec(root, "", into); }},
+      {"a hand model", [](const YamlNode& root, Diagnostics& into) { hand::read_hand_spec(root, "", into); }},
       {anthropometry,
-       {"muscles of a hand",
-        [](YamlNode& root, Diagnostics& into) { hand::read_muscle_file(root, "", std::nullopt, into); }},
+       {"muscles of a hand", [](const YamlNode& root,
+                                Diagnostics& into) { hand::read_muscle_file(root, "", std::nullopt, into); }},
        {"a table of grip strength",
-        [](YamlNode& root, Diagnostics& into) { hand::read_grip_table(root, "", into); }}});
+        [](const YamlNode& root, Diagnostics& into) { hand::read_grip_table(root, "", into); }}});
 }
 
 }  // namespace

@@ -155,13 +155,14 @@ TEST(MapReader, CollectsEveryProblemWithItsPlace) {
       "f.yaml:3:1: methd: got an unknown key, need one of duration, erp, method, step (nearest: method)\n");
 }
 
-TEST(MapReader, WritesTheDefaultsItUsesIntoTheTree) {
+TEST(MapReader, NotesTheDefaultsItUsesForTheResolvedText) {
   Reading reading("a: {}\n");
   MapReader reader = reading.reader();
   EXPECT_EQ(reader.number("x", {}, 0.1), 0.1);
   EXPECT_TRUE(reader.flag("y", true));
   EXPECT_EQ(reader.map("a").integer("n", 0, 9, 4), 4);
-  EXPECT_EQ(emit_yaml(reading.root), "a:\n  n: 4\nx: 0.1\ny: true\n");
+  EXPECT_EQ(emit_yaml(reading.diagnostics.resolution.applied(reading.root)), "a:\n  n: 4\nx: 0.1\ny: true\n");
+  EXPECT_EQ(emit_yaml(reading.root), "a:\n  {}\n");
 }
 
 TEST(MapReader, RangesMustIncrease) {

@@ -28,10 +28,7 @@ Settings how(Method method) {
   out.contact_forces = true;
   // The CFM of the shipped grasps: the four points of a pad have redundant friction rows, at which a solver
   // without compliance fails.
-  if (out.engine() == EngineKind::ode) {
-    out.ode().cfm = 1e-8;
-    out.ode().guard = GuardLimits{};
-  }
+  if (out.engine() == EngineKind::ode) out.ode().cfm = 1e-8;
   return out;
 }
 

@@ -6,10 +6,7 @@
 #include <limits>
 #include <random>
 
-#include <ode/ode.h>
-
 #include "engine/models.h"
-#include "handsim/engine/ode/ode_engine.h"
 
 namespace handsim::engine::unmade {
 namespace {
@@ -129,15 +126,12 @@ void spoil(Action& action, const model::Model& model, std::mt19937& random) {
 struct Case {
   std::string name;
   Method method;
-  bool guarded = false;
   std::optional<double> strain = {};
 };
 
 class UnmadeStep : public testing::TestWithParam<Case> {
  protected:
-  UnmadeStep() : model_(fingers_with_muscles(GetParam().strain)), with_(everything(GetParam().method)) {
-    if (GetParam().guarded) with_.ode().guard.emplace();
-  }
+  UnmadeStep() : model_(fingers_with_muscles(GetParam().strain)), with_(everything(GetParam().method)) {}
   model::Model model_;
   Settings with_;
 };
@@ -204,39 +198,10 @@ TEST_P(UnmadeStep, KeepsTheLastStateWhenAStepFails) {
 INSTANTIATE_TEST_SUITE_P(
     , UnmadeStep,
     testing::Values(Case{"WorldStep", OdeMethod::world_step}, Case{"QuickStep", OdeMethod::quick_step},
-                    Case{"GuardedWorldStep", OdeMethod::world_step, true},
-                    Case{"ElasticOnOde", OdeMethod::world_step, false, 0.033},
+                    Case{"ElasticOnOde", OdeMethod::world_step, 0.033},
                     Case{"Articulated", ArticulatedMethod::semi_implicit_euler},
-                    Case{"ElasticOnArticulated", ArticulatedMethod::semi_implicit_euler, false, 0.033}),
+                    Case{"ElasticOnArticulated", ArticulatedMethod::semi_implicit_euler, 0.033}),
     [](const auto& each) { return each.param.name; });
-
-int asked = 0, refused = 0;  ///< Blocks for steps so far; the one that is refused, counted from 1.
-
-extern "C" void* refuse_one(dsizeint size) { return ++asked == refused ? nullptr : std::malloc(size); }
-extern "C" void* shrink(void* block, dsizeint /*size*/, dsizeint smaller) {
-  return std::realloc(block, smaller);
-}
-extern "C" void free_block(void* block, dsizeint /*size*/) { std::free(block); }
-
-// Oracle: the first step from rest, I w = h tau, whatever was tried before it. The solver refuses as it does
-// where memory is short; the guard's next attempt has 100 times the CFM, which a free axis does not feel.
-TEST(GuardedStep, HasItsTorqueOnceAfterASolverWithoutMemory) {
-  const model::Model model = test::hinged_body();
-  Settings with = test::settings({}, 1e-3, OdeMethod::world_step);
-  with.ode().guard.emplace();
-  const std::vector<double> torque = {0.01};
-  // ODE does not survive without its first block, a few bytes for each body; the second is the solver's.
-  for (const int block : {0, 2}) {
-    const auto engine = make_engine(model, with);
-    const dWorldStepMemoryFunctionsInfo functions = {sizeof(dWorldStepMemoryFunctionsInfo), refuse_one,
-                                                     shrink, free_block};
-    dWorldSetStepMemoryManager(dynamic_cast<ode::OdeEngine&>(*engine).world_id(), &functions);
-    asked = 0, refused = block;
-    const StepReport report = engine->step({torque});
-    EXPECT_EQ(report.rung, block > 0 ? Rung::softer : Rung::none);
-    EXPECT_NEAR(engine->state().u[0], 1e-3 * 0.01 / 1e-4, 1e-9) << block;
-  }
-}
 
 }  // namespace
 }  // namespace handsim::engine::unmade

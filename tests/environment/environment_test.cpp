@@ -226,11 +226,11 @@ TEST_P(OnEngine, NumbersActAsInTheSceneCompiledWithThem) {
 
 TEST(Gains, AndTorqueLimitsAreFactorsOfTheControllers) {
   Environment environment(shipped_scene("every_pose", {"solver={engine: articulated, step: 1 ms}"}));
-  const control::Gains before = environment.scene().control->axes[3].gains;
+  const control::DrivenAxis before = environment.scene().control->axes[3];
   environment.set("gains", std::vector<double>{2.0});
   environment.set("torque_limits", std::vector<double>{0.01});
   environment.reset();
-  const control::Gains& now = environment.scene().control->axes[3].gains;
+  const control::DrivenAxis& now = environment.scene().control->axes[3];
   EXPECT_EQ(now.proportional, 2 * before.proportional);
   EXPECT_EQ(now.derivative, 2 * before.derivative);
   EXPECT_EQ(now.torque_limit, 0.01 * before.torque_limit);
@@ -239,7 +239,7 @@ TEST(Gains, AndTorqueLimitsAreFactorsOfTheControllers) {
   const auto axes = environment.simulation().controller()->axes();
   int at_limit = 0;
   for (std::size_t i = 0; i < axes.size(); ++i) {
-    const double limit = environment.scene().control->axes[i].gains.torque_limit;
+    const double limit = environment.scene().control->axes[i].torque_limit;
     EXPECT_LE(std::abs(axes[i].torque), limit * (1 + 1e-9));
     at_limit += std::abs(axes[i].torque) > 0.999 * limit ? 1 : 0;
   }

@@ -1,5 +1,5 @@
 #include "fuzz/fuzz.h"
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace handsim;

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 #include "places.h"
 
 namespace handsim::hand {

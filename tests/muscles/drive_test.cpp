@@ -220,7 +220,7 @@ TEST(MuscleDrive, AControlWithoutControllerGetsTheOneOfItsDrive) {
         drive, "controller: " + test::source("controllers/" + std::string(file) + ".yaml").string() + ", ");
     ASSERT_EQ(own.control->axes.size(), named.control->axes.size());
     for (std::size_t i = 0; i < own.control->axes.size(); ++i)
-      EXPECT_EQ(own.control->axes[i].gains.proportional, named.control->axes[i].gains.proportional);
+      EXPECT_EQ(own.control->axes[i].proportional, named.control->axes[i].proportional);
   }
 }
 

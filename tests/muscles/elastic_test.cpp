@@ -6,6 +6,7 @@
 
 #include "engine/models.h"
 #include "handsim/engine/muscles.h"
+#include "handsim/engine/tendon_kernels.h"
 #include "handsim/environment/environment.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
@@ -50,12 +51,12 @@ class Held {
     state_.q = {angle};
     state_.activation = {activation};
     model::rest_muscles(model_, state_);
-    muscles_.start(state_);
+    muscles_.reset(state_);
   }
   /// Tension at the end [N].
   double step(double excitation) {
-    muscles_.begin(state_.q, state_.u, {&excitation, 1});
-    muscles_.end(state_.q, state_.u, state_);
+    muscles_.begin_step(state_.q, state_.u, {&excitation, 1});
+    muscles_.store_state(state_.q, state_.u, state_);
     return state_.tendon_force[0];
   }
   const model::State& state() const { return state_; }
@@ -202,11 +203,11 @@ TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
       Muscles muscles(
           model, all, [](int a, int b) { return a == b; }, kernel);
       model::State state = start;
-      muscles.start(state);
+      muscles.reset(state);
       for (int step = 0; step < 3; ++step) {
-        muscles.begin(state.q, state.u, excitations);
+        muscles.begin_step(state.q, state.u, excitations);
         for (double& u : state.u) u *= 0.9;
-        muscles.end(state.q, state.u, state);
+        muscles.store_state(state.q, state.u, state);
       }
       if (!first) first = state;
       EXPECT_EQ(state.fibre_length, first->fibre_length) << kernel->name;

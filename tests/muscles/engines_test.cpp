@@ -8,6 +8,7 @@
 
 #include "engine/models.h"
 #include "handsim/engine/muscles.h"
+#include "handsim/engine/tendon_kernels.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
@@ -95,8 +96,8 @@ struct Start {
 
 Start start_of(const model::Model& model, Muscles& muscles, const model::State& state,
                const std::vector<double>& excitations) {
-  muscles.start(state);
-  muscles.begin(state.q, state.u, excitations);
+  muscles.reset(state);
+  muscles.begin_step(state.q, state.u, excitations);
   const auto n = static_cast<Eigen::Index>(model.dof_count());
   Start out = {Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, n)};
   for (Eigen::Index i = 0; i < n; ++i) out.torques[i] = muscles.torques()[static_cast<std::size_t>(i)];

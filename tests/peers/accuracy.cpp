@@ -56,7 +56,7 @@ study::AccuracyOptions read(const fs::path& file, const fs::path& folder) {
   study::AccuracyOptions options;
   options.study = file.parent_path() / reader.text("study");
   const study::AccuracySpec spec = study::load_accuracy(options.study);
-  YamlNode* rows = reader.list("peers", true, kMostRows);
+  const YamlNode* rows = reader.list("peers", true, kMostRows);
   for (std::size_t i = 0; rows && i < rows->items.size(); ++i)
     if (auto method = read_method(MapReader(rows->items[i], fmt::format("peers.{}", i), diagnostics),
                                   spec.methods.at(0).steps, folder))

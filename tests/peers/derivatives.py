@@ -210,7 +210,7 @@ def against_mujoco(folder):
 
 def side(sim, change):
     """The next state, against the start's, from a start that is changed by (q, u)."""
-    from handsim._gradients import _end, _free, exact_step
+    from handsim._derivatives import _end, _free, exact_step
 
     start, free = sim.motion(), _free(sim)
     before = _end(sim, free)

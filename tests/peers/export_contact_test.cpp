@@ -244,11 +244,11 @@ TEST(ExportedDrives, HaveThePlansGainsAndLimits) {
   EXPECT_EQ(m.nu, scene.model.dof_count());
   for (const control::DrivenAxis& axis : scene.control->axes) {
     const int i = there.id(mjOBJ_ACTUATOR, axis.name);
-    EXPECT_EQ(m.actuator_gainprm[mjNGAIN * i], axis.gains.proportional);
-    EXPECT_EQ(m.actuator_biasprm[mjNBIAS * i + 1], -axis.gains.proportional);
-    EXPECT_EQ(m.actuator_biasprm[mjNBIAS * i + 2], -axis.gains.derivative);
-    EXPECT_EQ(m.actuator_forcerange[2 * i + 1], axis.gains.torque_limit);
-    EXPECT_EQ(m.actuator_forcerange[2 * i], -axis.gains.torque_limit);
+    EXPECT_EQ(m.actuator_gainprm[mjNGAIN * i], axis.proportional);
+    EXPECT_EQ(m.actuator_biasprm[mjNBIAS * i + 1], -axis.proportional);
+    EXPECT_EQ(m.actuator_biasprm[mjNBIAS * i + 2], -axis.derivative);
+    EXPECT_EQ(m.actuator_forcerange[2 * i + 1], axis.torque_limit);
+    EXPECT_EQ(m.actuator_forcerange[2 * i], -axis.torque_limit);
   }
 }
 
@@ -258,7 +258,7 @@ TEST(ExportedDrives, MoveTheHandAsServosDo) {
   scene::Scene scene = shipped_scene("every_pose", {"solver.engine=articulated", "solver.step=0.0002"});
   scene.control->gravity.reset();
   scene.control->tissue_compensation = false;
-  for (control::DrivenAxis& axis : scene.control->axes) axis.gains.integral = 0;
+  for (control::DrivenAxis& axis : scene.control->axes) axis.integral = 0;
   There there(scene);
   const auto engine = engine::make_engine(scene.model, scene.spec.solver);
   control::Controller controller(scene.model, *scene.control, scene.spec.solver.step, engine->state());

@@ -96,7 +96,7 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
   const OwnedData data(mj_makeData(other.get()));
   other->opt.disableflags |= mjDSBL_CONSTRAINT;
   Mechanism mechanism(scene.model, scene.spec.solver, engine::articulated::kernels().front());
-  mechanism.take(model::initial_state(scene.model));
+  mechanism.load_state(model::initial_state(scene.model));
   JointSpace space(mechanism);
   const int n = space.size();
   ASSERT_EQ(other->nv, n);

@@ -13,7 +13,7 @@ import pytest
 import handsim as hs
 from conftest import BALLS
 from handsim import export
-from handsim._model import Model, bent, compose, inverse, matrices, skins_of, surface
+from handsim._model import bent, compose, inverse, matrices, skins_of, surface
 
 TYPES = {5126: np.float32, 5123: np.uint16, 5125: np.uint32}
 SIZES = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}
@@ -72,7 +72,7 @@ def fall():
 # Oracle: the run's own poses, by the joint centres that the model has; glTF's rules for skins.
 def test_nodes_move_as_the_bodies_do(fall):
     scene, times, poses = fall
-    model, skins = Model(scene), skins_of(scene)
+    model, skins = scene._model, skins_of(scene._core)
     file = Glb(export.glb_of_model(model, skins, poses, times))
     assert [node["name"] for node in file.json["nodes"][1:len(model.bodies)]] == [body.name for body in model.bodies[1:]]
     assert np.allclose(file.array(file.json["animations"][0]["samplers"][0]["input"]).ravel(), times)
@@ -104,7 +104,7 @@ def test_nodes_move_as_the_bodies_do(fall):
 # Oracle: closed forms of volume and area; a closed surface has each edge in both directions.
 @pytest.mark.parametrize("kind, volume", [("sphere", 4 / 3 * np.pi), ("capsule", 4 / 3 * np.pi + 2 * np.pi), ("cylinder", 2 * np.pi), ("box", 6)])
 def test_triangles_enclose_the_shape(kind, volume):
-    shape = Model(hs.load(BALLS)).shapes[-1]._replace(kind=kind, radius=1.0, length=2.0, edges=np.array([1.0, 2, 3]))
+    shape = hs.load(BALLS)._model.shapes[-1]._replace(kind=kind, radius=1.0, length=2.0, edges=np.array([1.0, 2, 3]))
     of = surface(shape)
     a, b, c = (of.points[of.faces[:, k].astype(int)] for k in range(3))
     # 32 sides are within 1 % of the circle.
@@ -181,8 +181,8 @@ def test_khronos_validator_finds_no_error(tmp_path, fall):
         pytest.skip("gltf-validator is missing: npm install gltf-validator, and NODE_PATH its folder node_modules")
     scene, times, poses = fall
     hand = hs.Hand(person="median_woman", side="left")
-    for name, content in (("hands", export.glb_of_model(Model(scene), skins_of(scene), poses, times)), ("hand", hand.to_glb()),
-                          ("shapes", export.glb_of_model(Model(scene), [], poses, times, hands="shapes"))):
+    for name, content in (("hands", export.glb_of_model(scene._model, skins_of(scene._core), poses, times)), ("hand", hand.to_glb()),
+                          ("shapes", export.glb_of_model(scene._model, [], poses, times, hands="shapes"))):
         (tmp_path / f"{name}.glb").write_bytes(content)
         done = subprocess.run([node, "-e", script, str(tmp_path / f"{name}.glb")], capture_output=True, text=True, check=True)
         issues = json.loads(done.stdout)

@@ -23,7 +23,7 @@ def held(pinch):
 
 def ends(sim, actions, kind):
     for action in actions:
-        hs._gradients.exact_step(sim, {kind: action})
+        hs._derivatives.exact_step(sim, {kind: action})
     return np.concatenate([sim.q, sim.u])
 
 

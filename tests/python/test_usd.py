@@ -7,7 +7,7 @@ import pytest
 
 import handsim as hs
 from handsim import export
-from handsim._model import Model, bent, matrices, skins_of
+from handsim._model import bent, matrices, skins_of
 from handsim._usd import usda_of
 
 try:
@@ -26,8 +26,8 @@ def written(request, tmp_path_factory):
     sim = hs.Simulation(scene)
     poses = np.concatenate([sim.bodies.position, sim.bodies.quaternion], axis=1)
     path = tmp_path_factory.mktemp("usd") / "scene.usda"
-    path.write_text(usda_of(Model(scene), skins_of(scene), poses))
-    return Model(scene), skins_of(scene), poses, Usd.Stage.Open(str(path))
+    path.write_text(usda_of(scene._model, skins_of(scene._core), poses))
+    return scene._model, skins_of(scene._core), poses, Usd.Stage.Open(str(path))
 
 
 def prim(stage, name):

@@ -2,6 +2,7 @@
 
 #include <fstream>
 
+#include "handsim/engine/engine.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/scene/read/blocks.h"
 #include "scene_files.h"

@@ -112,12 +112,12 @@ inline void fix_seed() {
 
 inline Drawn random_scene() {
   Drawn out;
-  out.method = one_of({"world_step", "quick_step", "auto", "semi_implicit_euler", "rk4", "dormand_prince",
+  out.method = one_of({"world_step", "quick_step", "semi_implicit_euler", "rk4", "dormand_prince",
                        "stabilised_gear", "lagrange_penalty", "euler_linearised", "euler_projected"});
   const auto is = [&](std::initializer_list<const char*> names) {
     return std::find(names.begin(), names.end(), out.method) != names.end();
   };
-  const bool ode = is({"world_step", "quick_step", "auto"});
+  const bool ode = is({"world_step", "quick_step"});
   const bool articulated = is({"semi_implicit_euler", "rk4", "dormand_prince"});
   const bool smooth = !ode && out.method != "semi_implicit_euler";
   out.refused = smooth && integer(0, 10) == 0;

@@ -170,29 +170,10 @@ TEST(Memory, AStepThatDoesNotFitIsAFaultThatNamesTheWayOut) {
   } catch (const Error& error) {
     ASSERT_TRUE(error.fault());
     EXPECT_EQ(error.fault()->quantity, "memory");
-    EXPECT_NE(error.fault()->detail.find("quick_step or auto"), std::string::npos) << error.what();
+    EXPECT_NE(error.fault()->detail.find("quick_step"), std::string::npos) << error.what();
   }
   EXPECT_EQ(simulation.state().bodies[1].p, before);
   EXPECT_EQ(simulation.state().time, 0);
-}
-
-// Oracle: the figures of quick_step itself. 30000 iterations make the direct solver the cheaper one.
-TEST(Memory, AutoGoesOnWithQuickStepWhereTheDirectSolverDoesNotFit) {
-  const scene::Scene scene = many_boxes(12, "method: auto, iterations: 30000");
-  Simulation simulation(scene);
-  const LittleMemory little(std::size_t{30} << 20);
-  simulation.step();
-  EXPECT_EQ(simulation.get<Convergence>().iterative_steps(), 1);
-  EXPECT_NEAR(simulation.state().time, 1e-3, 1e-12);
-}
-
-// Oracle: the guard's ladder ends with quick_step, which fits.
-TEST(Memory, TheGuardGoesOnWithQuickStepToo) {
-  const scene::Scene scene = many_boxes(12, "method: world_step, guard: true");
-  Simulation simulation(scene);
-  const LittleMemory little(std::size_t{30} << 20);
-  simulation.step();
-  EXPECT_EQ(simulation.get<Convergence>().rungs()[static_cast<std::size_t>(engine::Rung::quick_step)], 1);
 }
 
 TEST(Memory, WhatIsFreeIsNoMoreThanTheLimitLeaves) {

@@ -17,7 +17,7 @@ using test::shipped_scene;
 
 std::string bits(const model::State& state) {
   ArchiveWriter out;
-  carry(out, state);
+  serialize(out, state);
   return out.take();
 }
 

@@ -21,7 +21,6 @@ using simulation::Simulation;
 using Overrides = std::vector<std::string>;
 
 const Overrides kWorldStep = {"solver.method=world_step"}, kQuickStep = {"solver.method=quick_step"},
-                kAuto = {"solver.method=auto"},
                 kGear = {"solver.engine=dae", "solver.method=stabilised_gear", "solver.tolerance=1e-10"},
                 kEuler = {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
                 kRungeKutta = {"solver.engine=articulated", "solver.method=rk4"},
@@ -127,7 +126,7 @@ std::uint64_t hash_of_run(const scene::Scene& scene) {
 
 // Oracle: the same bits when repeated, in eight threads, beside another run, after restore and reset.
 TEST(Comparisons, ADroppedHandRepeatsToTheBit) {
-  for (const Overrides& way : {kWorldStep, kQuickStep, kAuto, kEuler}) {
+  for (const Overrides& way : {kWorldStep, kQuickStep, kEuler}) {
     SCOPED_TRACE(way.back());
     const scene::Scene scene = scene_of("dropped_hand", way, {"duration=0.6"});
     const std::uint64_t reference = hash_of_run(scene);

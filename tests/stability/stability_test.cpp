@@ -250,8 +250,8 @@ TEST(StabilityStudy, ChecksRejectionsAndFaults) {
 // Oracle: the contract: all problems at once, before any run.
 TEST(StabilityStudy, ReportsEveryInvalidWayBeforeAnyRun) {
   const Study study("[{measure: completes, limit: 0}]",
-                    "[{name: good}, {name: light, set: {bodies.0.mass: -1}}, {name: guarded, set: "
-                    "{solver.engine: articulated, solver.guard: true}}]");
+                    "[{name: good}, {name: light, set: {bodies.0.mass: -1}}, {name: mixed, set: "
+                    "{solver.engine: articulated, solver.projection: true}}]");
   StabilityOptions options;
   int ran = 0;
   options.progress = [&](double) { ++ran; };
@@ -261,7 +261,7 @@ TEST(StabilityStudy, ReportsEveryInvalidWayBeforeAnyRun) {
   } catch (const Error& error) {
     const std::string said = error.what();
     EXPECT_NE(said.find("thrown (light): bodies.0.mass"), std::string::npos) << said;
-    EXPECT_NE(said.find("thrown (guarded): solver.guard"), std::string::npos) << said;
+    EXPECT_NE(said.find("thrown (mixed): solver.projection"), std::string::npos) << said;
   }
   EXPECT_EQ(ran, 0);
 }

@@ -11,7 +11,7 @@ namespace handsim::test {
 /// Hash of the state's bits.
 inline std::uint64_t bits(const model::State& state) {
   ArchiveWriter out;
-  carry(out, state);
+  serialize(out, state);
   return hash_bytes(out.bytes());
 }
 inline std::uint64_t bits(const environment::Environment& environment) {

@@ -6,7 +6,8 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Sequence, Union
 
 from .._errors import Error, input_error, whole
-from .._scene import Overrides, Scene, Source, load
+from .._overrides import Overrides, Source
+from .._scene import Scene, load
 from .session import Session
 from .views import View
 

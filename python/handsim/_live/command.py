@@ -9,7 +9,8 @@ import threading
 from typing import TYPE_CHECKING, NoReturn, Optional, Sequence
 
 from .._errors import Error, input_error
-from .._scene import find_file, load
+from .._scene import load
+from .._shipped import find_file
 
 if TYPE_CHECKING:
     from . import Live

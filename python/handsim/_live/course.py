@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from .. import _core
 from .._errors import Error, input_error, whole
-from .._result import Verdict, verdicts_of
 from .._scene import Scene, load
+from .._verdict import Verdict, verdicts_of
 
 Array = NDArray[np.float64]
 Event = dict[str, Any]

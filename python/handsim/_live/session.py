@@ -24,7 +24,7 @@ from .commands import Command, Facts, event_of
 from .course import Course, Event, Files
 from .history import History
 from .log import Log
-from .views import look, tell
+from .views import View, look, tell
 
 T = TypeVar("T")
 FRAME = 1 / 60
@@ -80,7 +80,7 @@ class Session:
         self.facts = Facts.of(self.course)
         self.shape_index: dict[str, int] = {}
         """Numbers of the shapes' names in `View.shapes`; set before `start`."""
-        self.view, self.state = look(self, 0), tell(self)
+        self.view, self.state = self._look(), self._tell()
         self._thread = threading.Thread(target=self._run, name="handsim live", daemon=True)
 
     # For other threads.
@@ -361,8 +361,16 @@ class Session:
             if self._lost:
                 self.notice(f"the recording has ended: {self.log.lost}")
         self._number += 1
-        self.view = look(self, self._number)
+        self.view = self._look()
         if now - self._told_state > 0.25:
             self._told_state = now
-            self.state = tell(self)
+            self.state = self._tell()
         self.on_view()
+
+    def _look(self) -> View:
+        return look(self.course, self._number, self.built, self.shape_index, self.facts.objects)
+
+    def _tell(self) -> dict[str, Any]:
+        own = {"playing": self.playing, "speed": self.speed, "factor": round(self.factor, 3), "load": round(self.load, 3),
+               "notices": self.notices, "said": self.said, "recording_full": self.log.lost, "built": self.built}
+        return tell(self.course, self.history, list(self.lateness)[-256:], self.broken, own)

@@ -10,7 +10,8 @@ from .._batch import Batch
 from .._core import Motion
 from .._errors import input_error, real, seed_of, whole
 from .._hand import draw_persons
-from .._scene import Scene, data_path, load
+from .._scene import Scene, load
+from .._shipped import data_path
 from .._simulation import Simulation
 
 Array = NDArray[np.float64]

@@ -103,6 +103,16 @@ inline CLI::Option* add_uncertain(CLI::App& command, std::optional<int>& count) 
       ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
 }
 
+/// Adds `--uncertain`, and `--on` for the runs of these hands.
+template <class Arguments>
+CLI::Option* add_uncertain_runs(CLI::App& command, Arguments& arguments) {
+  CLI::Option* uncertain = add_uncertain(command, arguments.uncertain);
+  command
+      .add_option("--on", arguments.on, "dask://HOST:PORT of a scheduler whose workers run these hands")
+      ->needs(uncertain);
+  return uncertain;
+}
+
 /// Adds `--report` to a study.
 template <class Arguments>
 CLI::Option* add_report_flag(CLI::App& command, Arguments& arguments) {

@@ -80,6 +80,7 @@ struct RunArguments : simulation::RunOptions {
   std::vector<std::string> overrides;
   std::optional<int> rollout;    ///< of the study that stands in the scene's place
   std::optional<int> uncertain;  ///< draws of the scene's hands
+  std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
   std::optional<int> seed;       ///< in place of the study's
   bool report = false;           ///< writes report.html
   /// The folder is removed afterwards: its page has this in its place, and nothing names it.
@@ -103,28 +104,13 @@ struct GraspArguments : study::GraspStudy {
   std::string side;              ///< right, left, both; empty: the scene's
   bool report = false;           ///< writes report.html
   std::optional<int> uncertain;  ///< hands that are drawn
+  std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
 };
 int grasp_command(const GraspArguments& arguments);
 
-struct RolloutsArguments : study::RolloutOptions {
-  std::filesystem::path study;
-  std::vector<std::string> overrides;          ///< of the scene
-  std::optional<int> count, seed;              ///< in place of the study's
-  bool uncertain = false;                      ///< `study` is a scene, whose uncertain hands are drawn
-  std::optional<study::RolloutsSpec> spec;     ///< in place of the file's, uncertain
-  std::string command;                         ///< that repeats it
-  bool report = false;                         ///< writes report.html
-  std::vector<std::filesystem::path> folders;  ///< of `merge`
-};
-int rollouts_command(const RolloutsArguments& arguments);
-int merge_command(const RolloutsArguments& arguments);
-/// The study with the command line's changes. @throws Error (input) with every problem of the file.
-study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments);
-/// True after Ctrl-C and the end of a job's time: what is done is saved, then the program ends; a second
-/// signal ends it at once.
-const std::atomic<bool>& stop_at_signals();
-/// `3/16`. @throws Error (input) for another text.
-study::Shard shard_of(const std::string& text);
+/// Becomes the package's `handsim rollouts`, which draws uncertain hands for other commands, too.
+/// @param job what Job of python/handsim/_rollouts_command.py has. @throws Error (input) without the package
+[[noreturn]] void run_drawn(const study::Json& job);
 
 struct ExportArguments {
   std::optional<std::filesystem::path> scene;
@@ -132,7 +118,7 @@ struct ExportArguments {
   std::optional<std::string> mount;  ///< of these hands; absent: fixed
   bool muscles = false;              ///< of these hands, with the bands between their joints
   std::filesystem::path out;
-  std::optional<std::string> format;  ///< mjcf, urdf or osim; absent: by the ending of `out`, else mjcf
+  std::optional<std::string> format;  ///< of output::kFormats; absent: by the ending of `out`, else the first
   std::optional<double> time;         ///< of the scene's run, at which the file begins [s]; absent: 0
   std::vector<std::string> overrides;
 };
@@ -173,7 +159,7 @@ std::filesystem::path write_report(const std::vector<std::filesystem::path>& fol
 struct FileReader {
   std::string_view word;  ///< of the command line
   scene::FileKind kind;
-  void (*read)(YamlNode& root, Diagnostics& diagnostics);
+  void (*read)(const YamlNode& root, Diagnostics& diagnostics);
 };
 
 std::span<const FileReader> file_readers();

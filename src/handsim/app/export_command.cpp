@@ -1,6 +1,6 @@
 #include <algorithm>
-#include <array>
 #include <optional>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -15,33 +15,29 @@ namespace handsim::app {
 
 namespace {
 
-struct Format {
-  const char* name;
-  std::array<const char*, 2> endings;  ///< the second may be empty
-};
-constexpr std::array<Format, 3> kFormats = {
-    {{"mjcf", {".xml", ".mjcf"}}, {"urdf", {".urdf", ""}}, {"osim", {".osim", ""}}}};
+using output::Format, output::kFormats;
 
-/// The requested format, which must agree with the file's ending.
-std::string format_of(const ExportArguments& arguments) {
+/// The requested format, which must agree with the file's ending; without both the first one.
+const Format& format_of(const ExportArguments& arguments) {
   const std::string ending = ending_of(arguments.out);
-  if (ending.empty()) return arguments.format.value_or("mjcf");
+  std::string endings;
   for (const Format& format : kFormats) {
-    const bool ends = std::ranges::find(format.endings, ending) != format.endings.end();
-    if (ends && arguments.format.value_or(format.name) == format.name) return format.name;
+    if (arguments.format && *arguments.format != format.name) continue;
+    if (ending.empty() || std::ranges::find(format.endings, ending) != format.endings.end()) {
+      if (!format.write)
+        throw input_error("--format", std::string(format.name), "python3 -m handsim export, which writes it");
+      return format;
+    }
+    endings += fmt::format("{}{}{}", endings.empty() ? "" : ", ", format.endings_text(),
+                           arguments.format ? "" : fmt::format(" ({})", format.name));
   }
-  std::string need =
-      "a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim); "
-      "glb, usda, obj, stl and mcap: python3 -m handsim export";
-  for (const Format& format : kFormats)
-    if (arguments.format == format.name)
-      need = fmt::format("a name that ends in {}{}{} for --format {}", format.endings[0],
-                         *format.endings[1] ? " or " : "", format.endings[1], format.name);
-  throw input_error("--out", arguments.out.string(), need);
+  throw input_error(
+      "--out", arguments.out.string(),
+      "a name that ends in " + endings + (arguments.format ? " for --format " + *arguments.format : ""));
 }
 
 /// Refuses options of a person beside a scene, those of a scene beside a person, `--time` of what has none.
-void check_source(const ExportArguments& arguments, const std::string& format) {
+void check_source(const ExportArguments& arguments, std::string_view format) {
   if (arguments.time && (!arguments.scene || format != "mjcf"))
     throw input_error("--time", fmt::format("{:g} s", *arguments.time), "a scene, and the format mjcf");
   const HandArguments& hands = arguments.hands;
@@ -104,28 +100,22 @@ void make_default_folder(const std::filesystem::path& file) {
 }
 
 int export_command(const ExportArguments& arguments) {
-  const std::string format = format_of(arguments);
-  check_source(arguments, format);
+  const Format& format = format_of(arguments);
+  check_source(arguments, format.name);
   const scene::Scene scene =
       arguments.scene ? scene::load_scene(*arguments.scene, arguments.overrides) : hands_of_person(arguments);
-  const engine::Settings& solver = scene.spec.solver;
-  const output::FileKind kind = format == "urdf"   ? output::FileKind{"a URDF file", "<robot"}
-                                : format == "osim" ? output::FileKind{"an OpenSim file", "<OpenSimDocument"}
-                                                   : output::FileKind{"an MJCF file", "<mujoco"};
   make_default_folder(arguments.out);
-  output::check_target("--out", arguments.out, kind, [&] { return scene::files_read(scene); });
-  const control::Plan* plan = scene.control ? &*scene.control : nullptr;
+  output::check_target("--out", arguments.out, {format.file, format.mark},
+                       [&] { return scene::files_read(scene); });
   std::optional<output::Keyframe> moment;
   if (arguments.time.value_or(0) > 0) moment = keyframe_at(scene, *arguments.time);
-  const std::string text = format == "urdf" ? output::to_urdf(scene.model, solver, plan)
-                           : format == "osim"
-                               ? output::to_osim(scene.model, solver)
-                               : output::to_mjcf(scene.model, solver, plan, moment ? &*moment : nullptr);
-  output::write_file(arguments.out, text);
-  if (format != "urdf" && model::any_elastic(scene.model.muscles))
+  output::write_file(arguments.out,
+                     format.write({scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr,
+                                   moment ? &*moment : nullptr}));
+  if (format.name != "urdf" && model::any_elastic(scene.model.muscles))
     print_warnings({"tendon_strain: elastic tendons are exported as rigid ones"});
   print("{}: {} bodies, {} joints as {}\n", arguments.out.string(), scene.model.bodies.size() - 1,
-        scene.model.joints.size(), format);
+        scene.model.joints.size(), format.name);
   return 0;
 }
 

@@ -16,16 +16,16 @@
 #include "handsim/core/text.h"
 #include "handsim/engine/engine.h"
 #include "handsim/hand/grip_strength.h"
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/scene/read/contact_spec.h"
+#include "handsim/scene/read/contacts_block.h"
 #include "handsim/scene/read/engine_choice.h"
 #include "handsim/scene/read/objects.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 #include "handsim/scene/task/tasks.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/accuracy/accuracy.h"
-#include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/rollouts/rollouts_file.h"
 #include "handsim/study/track/marker_set.h"
 #include "handsim/study/validate/validate.h"
 
@@ -39,19 +39,19 @@ namespace {
 
 /// Reads a tree only for its problems.
 template <auto kRead>
-void read_root(YamlNode& root, Diagnostics& diagnostics) {
+void read_root(const YamlNode& root, Diagnostics& diagnostics) {
   if constexpr (requires { kRead(root, "", diagnostics); })
     kRead(root, "", diagnostics);
   else
     kRead(root, diagnostics);
 }
 
-void read_whole_scene(YamlNode& root, Diagnostics& diagnostics) {
+void read_whole_scene(const YamlNode& root, Diagnostics& diagnostics) {
   scene::read_scene(root, scene::task_kinds(), diagnostics);
 }
 
 /// A file of muscles by itself: the axes that it names are those of whatever hand includes it.
-void read_muscles(YamlNode& root, Diagnostics& diagnostics) {
+void read_muscles(const YamlNode& root, Diagnostics& diagnostics) {
   hand::read_muscle_file(root, "", std::nullopt, diagnostics);
 }
 

@@ -90,15 +90,27 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
   for (const std::filesystem::path& folder : folders) write_report({folder});
 }
 
-int uncertain_grasps(const GraspArguments& arguments, study::GraspStudy study,
-                     study::StudyCommands commands) {
-  const study::StudyEnd end = with_progress([&](const auto& show) {
-    study.progress = show;
-    return study::uncertain_grasps(study, *arguments.uncertain, 0, stop_at_signals());
-  });
-  commands.study += fmt::format(" --uncertain {}", *arguments.uncertain);
-  if (end.missing.empty()) study::finish_study(arguments.out, commands, arguments.report);
-  return print_study(end, arguments.out);
+/// Hands that are drawn of each scene: becomes the command that draws them.
+[[noreturn]] void uncertain_grasps(const study::GraspStudy& study, const GraspArguments& arguments) {
+  if (study.friction || study.friction_search || study.margin || study.confirm || study.pictures ||
+      study.video)
+    throw input_error("--uncertain", "options of one run of each scene",
+                      "--out, --side, --persons, --set, --engine, --on and --report alone");
+  const auto texts = [](const std::vector<std::filesystem::path>& paths) {
+    study::Json out = study::Json::array();
+    for (const std::filesystem::path& path : paths) out.push_back(path.string());
+    return out;
+  };
+  run_drawn({{"scenes", texts(study.scenes)},
+             {"sides", study.sides},
+             {"persons", texts(study.persons)},
+             {"overrides", study.overrides},
+             {"count", *arguments.uncertain},
+             {"out", arguments.out.string()},
+             {"report", arguments.report},
+             {"on", arguments.on},
+             {"command", fmt::format("{} --uncertain {}", study::grasp_commands(study).study,
+                                     *arguments.uncertain)}});
 }
 
 }  // namespace
@@ -109,8 +121,8 @@ int grasp_command(const GraspArguments& arguments) {
     study.sides = {"right", "left"};
   else if (!arguments.side.empty())
     study.sides = {arguments.side};
+  if (arguments.uncertain) uncertain_grasps(study, arguments);
   const study::StudyCommands commands = study::grasp_commands(study);
-  if (arguments.uncertain) return uncertain_grasps(arguments, study, commands);
   if (arguments.report) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");

@@ -368,9 +368,11 @@ PersonHands read_person_hands(const HandArguments& arguments) {
       out.files, "model", load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml")));
   if (!arguments.person || scene::is_of_kind(person_node, "", scene::FileKind::person, diagnostics))
     out.person = hand::read_person(person_node, "", diagnostics);
+  const std::size_t of_person = diagnostics.resolution.size();
   if (scene::is_of_kind(model_node, "", scene::FileKind::hand_model, diagnostics))
     out.model = hand::read_hand_spec(model_node, "", diagnostics);
   if (!diagnostics.problems.empty()) throw Error(option_problems(diagnostics.problems));
+  model_node = diagnostics.resolution.applied(model_node, "", of_person);
   out.warnings = std::move(diagnostics.warnings);
   const std::string where = person_node.place().text();
   for (const std::string& text : hand::doubts(out.model, out.person)) out.warnings.push_back(where + text);

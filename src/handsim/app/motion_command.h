@@ -11,37 +11,32 @@
 
 namespace handsim::app {
 
-struct InverseArguments {
+struct InverseArguments : study::InverseInput {
+  InverseArguments() { options.filter = 6; }  // [Hz]
+
   std::filesystem::path scene;
-  std::optional<std::filesystem::path> motion, names, loads;
+  std::optional<std::filesystem::path> names;  ///< file of the names that the motion's columns have
   std::filesystem::path out;
   std::vector<std::string> overrides;
-  bool clamp = false;
-  std::optional<double> cutoff = 6;  ///< [Hz]
-  bool no_check = false;
   bool muscles = false;
   double co_contraction = 0;  ///< least activation
   bool apart = false;         ///< with muscles: no contact in the check, which is no part of the torques
   bool json = false;
   std::optional<int> uncertain;  ///< hands that are drawn
+  std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
   bool report = false;           ///< of these: writes report.html
 };
-/// @throws Error (input) for a file of names that is none.
+/// The input with what its files say. @throws Error (input) for a file of names that is none.
 study::InverseInput inverse_input(const InverseArguments& arguments);
 int inverse_command(const InverseArguments& arguments);
 
-struct TrackArguments {
-  std::filesystem::path recording;
+struct TrackArguments : study::TrackInput {
   std::filesystem::path out;
-  std::optional<std::filesystem::path> person, model, markers, truth;
-  bool keep_person = false;
-  bool no_smoothing = false;
+  std::optional<std::filesystem::path> person_file, hand_file, marker_file;
   bool activations = false;  ///< and inverse dynamics with muscles, into out/activations
-  double noise = 0;          ///< [m]
-  unsigned seed = 1;
   bool json = false;
 };
-/// @throws Error (input) with every problem of the files.
+/// The input with what its files say. @throws Error (input) with every problem of the files.
 study::TrackInput track_input(const TrackArguments& arguments);
 int track_command(const TrackArguments& arguments);
 

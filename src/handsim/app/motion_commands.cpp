@@ -38,12 +38,14 @@ void add_inverse(CommandLine& line) {
   add_out(inverse, arguments->out, "folder for torques.sto, summary.json and plots");
   add_input(inverse, "--names", arguments->names, "file of the names that the motion's columns have",
             "controllers");
-  inverse.add_flag("--clamp", arguments->clamp, "move angles beyond a stop to it, and count them");
-  add_parsed(inverse, "--cutoff", arguments->cutoff, parse_cutoff, "a frequency such as \"6 Hz\", or none",
+  inverse.add_flag("--clamp", arguments->options.clamp, "move angles beyond a stop to it, and count them");
+  add_parsed(inverse, "--cutoff", arguments->options.filter, parse_cutoff,
+             "a frequency such as \"6 Hz\", or none",
              "of the low-pass filter on the motion's angles (default 6 Hz), or none");
   inverse.add_option("--loads", arguments->loads,
                      "forces from outside: a table of loads, or the contacts.csv of a run");
-  inverse.add_flag("--no-check", arguments->no_check, "do not simulate with the torques");
+  inverse.add_flag_callback(
+      "--no-check", [arguments] { arguments->forward = false; }, "do not simulate with the torques");
   CLI::Option* muscles = inverse.add_flag(
       "--muscles", arguments->muscles,
       "activations of the muscles by static optimisation, and the torques that they leave undone (reserves)");
@@ -54,7 +56,7 @@ void add_inverse(CommandLine& line) {
       ->needs(muscles);
   add_overrides(inverse, arguments->overrides);
   CLI::Option* json = inverse.add_flag("--json", arguments->json, "print summary.json in place of the table");
-  CLI::Option* uncertain = add_uncertain(inverse, arguments->uncertain)->excludes(json);
+  CLI::Option* uncertain = add_uncertain_runs(inverse, *arguments)->excludes(json);
   add_report_flag(inverse, *arguments)->needs(uncertain);
 }
 
@@ -67,17 +69,20 @@ void add_track(CommandLine& line) {
       "handsim track keypoints.csv --out out/tracked", track_command, arguments);
   track.add_option("recording", arguments->recording, "recording: .csv, .json, .trc or .c3d")->required();
   add_out(track, arguments->out, "folder for angles, wrists, residuals, person.yaml and scene.yaml");
-  add_input(track, "--person", arguments->person,
+  add_input(track, "--person", arguments->person_file,
             "person file: stature, mass and sex beside the measured hand (default: the median man)",
             "config/persons");
-  add_input(track, "--model", arguments->model, "hand model file (default: the anatomical hand)",
+  add_input(track, "--model", arguments->hand_file, "hand model file (default: the anatomical hand)",
             "handmodels");
-  track.add_option("--markers", arguments->markers,
+  track.add_option("--markers", arguments->marker_file,
                    "marker set file, for markers and sensors (default: 21 keypoints)");
-  track.add_flag("--keep-person", arguments->keep_person, "do not fit hand length, breadth and bones");
+  track.add_flag_callback(
+      "--keep-person", [arguments] { arguments->fit_bones = false; },
+      "do not fit hand length, breadth and bones");
   track.add_flag("--activations", arguments->activations,
                  "then inverse --muscles of the tracked motion, into the folder activations");
-  track.add_flag("--no-smoothing", arguments->no_smoothing, "every frame for itself");
+  track.add_flag_callback(
+      "--no-smoothing", [arguments] { arguments->smooth = false; }, "every frame for itself");
   const auto parse_length = [](const std::string& text) {
     const auto value = parse_quantity(text, Dimension::length);
     return value && *value >= 0 && *value < 1 ? value : std::nullopt;
@@ -107,26 +112,33 @@ std::vector<std::string> with_muscles(const InverseArguments& arguments) {
   return overrides;
 }
 
-/// Hands that are drawn: a study of rollouts.
-int uncertain_inverse(const InverseArguments& arguments) {
-  RolloutsArguments of;
-  of.study = arguments.scene;
-  of.out = arguments.out;
-  of.report = arguments.report;
-  of.uncertain = true;
-  of.spec = study::uncertain_inverse(arguments.scene, with_muscles(arguments), inverse_input(arguments),
-                                     *arguments.uncertain);
+/// Hands that are drawn: becomes the command that draws them.
+[[noreturn]] void uncertain_inverse(const InverseArguments& arguments) {
   std::vector<std::string> words = {"inverse", arguments.scene.string()};
+  study::Json files;
   for (const auto& [name, file] :
-       {std::pair("--motion", arguments.motion), {"--names", arguments.names}, {"--loads", arguments.loads}})
-    if (file) words.insert(words.end(), {name, file->string()});
-  words.insert(words.end(), {"--cutoff", arguments.cutoff ? fmt::format("{}", *arguments.cutoff) : "none"});
-  if (arguments.clamp) words.emplace_back("--clamp");
+       {std::pair("motion", arguments.motion), {"names", arguments.names}, {"loads", arguments.loads}}) {
+    files.push_back(file ? study::Json(file->string()) : study::Json());
+    if (file) words.insert(words.end(), {std::string("--") + name, file->string()});
+  }
+  words.insert(
+      words.end(),
+      {"--cutoff", arguments.options.filter ? fmt::format("{}", *arguments.options.filter) : "none"});
+  if (arguments.options.clamp) words.emplace_back("--clamp");
   if (arguments.muscles)
     words.insert(words.end(), {"--muscles", "--co-contraction", fmt::format("{}", arguments.co_contraction)});
   words.insert(words.end(), {"--uncertain", fmt::format("{}", *arguments.uncertain)});
-  of.command = study::command_text(words, arguments.overrides);
-  return rollouts_command(of);
+  study::Json cutoff, least;
+  if (arguments.options.filter) cutoff = *arguments.options.filter;
+  if (arguments.muscles) least = arguments.co_contraction;
+  run_drawn({{"file", arguments.scene.string()},
+             {"overrides", with_muscles(arguments)},
+             {"count", *arguments.uncertain},
+             {"out", arguments.out.string()},
+             {"report", arguments.report},
+             {"on", arguments.on},
+             {"command", study::command_text(words, arguments.overrides)},
+             {"inverse", {files[0], files[1], files[2], cutoff, arguments.options.clamp, least}}});
 }
 
 void print_track(const study::TrackInput& input, const study::TrackResult& result) {
@@ -169,21 +181,16 @@ void add_motion_commands(CommandLine& line) {
 }
 
 study::InverseInput inverse_input(const InverseArguments& arguments) {
-  study::InverseInput input;
-  input.motion = arguments.motion;
+  study::InverseInput input = arguments;
   if (arguments.names)
     input.options.names =
         load_kind(*arguments.names, scene::FileKind::motion_names, control::read_motion_names);
-  input.options.clamp = arguments.clamp;
-  input.options.filter = arguments.cutoff;
-  input.loads = arguments.loads;
-  input.forward = !arguments.no_check;
   if (arguments.muscles) input.least_activation = arguments.co_contraction;
   return input;
 }
 
 int inverse_command(const InverseArguments& arguments) {
-  if (arguments.uncertain) return uncertain_inverse(arguments);
+  if (arguments.uncertain) uncertain_inverse(arguments);
   const scene::Scene scene = scene::load_scene(arguments.scene, with_muscles(arguments));
   print_warnings(scene.warnings);
   const study::InverseInput input = inverse_input(arguments);
@@ -225,20 +232,14 @@ int inverse_command(const InverseArguments& arguments) {
 }
 
 study::TrackInput track_input(const TrackArguments& arguments) {
-  study::TrackInput out;
-  out.recording = arguments.recording;
-  out.model_file = arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml");
+  study::TrackInput out = arguments;
+  out.model_file = arguments.hand_file.value_or(data_folder() / "handmodels/anatomical.yaml");
   out.model = load_kind(out.model_file, scene::FileKind::hand_model, hand::read_hand_spec);
-  out.person = load_kind(arguments.person.value_or(data_folder() / "config/persons/median_man.yaml"),
+  out.person = load_kind(arguments.person_file.value_or(data_folder() / "config/persons/median_man.yaml"),
                          scene::FileKind::person, hand::read_person);
-  if (arguments.markers)
-    out.markers = load_kind(*arguments.markers, scene::FileKind::marker_set, study::read_marker_set);
-  out.person_named = arguments.person.has_value();
-  out.fit_bones = !arguments.keep_person;
-  out.smooth = !arguments.no_smoothing;
-  out.noise = arguments.noise;
-  out.seed = arguments.seed;
-  out.truth = arguments.truth;
+  if (arguments.marker_file)
+    out.markers = load_kind(*arguments.marker_file, scene::FileKind::marker_set, study::read_marker_set);
+  out.person_named = arguments.person_file.has_value();
   return out;
 }
 
@@ -246,7 +247,7 @@ int track_command(const TrackArguments& arguments) {
   const study::TrackInput input = track_input(arguments);
   const output::OutputFolder folder(arguments.out, study::track_files(), [&] {
     std::vector<std::filesystem::path> read = {input.recording, input.model_file};
-    for (const auto& file : {arguments.person, arguments.markers, arguments.truth})
+    for (const auto& file : {arguments.person_file, arguments.marker_file, arguments.truth})
       if (file) read.push_back(*file);
     return read;
   });

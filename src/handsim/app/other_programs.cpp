@@ -14,6 +14,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
+#include "handsim/output/export/export.h"
 
 namespace handsim::app {
 
@@ -26,7 +27,7 @@ struct OtherCommand {
   const char *name, *help, *example;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 5> kOtherCommands = {
+constexpr std::array<OtherCommand, 6> kOtherCommands = {
     {{"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
       "handsim compare healthy.yaml blocked.yaml --out out/compared"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
@@ -34,11 +35,12 @@ constexpr std::array<OtherCommand, 5> kOtherCommands = {
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach"},
+     {"rollouts",
+      "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores or on many "
+      "machines: one table, what makes them held, a plot",
+      "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"}}};
-
-/// Formats of `export` that the package writes, and of `track` that it reads.
-constexpr std::array<std::string_view, 6> kPythonFormats = {"glb", "usda", "obj", "stl", "mcap", "c3d"};
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it. An interpreter that has no package or no NumPy goes on to the next one.
@@ -65,10 +67,14 @@ except ImportError as error:
 sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
-/// True for `glb`, `--format=glb` and `out/hand.glb`.
-bool names_format(std::string_view argument) {
+/// True where a command of this program is the package's: `export` in a format that the package writes, such
+/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file.
+bool is_for_package(std::string_view command, std::string_view argument) {
   argument.remove_prefix(argument.find_last_of(".=") + 1);
-  return std::ranges::find(kPythonFormats, lower_case(argument)) != kPythonFormats.end();
+  const std::string word = lower_case(argument);
+  if (command == "track") return word == "c3d";
+  const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
+  return command == "export" && format != output::kFormats.end() && !format->write;
 }
 
 /// The interpreter that the package was built for, then the path's; or HANDSIM_PYTHON, parted by colons.
@@ -87,7 +93,8 @@ bool is_other_command(int argc, const char* const* argv) {
   if (argc < 2) return false;
   const std::string_view name = argv[1];
   return std::ranges::find(kOtherCommands, name, &OtherCommand::name) != kOtherCommands.end() ||
-         ((name == "export" || name == "track") && std::any_of(argv + 2, argv + argc, names_format));
+         std::any_of(argv + 2, argv + argc,
+                     [&](const char* argument) { return is_for_package(name, argument); });
 }
 
 void run_other_command(int argc, const char* const* argv) {
@@ -116,6 +123,11 @@ void run_other_command(int argc, const char* const* argv) {
   }
   throw input_error("python3", "no program that starts: " + tried,
                     "Python 3, in which this command is written");
+}
+
+void run_drawn(const study::Json& job) {
+  const std::string text = job.dump();
+  run_other_command(4, std::array<const char*, 4>{"handsim", "rollouts", "--job", text.c_str()}.data());
 }
 
 void add_other_commands(CommandLine& line) {

@@ -145,17 +145,14 @@ void print_failures(const simulation::RunResult& result) {
                   v.where.empty() || v.missed() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
 }
 
-/// The study that stands in the scene's place, or that of the scene's uncertain hands.
-RolloutsArguments study_of(const RunArguments& arguments) {
-  RolloutsArguments of;
-  of.study = arguments.scene;
-  of.out = arguments.out;
-  of.overrides = arguments.overrides;
-  of.seed = arguments.seed;
-  of.count = arguments.uncertain;
-  of.uncertain = arguments.uncertain.has_value();
-  of.report = arguments.report;
-  return of;
+/// Uncertain hands of the scene: becomes the command that draws them.
+[[noreturn]] void run_uncertain(const RunArguments& arguments) {
+  run_drawn({{"file", arguments.scene.string()},
+             {"overrides", arguments.overrides},
+             {"count", *arguments.uncertain},
+             {"out", arguments.out.string()},
+             {"report", arguments.report},
+             {"on", arguments.on}});
 }
 
 /// @throws Error (input) for options that many runs cannot have.
@@ -170,7 +167,9 @@ void check_many(const RunArguments& of) {
 /// @param stop_lost whether the study ends a run that is decided.
 scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
   if (!arguments.rollout) return scene::load_scene(arguments.scene, arguments.overrides);
-  const study::RolloutStudy study(rollouts_of(study_of(arguments)));
+  const study::RolloutStudy study(
+      study::asked_rollouts({arguments.scene, arguments.uncertain.has_value(), arguments.overrides,
+                             arguments.uncertain, arguments.seed}));
   print_warnings(study.warnings());
   stop_lost = study.spec().stop_lost;
   return study.scene(*arguments.rollout);
@@ -231,7 +230,7 @@ int run_scene_command(const RunArguments& arguments) {
   if (arguments.report) output::require_three();
   if (arguments.uncertain && !arguments.rollout) {
     check_many(arguments);
-    return rollouts_command(study_of(arguments));
+    run_uncertain(arguments);
   }
   scene::Scene scene = scene_of(arguments, stop_lost);
   if (arguments.report) record_contacts(scene);

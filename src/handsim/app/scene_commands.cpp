@@ -1,10 +1,14 @@
 // Commands for one hand, scene or file.
+#include <algorithm>
 #include <limits>
 #include <memory>
 #include <string>
 
+#include <fmt/format.h>
+
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
+#include "handsim/output/export/export.h"
 #include "handsim/simulation/watch/state_hash.h"
 
 namespace handsim::app {
@@ -89,7 +93,7 @@ void add_run(CommandLine& line) {
   run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
       ->check(from_0)
       ->needs(rollout);
-  add_uncertain(run, arguments->uncertain);
+  add_uncertain_runs(run, *arguments);
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
           ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));
@@ -135,26 +139,32 @@ void add_render(CommandLine& line) {
 void add_export(CommandLine& line) {
   const auto arguments = std::make_shared<ExportArguments>();
   arguments->hands.side.clear();
-  CLI::App& command = line.add(
-      "export",
-      "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF, OpenSim, glTF, USD",
-      "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", export_command,
-      arguments);
+  std::string words, texts, endings, package;
+  for (const output::Format& format : output::kFormats) {
+    words += fmt::format("{}{}", words.empty() ? "" : "|", format.name);
+    texts += fmt::format("{}{}: {}", texts.empty() ? "" : "; ", format.name, format.text);
+    endings += fmt::format("{}{}", endings.empty() ? "" : ", ", format.endings_text());
+    if (!format.write) package += fmt::format("{}{}", package.empty() ? "" : ", ", format.name);
+  }
+  CLI::App& command =
+      line.add("export", "A scene's model, or a person's hands, as a file for other programs, by --format",
+               "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim",
+               export_command, arguments);
   add_input(command, "scene", arguments->scene, "scene file (without one: the hands of a person)");
-  add_words(
-      command.add_option(
-          "--format", arguments->format,
-          "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf. By the "
-          "Python package, with options of its own: glb, usda, obj, stl"),
-      "mjcf|urdf|osim");
+  add_words(command.add_option(
+                "--format", arguments->format,
+                fmt::format(
+                    "default: by the file's ending, else {}. {}. By the Python package, with options of its "
+                    "own (python3 -m handsim export --help): {}",
+                    output::kFormats[0].name, texts, package)),
+            words);
   command
-      .add_option("--out", arguments->out,
-                  "file to write: .xml or .mjcf, .urdf, .osim; .glb, .usda, .obj, .stl (default: out/NAME)")
+      .add_option("--out", arguments->out, "file to write, which ends in " + endings + " (default: out/NAME)")
       ->check(check_path);
   command.parse_complete_callback([arguments, &command] {
-    const std::string format = arguments->format.value_or("mjcf");
-    if (arguments->out.empty())
-      arguments->out = default_out(command, format == "mjcf" ? ".xml" : "." + format);
+    const std::string name = arguments->format.value_or(std::string(output::kFormats[0].name));
+    const auto format = std::ranges::find(output::kFormats, name, &output::Format::name);
+    if (arguments->out.empty()) arguments->out = default_out(command, std::string(format->endings[0]));
   });
   add_person(command, {arguments, &arguments->hands});
   add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);

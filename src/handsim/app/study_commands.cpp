@@ -38,7 +38,7 @@ void add_grasp(CommandLine& line) {
   grasp.add_flag("--confirm", arguments->confirm,
                  "run each grasp again at half the step: uncertain if that changes the verdict, or by more "
                  "than its margin");
-  add_uncertain(grasp, arguments->uncertain);
+  add_uncertain_runs(grasp, *arguments);
   add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   add_drawing(grasp, arguments->video, arguments->gl, "in each run's folder: a name without one");
@@ -114,55 +114,10 @@ void add_effects(CommandLine& line) {
   effects.add_flag("--json", asked->json, "print effects.json in place of the table");
 }
 
-constexpr int kMostCount = 100'000'000;
-
-void add_rollouts(CommandLine& line) {
-  const auto arguments = std::make_shared<RolloutsArguments>();
-  CLI::App& rollouts =
-      line.add("rollouts",
-               "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores "
-               "or, in shards, on many machines: one table, what makes them held, a plot",
-               "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100",
-               rollouts_command, arguments);
-  CLI::Option* study = add_input(rollouts, "study", arguments->study, "study file");
-  add_out(rollouts, arguments->out, "folder for the study's files");
-  add_overrides(rollouts, arguments->overrides);
-  const auto whole = [](int least, int most) {
-    return number_from(least, most, true, fmt::format("a whole number, {} to {}", least, most));
-  };
-  rollouts.add_option("--count", arguments->count, "draws, in place of the study's")
-      ->check(whole(1, kMostCount));
-  rollouts.add_option("--seed", arguments->seed, "in place of the study's")
-      ->check(whole(0, std::numeric_limits<int>::max()));
-  rollouts.add_option("--jobs", arguments->threads, "threads (default: as many as the machine has)")
-      ->check(whole(1, 4096));
-  rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
-      ->check(whole(1, 100'000));
-  add_report_flag(rollouts, *arguments);
-  rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
-  rollouts.add_option_function<std::string>(
-      "--shard", [arguments](const std::string& text) { arguments->shard = shard_of(text); },
-      "this share of the rollouts alone, such as 3/16, for merge");
-  CLI::App* merge = rollouts.add_subcommand("merge", "Make the table of all shards");
-  merge->footer("Example: handsim rollouts merge out/power_can");
-  merge->add_option("folders", arguments->folders, "folders of --shard runs")->required();
-  merge->add_option("--out", arguments->out, "folder for the table (default: the first of the folders)")
-      ->check(check_path);
-  add_report_flag(*merge, *arguments);
-  rollouts.parse_complete_callback([merge, study, arguments, &rollouts] {
-    if (merge->parsed()) return;
-    if (study->empty()) throw CLI::RequiredError(study->get_name());
-    if (arguments->out.empty()) arguments->out = default_out(rollouts);
-  });
-  line.commands.back().second = [merge, arguments] {
-    return merge->parsed() ? merge_command(*arguments) : rollouts_command(*arguments);
-  };
-}
-
 }  // namespace
 
 void add_study_commands(CommandLine& line) {
-  for (const auto add : {add_grasp, add_accuracy, add_effects, add_validate, add_rollouts}) add(line);
+  for (const auto add : {add_grasp, add_accuracy, add_effects, add_validate}) add(line);
 }
 
 }  // namespace handsim::app

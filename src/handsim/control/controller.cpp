@@ -21,7 +21,7 @@ double smoothing(const std::optional<double>& cutoff, double step) {
 }  // namespace
 
 Controller::Controller(const model::Model& model, const Plan& plan, double step, const model::State& start)
-    : plan_(plan), step_(step), axes_(plan.axes.size()) {
+    : plan_(plan), step_(step), driven_(plan.axes), axes_(plan.axes.size()) {
   const auto dofs = at(model.dof_count());
   (plan.form == Form::explicit_torque ? torques_.resize(dofs) : servos_.resize(dofs));
   std::size_t width = 0;
@@ -37,18 +37,15 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
         model::NewtonEuler(model, plan.feed_gravity), still, still, {}, {}, std::vector<double>(dofs), {}});
   }
   for (const DrivenAxis& axis : plan.axes) {
-    gains_.push_back(axis.gains);
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];
     tissue_.push_back(plan.tissue_compensation ? of_model.tissue.value_or(model::Tissue{}) : model::Tissue{});
-    smoothing_.push_back(smoothing(axis.gains.derivative_cutoff, step));
+    smoothing_.push_back(smoothing(axis.derivative_cutoff, step));
   }
-  memory_.integral.resize(axes_.size());
-  memory_.filtered_rate.resize(axes_.size());
   update_targets(start.time);
   measure(start);
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     axes_[i].target = target(i);
-    memory_.filtered_rate[i] = axes_[i].rate;
+    axes_[i].filtered_rate = axes_[i].rate;
   }
 }
 
@@ -104,65 +101,60 @@ void Controller::measure(const model::State& state) {
 }
 
 template <class Archive, class Self>
-void Controller::carry(Archive& archive, Self& self) {
-  archive.each(self.memory_.integral);
-  archive.each(self.memory_.filtered_rate);
-  for (auto& axis : self.axes_) {
-    for (auto* value : {&axis.angle, &axis.rate, &axis.target, &axis.torque}) archive(*value);
-    archive(axis.at_limit);
-  }
+void Controller::serialize(Archive& archive, Self& self) {
+  for (auto& axis : self.axes_)
+    archive(axis.angle, axis.rate, axis.target, axis.torque, axis.at_limit, axis.integral,
+            axis.filtered_rate);
 }
 
-void Controller::save(ArchiveWriter& out) const { carry(out, *this); }
+void Controller::save(ArchiveWriter& out) const { serialize(out, *this); }
 
-void Controller::restore(ArchiveReader& in) { carry(in, *this); }
+void Controller::restore(ArchiveReader& in) { serialize(in, *this); }
 
 /// Torque added to spring and damper: the integral, advanced by one step, and the feed-forward terms.
 double Controller::offset_torque(std::size_t i, double target) {
-  const Gains& gains = gains_[i];
-  const DrivenAxis& axis = plan_.axes[i];
-  double& integral = memory_.integral[i];
-  if (gains.integral > 0) {
-    const double error = target - axes_[i].angle;
-    const bool saturated = axes_[i].at_limit && error * axes_[i].torque > 0;
-    if (!saturated && (!gains.integral_zone || std::abs(error) < *gains.integral_zone))
-      integral =
-          std::clamp(integral + step_ * gains.integral * error, -gains.torque_limit, gains.torque_limit);
+  const DrivenAxis& axis = driven_[i];
+  AxisState& now = axes_[i];
+  if (axis.integral > 0) {
+    const double error = target - now.angle;
+    const bool saturated = now.at_limit && error * now.torque > 0;
+    if (!saturated && (!axis.integral_zone || std::abs(error) < *axis.integral_zone))
+      now.integral =
+          std::clamp(now.integral + step_ * axis.integral * error, -axis.torque_limit, axis.torque_limit);
   }
   const model::Tissue& tissue = tissue_[i];
   const double weight = gravity_torques_.empty() ? 0 : gravity_torques_[axis.dof];
   const double pull = tissue.stiffness * (target - tissue.rest);
-  if (!feed_) return integral + weight + pull;
+  if (!feed_) return now.integral + weight + pull;
   const double rate = feed_->rates[target_index(axis)];
-  return integral + pull + feed_->torques[axis.dof] + (gains.derivative + tissue.damping) * rate;
+  return now.integral + pull + feed_->torques[axis.dof] + (axis.derivative + tissue.damping) * rate;
 }
 
 void Controller::command_torques() {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const Gains& gains = gains_[i];
-    AxisState& axis = axes_[i];
+    const DrivenAxis& axis = driven_[i];
+    AxisState& now = axes_[i];
     const double goal = target(i);
-    double& rate = memory_.filtered_rate[i];
-    rate += smoothing_[i] * (axis.rate - rate);
+    now.filtered_rate += smoothing_[i] * (now.rate - now.filtered_rate);
     const double torque =
-        gains.proportional * (goal - axis.angle) - gains.derivative * rate + offset_torque(i, goal);
-    axis.torque = std::clamp(torque, -gains.torque_limit, gains.torque_limit);
-    axis.at_limit = std::abs(torque) >= gains.torque_limit;
-    torques_[plan_.axes[i].dof] = axis.torque;
+        axis.proportional * (goal - now.angle) - axis.derivative * now.filtered_rate + offset_torque(i, goal);
+    now.torque = std::clamp(torque, -axis.torque_limit, axis.torque_limit);
+    now.at_limit = std::abs(torque) >= axis.torque_limit;
+    torques_[axis.dof] = now.torque;
   }
 }
 
 // The damping of a low-passed rate d+ = d + s (v+ - d) is s D on the rate after the step plus a known term.
 void Controller::command_servos() {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const Gains& gains = gains_[i];
+    const DrivenAxis& axis = driven_[i];
     const double goal = target(i);
-    model::Servo& servo = servos_[plan_.axes[i].dof];
-    servo.stiffness = gains.proportional;
-    servo.damping = smoothing_[i] * gains.derivative;
+    model::Servo& servo = servos_[axis.dof];
+    servo.stiffness = axis.proportional;
+    servo.damping = smoothing_[i] * axis.derivative;
     servo.error = goal - axes_[i].angle;
-    servo.feed = offset_torque(i, goal) - (1 - smoothing_[i]) * gains.derivative * memory_.filtered_rate[i];
-    servo.limit = gains.torque_limit;
+    servo.feed = offset_torque(i, goal) - (1 - smoothing_[i]) * axis.derivative * axes_[i].filtered_rate;
+    servo.limit = axis.torque_limit;
   }
 }
 
@@ -181,8 +173,8 @@ void Controller::observe(const model::State& state) {
     AxisState& axis = axes_[i];
     axis.torque = state.tau_servo[plan_.axes[i].dof];
     // A torque at its limit may be rounded below it.
-    axis.at_limit = std::abs(axis.torque) >= gains_[i].torque_limit * (1 - 1e-9);
-    memory_.filtered_rate[i] += smoothing_[i] * (axis.rate - memory_.filtered_rate[i]);
+    axis.at_limit = std::abs(axis.torque) >= driven_[i].torque_limit * (1 - 1e-9);
+    axis.filtered_rate += smoothing_[i] * (axis.rate - axis.filtered_rate);
   }
 }
 

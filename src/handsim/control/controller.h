@@ -16,18 +16,21 @@
 
 namespace handsim::control {
 
-/// State of a driven axis at the last observe().
+/// State of a driven axis at the last observe(), and what the control law integrates from step to step.
 struct AxisState {
   double angle = 0;   ///< [rad]
   double rate = 0;    ///< [rad/s]
   double target = 0;  ///< for the time of the state [rad]
   double torque = 0;  ///< of the drive in the last step, within the limit [N m]
   bool at_limit = false;
+  double integral = 0;       ///< torque of the integral [N m]
+  double filtered_rate = 0;  ///< low-passed rate [rad/s]
 };
 
 class Controller {
  public:
-  /// Model and plan must outlive this. @param step [s]. @param start the engine's state before its first step
+  /// The model and the plan must outlive this object. @param step [s]. @param start the engine's state before
+  /// its first step
   Controller(const model::Model& model, const Plan& plan, double step, const model::State& start);
 
   /// Angles [rad] that replace the targets of the trajectories from the next command() on, one for each of
@@ -58,14 +61,10 @@ class Controller {
     std::vector<double> q, u, change;          ///< by coordinate of the model
     std::span<const double> torques;           ///< by coordinate
   };
-  struct Memory {
-    std::vector<double> integral;       ///< torque of the integral, by axis [N m]
-    std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
-  };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   void update_targets(double time);
-  /// Where targets_ has an axis.
+  /// The index of an axis in targets_.
   std::size_t target_index(const DrivenAxis& axis) const { return first_target_[axis.hand] + axis.column; }
   double target(std::size_t axis) const { return targets_[target_index(plan_.axes[axis])]; }
   double offset_torque(std::size_t axis, double target);
@@ -76,7 +75,7 @@ class Controller {
 
   const Plan& plan_;
   double step_;
-  std::vector<Gains> gains_;               ///< of the plan's axes, as they were at the start
+  std::vector<DrivenAxis> driven_;         ///< the plan's axes, as they were at the start
   std::vector<model::Tissue> tissue_;      ///< that is compensated, by axis; zero for none
   std::vector<double> smoothing_;          ///< weight of the new rate in the filtered one, by axis
   std::vector<double> targets_;            ///< for the end of the step, hand after hand
@@ -88,7 +87,6 @@ class Controller {
   std::vector<AxisState> axes_;
   std::vector<double> torques_;
   std::vector<model::Servo> servos_;
-  Memory memory_;
 };
 
 }  // namespace handsim::control

@@ -9,25 +9,9 @@ namespace handsim::control {
 
 namespace {
 
-struct GainField {
-  const char* key;
-  std::optional<double> AxisGains::*value;
-  Quantity quantity;
-};
-const GainField kGainFields[] = {
-    {"proportional", &AxisGains::proportional, {Dimension::rotational_stiffness, 0, 1e4}},
-    {"derivative", &AxisGains::derivative, {Dimension::rotational_damping, 0, 1e3}},
-    {"integral", &AxisGains::integral, {Dimension::rotational_integral, 0, 1e5}},
-    {"frequency", &AxisGains::frequency, {Dimension::frequency, 0.01, 1000}},
-    {"damping_ratio", &AxisGains::damping_ratio, {Dimension::none, 0, 100}},
-    {"integral_time", &AxisGains::integral_time, {Dimension::time, 1e-3, 1e6}},
-    {"torque_limit", &AxisGains::torque_limit, {Dimension::torque, 0, 1000, true}},
-    {"derivative_cutoff", &AxisGains::derivative_cutoff, {Dimension::frequency, 0.01, 1e5}},
-    {"integral_zone", &AxisGains::integral_zone, {Dimension::angle, 0, 10, true}}};
-
 AxisGains read_gains(MapReader& reader) {
   AxisGains out;
-  for (const auto& field : kGainFields) out.*field.value = reader.maybe_number(field.key, field.quantity);
+  reader.fields(out);
   const bool given = out.proportional || out.derivative || out.integral;
   const bool designed = out.frequency || out.damping_ratio || out.integral_time;
   if (given && designed)
@@ -71,11 +55,12 @@ void AxisGains::overlay(const AxisGains& later) {
     frequency = damping_ratio = integral_time = std::nullopt;
   if (later.frequency || later.damping_ratio || later.integral_time)
     proportional = derivative = integral = std::nullopt;
-  for (const GainField& field : kGainFields)
-    if (later.*field.value) this->*field.value = later.*field.value;
+  fields([&](std::string_view, auto member, auto) {
+    if (later.*member) this->*member = later.*member;
+  });
 }
 
-ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+ControllerSpec read_controller(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   ControllerSpec spec;
   MapReader reader(node, path, diagnostics);
   reader.text("title", "untitled");

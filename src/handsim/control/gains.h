@@ -31,6 +31,19 @@ struct AxisGains {
 
   /// Replaces the values that a later row states. A given gain removes designed ones, and vice versa.
   void overlay(const AxisGains& later);
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("proportional", &AxisGains::proportional, Quantity{Dimension::rotational_stiffness, 0, 1e4});
+    visit("derivative", &AxisGains::derivative, Quantity{Dimension::rotational_damping, 0, 1e3});
+    visit("integral", &AxisGains::integral, Quantity{Dimension::rotational_integral, 0, 1e5});
+    visit("frequency", &AxisGains::frequency, Quantity{Dimension::frequency, 0.01, 1000});
+    visit("damping_ratio", &AxisGains::damping_ratio, Quantity{Dimension::none, 0, 100});
+    visit("integral_time", &AxisGains::integral_time, Quantity{Dimension::time, 1e-3, 1e6});
+    visit("torque_limit", &AxisGains::torque_limit, Quantity{Dimension::torque, 0, 1000, true});
+    visit("derivative_cutoff", &AxisGains::derivative_cutoff, Quantity{Dimension::frequency, 0.01, 1e5});
+    visit("integral_zone", &AxisGains::integral_zone, Quantity{Dimension::angle, 0, 10, true});
+  }
 };
 
 struct GainRow {
@@ -53,7 +66,7 @@ struct ControllerSpec {
 };
 
 /// Reads a controller file; every defect goes into the diagnostics.
-ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+ControllerSpec read_controller(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// Problems: rows of a misspelt joint. A warning: joints that no hand has, as a file for several may name.
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);

@@ -45,7 +45,8 @@ Stability explicit_stability(const Eigen::MatrixXd& inertia, const Eigen::Vector
 
 class GravityLoad {
  public:
-  /// For all hinges and universal joints of the model, which must outlive this. @param gravity [m/s^2].
+  /// For all hinges and universal joints of the model, which must outlive this object. @param gravity
+  /// [m/s^2].
   GravityLoad(const model::Model& model, const Vec3& gravity);
 
   /// Torque of each coordinate that balances the weight distal to its joint [N m], size model.dof_count():

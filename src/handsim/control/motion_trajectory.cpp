@@ -199,7 +199,7 @@ constexpr std::size_t kMostNames = 1000;
 ColumnName read_column(MapReader& columns, const std::string& name) {
   using Kind = YamlNode::Kind;
   ColumnName out;
-  YamlNode* node = columns.value(
+  const YamlNode* node = columns.value(
       name, {{Kind::scalar, Kind::map}, "an axis such as index_mcp.flexion, or {axis, sign, offset}"});
   if (!node) return out;
   if (node->kind == Kind::scalar) {
@@ -281,7 +281,7 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
   return out;
 }
 
-MotionNames read_motion_names(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+MotionNames read_motion_names(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MotionNames out;
   MapReader reader(node, path, diagnostics);
   reader.text("title", "untitled");

@@ -32,7 +32,7 @@ struct MotionNames {
   std::map<std::string, Coupling> couplings;  ///< by the axis that follows, used where a table lacks it
 };
 
-/// How the motion files of a scene are read.
+/// Options for reading the motion files of a scene.
 struct MotionOptions {
   MotionNames names;
   bool clamp = false;            ///< moves angles beyond a stop to it and counts them; otherwise refused
@@ -41,7 +41,7 @@ struct MotionOptions {
 };
 
 /// Reads a file of names; every defect goes into the diagnostics.
-MotionNames read_motion_names(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+MotionNames read_motion_names(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// An angle beyond its range by at most this much is moved to the stop, with a warning [rad].
 inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;

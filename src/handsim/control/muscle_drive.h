@@ -16,7 +16,7 @@
 
 namespace handsim::control {
 
-/// Where excitations come from: a table, or the controller's torques.
+/// The source of excitations: a table, or the controller's torques.
 struct MusclePlan {
   std::shared_ptr<const MotionTable> table;         ///< null: torques
   std::vector<std::optional<std::size_t>> columns;  ///< of the table, for each muscle; absent: 0 at all times
@@ -28,7 +28,8 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
 /// Smallest activations for torques, in a model at a state.
 class StaticOptimisation {
  public:
-  /// The model must outlive this. @param dofs whose torques count. @param least activation: co-contraction
+  /// The model must outlive this object. @param dofs whose torques count. @param least activation:
+  /// co-contraction
   StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least = 0);
 
   /// Activations, as Model::muscles. @param torques by Model::dof_count() [N m]
@@ -58,10 +59,10 @@ class StaticOptimisation {
   std::vector<double> out_;
 };
 
-/// What drives the muscles of a scene.
+/// Computes the excitations of the muscles of a scene.
 class MuscleDrive {
  public:
-  /// All must outlive this. @param dofs that the controller drives
+  /// All arguments must outlive this object. @param dofs that the controller drives
   MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs, double step);
 
   bool takes_torques() const { return optimisation_.has_value(); }

@@ -118,18 +118,17 @@ void compute_inertias(const model::Model& model, const Trajectory& trajectory,
 }
 
 /// Gains from frequency f, damping ratio z and inertia I: K = I (2 pi f)^2, D = 2 z I 2 pi f, Ki = K / Ti.
-Gains make_gains(const AxisGains& stated, double inertia) {
+void set_gains(DrivenAxis& axis, const AxisGains& stated) {
   const double w = 2 * M_PI * stated.frequency.value_or(0);
   const bool designed = stated.frequency.has_value();
-  const double K = designed ? inertia * w * w : stated.proportional.value_or(0);
-  const double D =
-      designed ? 2 * stated.damping_ratio.value_or(1) * inertia * w : stated.derivative.value_or(0);
-  return {K,
-          D,
-          stated.integral_time ? K / *stated.integral_time : stated.integral.value_or(0),
-          stated.torque_limit.value_or(0),
-          stated.derivative_cutoff,
-          stated.integral_zone};
+  axis.proportional = designed ? axis.inertia * w * w : stated.proportional.value_or(0);
+  axis.derivative =
+      designed ? 2 * stated.damping_ratio.value_or(1) * axis.inertia * w : stated.derivative.value_or(0);
+  axis.integral =
+      stated.integral_time ? axis.proportional / *stated.integral_time : stated.integral.value_or(0);
+  axis.torque_limit = stated.torque_limit.value_or(0);
+  axis.derivative_cutoff = stated.derivative_cutoff;
+  axis.integral_zone = stated.integral_zone;
 }
 
 void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Plan& plan) {
@@ -138,11 +137,11 @@ void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Pl
   for (std::size_t i = 0; i < hand.stated.size(); ++i) {
     if (!hand.stated[i]) continue;
     const HandAxis& from = hand.axes.axes[i];
-    const double inertia = effective[static_cast<Eigen::Index>(i)];
-    Gains gains = make_gains(*hand.stated[i], inertia);
-    gains.torque_limit *= strength;
-    plan.axes.push_back(
-        {axis_name(hand, i), hand_index, i, from.joint_index, from.axis_index, from.dof, gains, inertia});
+    DrivenAxis& axis = plan.axes.emplace_back();
+    axis = {axis_name(hand, i), hand_index, i, from.joint_index, from.axis_index, from.dof};
+    axis.inertia = effective[static_cast<Eigen::Index>(i)];
+    set_gains(axis, *hand.stated[i]);
+    axis.torque_limit *= strength;
   }
 }
 
@@ -161,7 +160,7 @@ void limit_by_muscles(const model::Model& model, Plan& plan) {
   }
   for (DrivenAxis& axis : plan.axes)
     if (const double most = std::max(up[axis.dof], down[axis.dof]); most > 0)
-      axis.gains.torque_limit = std::min(axis.gains.torque_limit, most);
+      axis.torque_limit = std::min(axis.torque_limit, most);
 }
 
 Stability worst_stability(const HandDraft& hand, std::size_t hand_index, const Plan& plan, double step) {
@@ -169,8 +168,8 @@ Stability worst_stability(const HandDraft& hand, std::size_t hand_index, const P
   Eigen::VectorXd proportional = Eigen::VectorXd::Zero(n), derivative = Eigen::VectorXd::Zero(n);
   for (const DrivenAxis& axis : plan.axes) {
     if (axis.hand != hand_index) continue;
-    proportional[static_cast<Eigen::Index>(axis.column)] = axis.gains.proportional;
-    derivative[static_cast<Eigen::Index>(axis.column)] = axis.gains.derivative;
+    proportional[static_cast<Eigen::Index>(axis.column)] = axis.proportional;
+    derivative[static_cast<Eigen::Index>(axis.column)] = axis.derivative;
   }
   Stability worst;
   for (const Eigen::MatrixXd& inertia : hand.inertias) {

@@ -16,25 +16,21 @@
 
 namespace handsim::control {
 
-/// Gains of one axis as numbers.
-struct Gains {
-  double proportional = 0;                  ///< [N m/rad]
-  double derivative = 0;                    ///< [N m s/rad]
-  double integral = 0;                      ///< [N m/(rad s)]
-  double torque_limit = 0;                  ///< [N m]
-  std::optional<double> derivative_cutoff;  ///< [Hz]
-  std::optional<double> integral_zone;      ///< [rad]
-};
-
+/// A joint coordinate that the controller drives, and its gains as numbers.
 struct DrivenAxis {
-  std::string name;        ///< e.g. `right.index_mcp.flexion`
-  std::size_t hand = 0;    ///< in Plan::hands
-  std::size_t column = 0;  ///< of the hand's trajectory
-  std::size_t joint = 0;   ///< in Model::joints
-  std::size_t axis = 0;    ///< of the joint
-  std::size_t dof = 0;     ///< in vectors of model.dof_count()
-  Gains gains;
-  double inertia = 0;  ///< effective inertia for designed gains [kg m^2]
+  std::string name;                              ///< e.g. `right.index_mcp.flexion`
+  std::size_t hand = 0;                          ///< in Plan::hands
+  std::size_t column = 0;                        ///< of the hand's trajectory
+  std::size_t joint = 0;                         ///< in Model::joints
+  std::size_t axis = 0;                          ///< of the joint
+  std::size_t dof = 0;                           ///< in vectors of model.dof_count()
+  double inertia = 0;                            ///< effective inertia for designed gains [kg m^2]
+  double proportional = 0;                       ///< [N m/rad]
+  double derivative = 0;                         ///< [N m s/rad]
+  double integral = 0;                           ///< [N m/(rad s)]
+  double torque_limit = 0;                       ///< [N m]
+  std::optional<double> derivative_cutoff = {};  ///< [Hz]
+  std::optional<double> integral_zone = {};      ///< [rad]
 };
 
 struct HandPlan {

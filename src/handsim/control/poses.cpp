@@ -203,7 +203,7 @@ const std::vector<ProgramKey>* ProgramSpec::keys_for(const std::string& hand) co
   return found == hands.end() ? nullptr : &found->second;
 }
 
-PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+PoseFile read_pose_file(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   PoseFile file;
   MapReader reader(node, path, diagnostics);
   reader.text("title", "untitled");

@@ -48,7 +48,7 @@ struct PoseFile {
 };
 
 /// Reads a pose file. Defects: also unknown poses, times that do not increase, movements that overlap.
-PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+PoseFile read_pose_file(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// Angles of a pose for a hand's axes [rad]. Problems: joints that the hand model does not have, more angles
 /// than axes, an angle outside its joint's range. Angles of absent joints are ignored, with a warning.

@@ -36,7 +36,7 @@ class Trajectory {
 
   /// Targets at a time [s] into `out`, size width(). Constant before the first knot and after the last.
   void at(double time, std::span<double> out) const;
-  /// As above, with the exact derivatives by time [rad/s], [rad/s^2], each of size width().
+  /// Targets at a time, with their exact derivatives by time [rad/s], [rad/s^2], each of size width().
   void at(double time, std::span<double> out, std::span<double> rates, std::span<double> accelerations) const;
   /// Joins the knots by a spline, not straight lines; there must be no jumps. Nothing can be added later.
   void use_spline();

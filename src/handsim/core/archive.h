@@ -1,6 +1,7 @@
 // Serialises numbers and text to bytes and back, bit for bit on any machine: eight bytes per number, least
 // significant first. One function template lists the fields of a type for both directions:
-//   template <class Archive, class T> void carry(Archive& archive, T& value) { archive(value.a, value.b); }
+//   template <class Archive, class T> void serialize(Archive& archive, T& value) { archive(value.a, value.b);
+//   }
 // The reader checks every count: it never reads or allocates more than the bytes that are left.
 #pragma once
 
@@ -50,11 +51,11 @@ class ArchiveWriter {
   void operator()(const A& a, const B& b, const More&... more) {
     (*this)(a), (*this)(b), ((*this)(more), ...);
   }
-  /// A count, then each element by `carry(archive, element)`.
-  template <class T, class Carry>
-  void list(const std::vector<T>& values, Carry&& carry) {
+  /// A count, then each element by `serialize(archive, element)`.
+  template <class T, class Serialize>
+  void list(const std::vector<T>& values, Serialize&& serialize) {
     word(values.size());
-    for (const T& value : values) carry(*this, value);
+    for (const T& value : values) serialize(*this, value);
   }
   /// The elements without a count: the reader knows it.
   template <class Range>
@@ -103,10 +104,10 @@ class ArchiveReader {
   void operator()(A& a, B& b, More&... more) {
     (*this)(a), (*this)(b), ((*this)(more), ...);
   }
-  template <class T, class Carry>
-  void list(std::vector<T>& values, Carry&& carry) {
+  template <class T, class Serialize>
+  void list(std::vector<T>& values, Serialize&& serialize) {
     values.resize(size());
-    for (T& value : values) carry(*this, value);
+    for (T& value : values) serialize(*this, value);
   }
   template <class Range>
   void each(Range& values) {

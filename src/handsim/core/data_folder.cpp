@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
 #include "handsim/core/version.h"
 
@@ -96,8 +97,7 @@ std::optional<fs::path> shipped_file(const fs::path& name, std::string_view fold
     return std::nullopt;
   try {
     fs::path shipped = data_folder() / folder / (name.string() + ".yaml");
-    std::error_code failure;
-    if (fs::is_regular_file(shipped, failure)) return shipped;
+    if (is_file(shipped)) return shipped;
   } catch (const Error&) {
     // Nothing is installed.
   }

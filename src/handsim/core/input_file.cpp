@@ -1,6 +1,7 @@
 #include "handsim/core/input_file.h"
 
 #include <fcntl.h>
+#include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -12,6 +13,44 @@
 
 namespace handsim {
 
+namespace {
+
+thread_local CarriedFiles* carried = nullptr;
+thread_local bool keeps = false;
+
+/// The content of a file that is carried; null: it is none.
+const std::string* carried_content(const std::filesystem::path& path) {
+  if (!carried) return nullptr;
+  const auto found = carried->files.find(absolute_path(path).string());
+  return found == carried->files.end() ? nullptr : &found->second;
+}
+
+/// The descriptor of a file that has a content and no name, at its start; negative: there is no memory.
+int file_of(const std::string& content) {
+  const int file = ::memfd_create("handsim", MFD_CLOEXEC);
+  for (std::size_t done = 0; file >= 0 && done < content.size();) {
+    const ssize_t count =
+        ::pwrite(file, content.data() + done, content.size() - done, static_cast<off_t>(done));
+    if (count <= 0) return ::close(file), -1;
+    done += static_cast<std::size_t>(count);
+  }
+  return file;
+}
+
+}  // namespace
+
+CarriedScope::CarriedScope(CarriedFiles& files, bool keep) { carried = &files, keeps = keep; }
+CarriedScope::~CarriedScope() { carried = nullptr; }
+
+std::filesystem::path absolute_path(const std::filesystem::path& path) {
+  return (carried ? carried->folder / path : std::filesystem::absolute(path)).lexically_normal();
+}
+
+bool is_file(const std::filesystem::path& path) {
+  std::error_code failure;
+  return carried_content(path) || std::filesystem::is_regular_file(path, failure);
+}
+
 std::string bytes_text(std::size_t bytes) {
   constexpr std::size_t kMegabyte = 1U << 20U;
   return bytes > 0 && bytes % kMegabyte == 0 ? fmt::format("{} MB", bytes / kMegabyte)
@@ -21,6 +60,13 @@ std::string bytes_text(std::size_t bytes) {
 InputFile::InputFile(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes)
     : path_(path), need_(need), most_(most_bytes) {
   struct stat status {};
+  if (const std::string* content = carried_content(path)) {
+    size_ = content->size();
+    if (size_ > most_) throw error(fmt::format("a file of {} bytes", size_), "at most " + bytes_text(most_));
+    number_ = file_of(*content);
+    if (number_ < 0) throw unreadable("opened");
+    return;
+  }
   // Checked before opening, because opening some devices has effects.
   if (::stat(path.c_str(), &status) != 0)
     throw errno == ENOENT || errno == ENOTDIR || errno == ENAMETOOLONG ? error("no such file", need_)
@@ -34,6 +80,11 @@ InputFile::InputFile(const std::filesystem::path& path, std::string_view need, s
     check(status.st_mode);
     size_ = static_cast<std::size_t>(std::max<off_t>(status.st_size, 0));
     if (size_ > most_) throw error(fmt::format("a file of {} bytes", size_), "at most " + bytes_text(most_));
+    if (carried && keeps) {
+      std::string content(size_, '\0');
+      if (::pread(number_, content.data(), content.size(), 0) == static_cast<ssize_t>(content.size()))
+        carried->files.emplace(absolute_path(path).string(), std::move(content));
+    }
   } catch (...) {
     ::close(number_);
     throw;

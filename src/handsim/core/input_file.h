@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -11,6 +12,28 @@
 #include "handsim/core/error.h"
 
 namespace handsim {
+
+/// What one machine has read, for others that have none of these files.
+struct CarriedFiles {
+  std::filesystem::path folder;              ///< from which relative paths go
+  std::map<std::string, std::string> files;  ///< contents by absolute path
+};
+
+/// While it lives, its thread reads the files that are carried in place of those on the disk.
+class CarriedScope {
+ public:
+  /// @param files outlive it. @param keep whether what is read from the disk is added to them
+  CarriedScope(CarriedFiles& files, bool keep);
+  ~CarriedScope();
+  CarriedScope(const CarriedScope&) = delete;
+  CarriedScope& operator=(const CarriedScope&) = delete;
+};
+
+/// Without `.` and `..`; a relative path goes from the folder of the carried files, else from the process's own.
+std::filesystem::path absolute_path(const std::filesystem::path& path);
+
+/// True for a regular file that is carried or on the disk.
+bool is_file(const std::filesystem::path& path);
 
 /// An open file that is read from its start to its end; links are followed.
 class InputFile {

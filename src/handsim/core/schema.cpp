@@ -16,7 +16,7 @@ namespace {
 using Setting = SchemaRecorder::Setting;
 
 /// Removes the first key from a dotted path and returns it.
-std::string_view take_key(std::string_view& path) {
+std::string_view first_key(std::string_view& path) {
   const std::size_t dot = path.find('.');
   const std::string_view key = path.substr(0, dot);
   path = dot == std::string_view::npos ? std::string_view() : path.substr(dot + 1);
@@ -27,7 +27,7 @@ std::string_view take_key(std::string_view& path) {
 void put(YamlNode& tree, const Setting& setting) {
   YamlNode* node = &tree;
   for (std::string_view rest = setting.path; !rest.empty();) {
-    const std::string_view key = take_key(rest);
+    const std::string_view key = first_key(rest);
     if (key == "0") {
       if (node->kind != YamlNode::Kind::sequence) *node = yaml_sequence();
       if (node->items.empty()) node->items.push_back(yaml_map());
@@ -175,7 +175,7 @@ void describe(Json& schema, std::string_view kind, const std::string& path, cons
 SchemaRecorder::Node& SchemaRecorder::at(std::string_view path) {
   Node* node = &root_;
   while (!path.empty()) {
-    const std::string_view key = take_key(path);
+    const std::string_view key = first_key(path);
     auto child = std::ranges::find_if(node->children, [&](const Node& each) { return each.key == key; });
     if (child == node->children.end()) child = node->children.insert(child, Node{std::string(key)});
     node = &*child;

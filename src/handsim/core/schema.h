@@ -14,7 +14,7 @@ namespace handsim {
 struct SchemaSource {
   std::string_view kind;  ///< as MapReader::file_or_block() calls it: `a person`
   /// Its reader; called many times, each time with more of the keys that it asked for.
-  std::function<void(YamlNode& root, Diagnostics& diagnostics)> read;
+  std::function<void(const YamlNode& root, Diagnostics& diagnostics)> read;
 };
 
 /// What a key means; empty if unknown. @param path dotted, without list indices: `objects.parts.radius`

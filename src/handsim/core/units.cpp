@@ -30,6 +30,7 @@ constexpr std::array kUnits = {
     Unit{"us", Dimension::time, 1e-6},
     Unit{"kg", Dimension::mass, 1},
     Unit{"g", Dimension::mass, 1e-3},
+    Unit{"mg", Dimension::mass, 1e-6},
     Unit{"kg/m3", Dimension::density, 1},
     Unit{"g/cm3", Dimension::density, 1e3},
     Unit{"m/s", Dimension::speed, 1},
@@ -40,6 +41,7 @@ constexpr std::array kUnits = {
     Unit{"m/s2", Dimension::acceleration, 1},
     Unit{"N m", Dimension::torque, 1},
     Unit{"N mm", Dimension::torque, 1e-3},
+    Unit{"mN m", Dimension::torque, 1e-3},
     Unit{"N m/rad", Dimension::rotational_stiffness, 1},
     Unit{"N m/deg", Dimension::rotational_stiffness, 1 / kDegree},
     Unit{"N m s/rad", Dimension::rotational_damping, 1},
@@ -49,6 +51,7 @@ constexpr std::array kUnits = {
     Unit{"N/mm", Dimension::stiffness, 1e3},
     Unit{"N s/m", Dimension::damping, 1},
     Unit{"N", Dimension::force, 1},
+    Unit{"mN", Dimension::force, 1e-3},
 };
 
 /// A value in SI for messages, and the unit in which it is also shown.

@@ -15,6 +15,7 @@
 
 #include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
+#include "handsim/core/units.h"
 
 namespace handsim {
 
@@ -389,6 +390,14 @@ YamlNode yaml_scalar(std::string text, bool quoted) {
 
 YamlNode yaml_map() { return empty_node(YamlNode::Kind::map); }
 
+YamlNode yaml_map(const YamlNode& place) {
+  YamlNode node = yaml_map();
+  node.file = place.file;
+  node.line = place.line;
+  node.column = place.column;
+  return node;
+}
+
 YamlNode yaml_sequence() { return empty_node(YamlNode::Kind::sequence); }
 
 YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value) {
@@ -402,5 +411,39 @@ YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value) {
   map.entries.push_back({std::move(key), value.line, value.column, std::move(value)});
   return map.entries.back().value;
 }
+
+bool take_key(std::string_view& path, std::string_view key) {
+  if (!path.starts_with(key) || (path.size() > key.size() && path[key.size()] != '.')) return false;
+  path.remove_prefix(std::min(path.size(), key.size() + 1));
+  return true;
+}
+
+namespace {
+
+template <class Node>
+Node* at_path(Node& node, std::string_view path) {
+  if (path.empty()) return &node;
+  if (node.kind == YamlNode::Kind::sequence) {
+    const std::string_view head = path.substr(0, path.find('.'));
+    const std::optional<double> index = parse_number(head);
+    if (!index || !(*index >= 0 && *index < static_cast<double>(node.items.size()))) return nullptr;
+    take_key(path, head);
+    return at_path(node.items[static_cast<std::size_t>(*index)], path);
+  }
+  decltype(&node.entries.front()) found = nullptr;
+  for (auto& each : node.entries)
+    if (std::string_view rest = path;
+        take_key(rest, each.key) && (!found || each.key.size() > found->key.size()))
+      found = &each;
+  if (!found) return nullptr;
+  take_key(path, found->key);
+  return at_path(found->value, path);
+}
+
+}  // namespace
+
+YamlNode* value_at(YamlNode& root, std::string_view path) { return at_path(root, path); }
+
+const YamlNode* value_at(const YamlNode& root, std::string_view path) { return at_path(root, path); }
 
 }  // namespace handsim

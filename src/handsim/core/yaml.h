@@ -73,9 +73,17 @@ std::string emit_yaml(const YamlNode& node);
 /// Nodes for trees made in code.
 YamlNode yaml_scalar(std::string text, bool quoted = false);
 YamlNode yaml_map();
+/// At the place of another node.
+YamlNode yaml_map(const YamlNode& place);
 YamlNode yaml_sequence();
 /// Adds or replaces `key` in a map.
 YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
+
+/// Removes a key from the start of a dotted path; false if the path does not begin with it.
+bool take_key(std::string_view& path, std::string_view key);
+/// The value at a dotted path of keys and indices, or null. Of keys with dots, the longest that fits.
+YamlNode* value_at(YamlNode& root, std::string_view path);
+const YamlNode* value_at(const YamlNode& root, std::string_view path);
 
 /// Replaces a scalar that names a YAML file, or a shipped one (named_file.h), by that file's tree.
 /// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems

@@ -171,9 +171,8 @@ void put_over(YamlNode& base, const YamlNode& over) {
 
 std::optional<std::filesystem::path> named_file(const YamlNode& node, std::string_view key) {
   if (node.kind != YamlNode::Kind::scalar) return std::nullopt;
-  std::error_code failure;
   std::filesystem::path beside = path_beside(node);
-  if (std::filesystem::is_regular_file(beside, failure)) return beside;
+  if (is_file(beside)) return beside;
   const std::string_view folder = shipped_folder(key);
   return folder.empty() ? std::nullopt : shipped_file(node.text, folder);
 }
@@ -184,9 +183,8 @@ std::string need_file(const YamlNode& node, std::string_view key, std::string_vi
   if (folder.empty()) return need;
   need += ", or the name of a shipped one";
   // The user's own file without its ending.
-  std::error_code failure;
   const std::filesystem::path own = path_beside(node).string() + ".yaml";
-  if (std::filesystem::is_regular_file(own, failure)) return need + " (nearest: " + node.text + ".yaml)";
+  if (is_file(own)) return need + " (nearest: " + node.text + ".yaml)";
   return need + shipped_hint(node, folder);
 }
 

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/core/schema_recorder.h"
 
 namespace handsim {
@@ -27,15 +28,6 @@ std::optional<std::string> without_comma(const std::string& text, const Accepted
   if (!decimal) return whole ? std::optional("no comma: " + head + tail) : std::nullopt;
   return fmt::format("a decimal point in place of a comma: {}.{}{}", head, tail,
                      whole ? fmt::format(" (or {}{})", head, tail) : "");
-}
-
-/// The value of a key or of a dotted path of keys, or null.
-const YamlNode* at_path(const YamlNode& map, std::string_view key) {
-  if (const YamlNode* found = map.find(key)) return found;
-  const std::size_t dot = key.find('.');
-  if (dot == std::string_view::npos) return nullptr;
-  const YamlNode* inner = map.find(key.substr(0, dot));
-  return inner ? at_path(*inner, key.substr(dot + 1)) : nullptr;
 }
 
 YamlNode vector_node(const Vec3& v) {
@@ -71,7 +63,7 @@ std::optional<double> read_number(const YamlNode& node, const std::string& path,
   return std::nullopt;
 }
 
-MapReader::MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics)
+MapReader::MapReader(const YamlNode& node, std::string path, Diagnostics& diagnostics)
     : node_(&node),
       path_(std::move(path)),
       diagnostics_(&diagnostics),
@@ -91,19 +83,19 @@ std::string MapReader::path_of(std::string_view key) const {
 
 bool MapReader::has(std::string_view key) { return child(key) != nullptr; }
 
-YamlNode* MapReader::child(std::string_view key) {
+const YamlNode* MapReader::child(std::string_view key) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, presence_form());
   return find(key);
 }
 
-YamlNode* MapReader::find(std::string_view key) {
+const YamlNode* MapReader::find(std::string_view key) {
   if (std::ranges::find(known_, key) == known_.end()) known_.emplace_back(key);
   return node_->find(key);
 }
 
 template <class Need>
-YamlNode* MapReader::find_or_report(std::string_view key, bool required, const Need& need) {
-  YamlNode* found = find(key);
+const YamlNode* MapReader::find_or_report(std::string_view key, bool required, const Need& need) {
+  const YamlNode* found = find(key);
   if (!found && required && !broken_)
     diagnostics_->problems.push_back({node_->place(), path_of(key), "nothing", need()});
   return found;
@@ -124,8 +116,8 @@ std::optional<double> MapReader::item(const YamlNode& list, std::string_view key
   return read_number(list.items[i], fmt::format("{}.{}", path_of(key), i), quantity, *diagnostics_);
 }
 
-void MapReader::write_default(std::string_view key, YamlNode value) {
-  if (!broken_) yaml_put(*node_, std::string(key), std::move(value));
+void MapReader::note_default(std::string_view key, YamlNode value) {
+  if (!broken_) diagnostics_->resolution.fill(path_of(key), std::move(value));
 }
 
 /// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value: `1,7`, which is reported once.
@@ -148,7 +140,7 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
       std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
   const YamlNode* found = find_or_report(key, !fallback, [&] { return quantity.need(); });
   if (found) return number_at(*found, key, quantity).value_or(harmless);
-  if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
+  if (fallback) note_default(key, yaml_scalar(number_text(*fallback)));
   return harmless;
 }
 
@@ -162,7 +154,7 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, integer_form(min, max, fallback));
   const YamlNode* found = find(key);
   if (!found) {
-    write_default(key, yaml_scalar(std::to_string(fallback)));
+    note_default(key, yaml_scalar(std::to_string(fallback)));
     return fallback;
   }
   const std::string need = fmt::format("a whole number, {} to {}", min, max);
@@ -179,7 +171,7 @@ std::string MapReader::text(std::string_view key, std::optional<std::string> fal
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, text_form(fallback, !fallback));
   const YamlNode* found = find_or_report(key, !fallback, [] { return "a text"; });
   if (!found) {
-    if (fallback) write_default(key, yaml_scalar(*fallback, true));
+    if (fallback) note_default(key, yaml_scalar(*fallback, true));
     return fallback.value_or("");
   }
   const bool one_value = found->kind == YamlNode::Kind::scalar && !found->text.empty();
@@ -202,17 +194,17 @@ void MapReader::take_base(std::string_view key) {
   }
   if (!find(key) || diagnostics_->recorder) return;
   try {
-    for (int i = 0; YamlNode* found = node_->find(key); ++i) {
+    for (int i = 0; const YamlNode* found = node_->find(key); ++i) {
       if (i == kMost || found->kind != YamlNode::Kind::scalar) {
         problem(key, i == kMost ? "files that are based on each other" : found->described(),
                 "the path of a file of the same kind, relative to this file");
         return;
       }
-      YamlNode base = *found;
+      YamlNode base = *found, over = *node_;
       follow_reference(base, path_of(key), diagnostics_->budget);
-      node_->entries.remove_if([&](const YamlEntry& entry) { return entry.key == key; });
-      put_over(base, *node_);
-      *node_ = std::move(base);
+      over.entries.remove_if([&](const YamlEntry& entry) { return entry.key == key; });
+      put_over(base, over);
+      read_instead(std::move(base));
     }
   } catch (const Error& error) {
     diagnostics_->add(error);
@@ -237,7 +229,7 @@ bool MapReader::flag(std::string_view key, bool fallback) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, flag_form(fallback));
   const YamlNode* found = find(key);
   if (!found) {
-    write_default(key, yaml_scalar(fallback ? "true" : "false"));
+    note_default(key, yaml_scalar(fallback ? "true" : "false"));
     return fallback;
   }
   if (found->kind == YamlNode::Kind::scalar && !found->quoted &&
@@ -253,7 +245,7 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
   const YamlNode* found = find_or_report(key, !fallback, need);
   Vec3 out = fallback.value_or(Vec3::UnitX());
   if (!found) {
-    if (fallback) write_default(key, vector_node(*fallback));
+    if (fallback) note_default(key, vector_node(*fallback));
     return out;
   }
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 3) {
@@ -286,7 +278,7 @@ std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view
 
 Quat MapReader::rotation(std::string_view key) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, map_form(false));
-  YamlNode* found = find(key);
+  const YamlNode* found = find(key);
   if (!found) return Quat::Identity();
   MapReader reader(*found, path_of(key), *diagnostics_);
   const Vec3 axis = reader.direction("axis");
@@ -307,7 +299,7 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, choice_form(names, fallback));
   const auto known = [&] { return std::vector<std::string>(names.begin(), names.end()); };
   const YamlNode* found = find_or_report(key, !fallback, [&] { return list_of(known()); });
-  if (!found && fallback) write_default(key, yaml_scalar(std::string(*fallback)));
+  if (!found && fallback) note_default(key, yaml_scalar(std::string(*fallback)));
   if (found && found->kind == YamlNode::Kind::scalar) {
     const auto at = std::ranges::find(names, found->text);
     if (at != names.end()) return static_cast<std::size_t>(at - names.begin());
@@ -317,19 +309,19 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
   return static_cast<std::size_t>(std::ranges::find(names, *fallback) - names.begin());
 }
 
-YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
+const YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
   if (auto* recorder = diagnostics_->recorder)
     recorder->record(path_, key, list_form(required ? 1 : 0, most));
-  YamlNode* found = find_or_report(key, required, [] { return "a list"; });
+  const YamlNode* found = find_or_report(key, required, [] { return "a list"; });
   const bool is_list = found && found->kind == YamlNode::Kind::sequence;
   if (!found || (is_list && found->items.size() <= most)) return found;
   problem(key, found->described(), is_list ? fmt::format("at most {} of them", most) : "a list");
   return nullptr;
 }
 
-YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
+const YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, value_form(form));
-  YamlNode* found = find_or_report(key, form.required, [&] { return form.need; });
+  const YamlNode* found = find_or_report(key, form.required, [&] { return form.need; });
   if (!found) return nullptr;
   const bool empty_text = found->kind == YamlNode::Kind::scalar && found->text.empty();
   if (!empty_text && std::ranges::find(form.kinds, found->kind) != form.kinds.end()) return found;
@@ -340,7 +332,7 @@ YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
 void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
                      const std::function<void(MapReader)>& read) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, list_form(least, most));
-  YamlNode* found = list(key, least > 0, kNoLimit);
+  const YamlNode* found = list(key, least > 0, kNoLimit);
   if (!found) return;
   if (found->items.size() < least || found->items.size() > most) {
     const std::string range = least > 0 ? fmt::format("{} to", least) : "at most";
@@ -372,7 +364,8 @@ std::map<std::string, std::string> MapReader::named_texts(std::string_view key) 
   return out;
 }
 
-YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, bool required) {
+const YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, bool required,
+                                         const std::string& otherwise) {
   // The schema of its kind lists its keys.
   if (auto* recorder = diagnostics_->recorder) {
     recorder->record_file(path_, key, kind, required);
@@ -380,16 +373,33 @@ YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, 
     return nullptr;
   }
   using Kind = YamlNode::Kind;
-  YamlNode* found = value(key, {{Kind::map, Kind::scalar},
-                                fmt::format("{}: the path or name of its file, or the block itself", kind),
-                                required});
+  const YamlNode* found =
+      value(key, {{Kind::map, Kind::scalar},
+                  fmt::format("{}: the path or name of its file, or the block itself", kind),
+                  required});
+  if (found ? found->kind == Kind::map : otherwise.empty() || node_->find(key)) return found;
+  YamlNode file = found ? *found : yaml_map(*node_);
+  if (!found) {
+    file.kind = Kind::scalar;
+    file.text = otherwise;
+  }
   try {
-    if (found) follow_reference(*found, path_of(key), diagnostics_->budget);
-    return found;
+    follow_reference(file, path_of(key), diagnostics_->budget);
+    return &resolve(key, std::move(file));
   } catch (const Error& error) {
     diagnostics_->add(error);
     return nullptr;
   }
+}
+
+std::filesystem::path MapReader::file_path(std::string_view key, const YamlNode& value) {
+  const std::filesystem::path beside = std::filesystem::path(value.place().file).parent_path() / value.text;
+  std::filesystem::path path = absolute_path(beside);
+  YamlNode absolute = value;
+  absolute.text = path.string();
+  resolve(key, std::move(absolute));
+  diagnostics_->resolution.files.push_back(path);
+  return path;
 }
 
 std::vector<std::string> MapReader::keys(std::size_t most) {
@@ -404,8 +414,8 @@ std::vector<std::string> MapReader::keys(std::size_t most) {
 
 MapReader MapReader::map(std::string_view key) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, map_form(false));
-  YamlNode* found = find(key);
-  if (!found) found = &yaml_put(*node_, std::string(key), yaml_map());
+  const YamlNode* found = find(key);
+  if (!found) found = &diagnostics_->resolution.fill(path_of(key), yaml_map(*node_));
   if (!broken_) return {*found, path_of(key), *diagnostics_};
   // The parent's problem has been reported; the child reports nothing more.
   MapReader silent = *this;
@@ -425,13 +435,13 @@ MapReader MapReader::required_map(std::string_view key, const std::string& need)
 
 void MapReader::problem(std::string_view key, std::string got, std::string need) {
   if (broken_) return;
-  const YamlNode* found = at_path(*node_, key);
+  const YamlNode* found = value_at(*node_, key);
   diagnostics_->problems.push_back(
       {(found ? *found : *node_).place(), path_of(key), std::move(got), std::move(need)});
 }
 
 void MapReader::warning(std::string_view key, const std::string& text) {
-  const YamlNode* found = at_path(*node_, key);
+  const YamlNode* found = value_at(*node_, key);
   const std::string where = (found ? *found : *node_).place().text();
   diagnostics_->warnings.push_back(fmt::format("{}{}: {}", where, path_of(key), text));
 }

@@ -2,7 +2,6 @@
 // a representation of its own (ODE ids, joint coordinates) and returns poses and velocities as a State.
 #pragma once
 
-#include <array>
 #include <memory>
 #include <optional>
 #include <span>
@@ -45,17 +44,6 @@ struct StepInput {
   std::span<const double> excitations = {};
 };
 
-/// The first attempt at a guarded step whose result is within the limits.
-enum class Rung {
-  none,        ///< the step with its settings
-  softer,      ///< 100 x the CFM
-  half_steps,  ///< two steps of half the length
-  quick_step,  ///< quick_step with 200 iterations
-  unresolved,  ///< no attempt; the result of the last one is kept
-};
-inline constexpr std::array<std::string_view, 5> kRungNames = {"none", "softer", "half_steps", "quick_step",
-                                                               "unresolved"};
-
 /// A largest value and the index of its joint or shape.
 struct ResidualPeak {
   double value = 0;
@@ -75,8 +63,7 @@ inline constexpr long long kResidualInterval = 8;
 
 /// Figures of one step.
 struct StepReport {
-  int lcp_failures = 0;    ///< failures of the direct solver, without those of rejected attempts
-  Rung rung = Rung::none;  ///< of a guarded step
+  int lcp_failures = 0;    ///< failures of the direct solver
   int passes = 1;          ///< world_step: solutions of the step that was kept (OdeSettings::friction_passes)
   bool iterative = false;  ///< true if quick_step, or relaxation of the articulated engine, solved the step
   /// Measured in steps in which the direct solver failed, in steps of quick_step with contacts or a changed
@@ -129,7 +116,7 @@ class Engine {
   /// Restores a state() and what `save` wrote with it, for the same model and settings. @throws Error (input)
   /// for another model's state or archive (restore or set_state is then due), Error (physics) after a failure
   virtual void restore(const model::State& state, ArchiveReader& in);
-  /// Takes over changed masses, inertias (same principal axes), gravity and materials of the model. @throws
+  /// Reads changed masses, inertias (same principal axes), gravity and materials of the model. @throws
   /// Error (input) by engine dae; Error (physics) of an engine that has failed
   virtual void refresh();
   virtual std::span<const Contact> contacts() const = 0;

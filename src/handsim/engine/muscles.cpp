@@ -1,4 +1,5 @@
 #include "handsim/engine/muscles.h"
+#include "handsim/engine/tendon_kernels.h"
 
 #include <algorithm>
 #include <cmath>
@@ -49,7 +50,7 @@ void Muscles::collect_parts() {
     }
 }
 
-void Muscles::start(const model::State& state) {
+void Muscles::reset(const model::State& state) {
   const TendonArrays& all = layout_.arrays();
   goes_on_ = false;
   begun_ = 0;
@@ -74,8 +75,8 @@ void Muscles::pull(const Start& start) {
   goes_on_ = true;
 }
 
-void Muscles::begin(std::span<const double> q, std::span<const double> u,
-                    std::span<const double> excitations) {
+void Muscles::begin_step(std::span<const double> q, std::span<const double> u,
+                         std::span<const double> excitations) {
   std::swap(start_, before_);
   begun_ = std::min(begun_ + 1, 2);
   start_.q.assign(q.begin(), q.end());
@@ -94,7 +95,7 @@ void Muscles::begin(std::span<const double> q, std::span<const double> u,
   for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;
 }
 
-void Muscles::go_back() {
+void Muscles::restore_step() {
   if (begun_ == 2) std::swap(start_, before_);
   for (int i = 0; i < layout_.arrays().blocks; ++i) {
     std::copy_n(&start_.activations[at(i) * kTendonLanes], kTendonLanes,
@@ -149,7 +150,7 @@ void Muscles::place_fibres(std::size_t muscle, std::span<const double> q, double
   speed = (length - row.fibre[place.lane]) / step_;
 }
 
-void Muscles::end(std::span<const double> q, std::span<const double> u, model::State& state) const {
+void Muscles::store_state(std::span<const double> q, std::span<const double> u, model::State& state) const {
   for (std::size_t i = 0; i < muscles_.size(); ++i) {
     const TendonLayout::Place& place = layout_.muscles()[i];
     const TendonBlock& block = layout_.arrays().block[place.block];

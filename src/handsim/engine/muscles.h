@@ -18,19 +18,19 @@ namespace handsim::engine {
 
 class Muscles {
  public:
-  /// The model must outlive this. @param solves an entry of B; what an engine does not solve is bounded by
-  /// the diagonal. @param kernel null: the fastest
+  /// The model must outlive this object. @param solves an entry of B; what an engine does not solve is
+  /// bounded by the diagonal. @param kernel null: the fastest
   Muscles(const model::Model& model, const Settings& settings, const TendonLayout::Solves& solves,
           const TendonKernel* kernel = nullptr);
 
   /// True where neither effect has anything to do.
   bool empty() const { return layout_.arrays().blocks == 0; }
-  /// Takes over activations, and fibre lengths of muscles with elastic tendons.
-  void start(const model::State& state);
-  /// Activations at the end of a step, tensions at its start. @param q, u by Model::dof_count()
-  void begin(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
-  /// Takes the last `begin` back, once: its step was not made.
-  void go_back();
+  /// Sets activations, and fibre lengths of muscles with elastic tendons, to those of a state.
+  void reset(const model::State& state);
+  /// Computes activations at the end of a step, and tensions at its start. @param q, u by Model::dof_count()
+  void begin_step(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
+  /// Undoes the last `begin_step`, at most once, where its step was not made.
+  void restore_step();
   /// `start` of the torques, by Model::dof_count() [N m].
   std::span<const double> torques() const { return torques_; }
   /// An entry of B, row >= column [N m s].
@@ -38,14 +38,15 @@ class Muscles {
     int row = 0, column = 0;
     double value = 0;
   };
-  /// What the engine solves of B, all rows by columns, the bound of the rest on its diagonal.
+  /// The part of B that the engine solves, all rows by columns, with the bound of the rest on its diagonal.
   std::span<const Slope> slopes() const { return slopes_; }
   /// For an engine that solves the diagonal only: torques + damping u- of each coordinate, with which
   /// `tau = out - damping u+` is the law above, and that damping, by Model::dof_count() [N m s/rad].
   void by_coordinate(std::span<const double> u, std::span<const double> given, std::vector<double>& torques,
                      std::vector<double>& damping) const;
-  /// Writes activations, fibres and tensions at the end of the step. @param u rates at its end
-  void end(std::span<const double> q, std::span<const double> u, model::State& state) const;
+  /// Writes activations, fibre lengths and tensions at the end of the step into a state. @param u rates at
+  /// its end
+  void store_state(std::span<const double> q, std::span<const double> u, model::State& state) const;
 
  private:
   /// A number among the lanes that is added to a torque or an entry of B.
@@ -53,7 +54,7 @@ class Muscles {
     const double* from = nullptr;
     std::size_t to = 0;
   };
-  /// What a step began with: arguments of `begin`, and by lane activations and lengths of elastic fibres.
+  /// The start of a step: arguments of `begin_step`, and by lane activations and lengths of elastic fibres.
   struct Start {
     std::vector<double> q, u, excitations, activations, fibres;
   };

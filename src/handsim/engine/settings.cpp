@@ -24,27 +24,50 @@ bool* speculative(Settings& settings) {
       settings.own);
 }
 
+namespace {
+
+/// False for a condition that the settings do not meet.
+template <class Own, class Form>
+bool met(const Own& own, const Form& form) {
+  if constexpr (std::predicate<Form, const Own&>)
+    return form(own);
+  else
+    return true;
+}
+
+std::optional<Quantity> range_of(const Quantity& range) { return range; }
+std::optional<Quantity> range_of(const WholeRange& range) {
+  return Quantity{Dimension::none, static_cast<double>(range.min), static_cast<double>(range.max)};
+}
+template <class Form>
+std::optional<Quantity> range_of(const Form&) {
+  return std::nullopt;
+}
+
+}  // namespace
+
+bool uses(const Settings& settings, std::string_view key) {
+  bool used = true;
+  const auto look = [&](const auto& own) {
+    own.fields([&](std::string_view each, auto, const auto&... form) {
+      if (each == key) used = (met(own, form) && ...);
+    });
+  };
+  std::visit(look, settings.own);
+  return used;
+}
+
 std::vector<Problem> defects(const Settings& settings) {
   std::vector<Problem> problems;
-  const auto need = [&](bool good, const char* key, double value, const char* range) {
-    if (!good)
-      problems.push_back({std::nullopt, std::string("solver.") + key, fmt::format("{:g}", value), range});
+  const auto check = [&](std::string_view key, double value, const std::optional<Quantity>& range) {
+    if (range && !range->allows(value))
+      problems.push_back(
+          {std::nullopt, fmt::format("solver.{}", key), fmt::format("{:g}", value), range->need()});
   };
-  // These conditions are false for NaN.
-  need(settings.step > 0 && settings.step <= kMaxStep, "step", settings.step, "above 0 s, at most 0.1 s");
-  std::visit(
-      [&](const auto& own) {
-        need(own.erp >= 0 && own.erp <= 1, "erp", own.erp, "0 to 1");
-        if constexpr (requires { own.cfm; })
-          need(own.cfm > 0 && own.cfm <= 1, "cfm", own.cfm, "above 0, at most 1");
-        if constexpr (requires { own.iterations; })
-          need(own.iterations >= 1 && own.iterations <= kMaxIterations, "iterations", own.iterations,
-               "1 to 100000");
-        if constexpr (requires { own.tolerance; })
-          need(own.tolerance >= kMinTolerance && own.tolerance <= kMaxTolerance, "tolerance", own.tolerance,
-               "1e-11 to 1e-2");
-      },
-      settings.own);
+  check("step", settings.step, kStepRange);
+  each_setting(settings, [&]<class T>(std::string_view key, const T& value, const auto&... form) {
+    if constexpr (std::is_arithmetic_v<T>) (check(key, static_cast<double>(value), range_of(form)), ...);
+  });
   if (auto problem = missing_library(settings)) problems.push_back(std::move(*problem));
   return problems;
 }

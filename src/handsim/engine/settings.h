@@ -12,6 +12,8 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/core/fields.h"
+#include "handsim/core/units.h"
 #include "handsim/model/effects.h"
 
 namespace handsim::engine {
@@ -30,9 +32,6 @@ enum class EngineKind {
 enum class OdeMethod {
   world_step,  ///< direct LCP solver (Dantzig): exact, cost grows with the cube of the rows
   quick_step,  ///< iterative solver (projected SOR): cost grows with rows times iterations
-  /// In each step the method with the smaller estimated cost. The estimate depends on the rows of each island
-  /// (bodies connected by joints or contacts), not on measured time: runs are reproducible. YAML: `auto`.
-  automatic,
 };
 
 enum class DaeMethod {
@@ -43,7 +42,7 @@ enum class DaeMethod {
   lagrange_penalty,
   /// Linearised implicit Euler at velocity level; `erp` corrects joint gaps. A method of Chrono.
   euler_linearised,
-  /// As euler_linearised, but projects positions onto the joints after every step. A method of Chrono.
+  /// The step of euler_linearised, after which positions are projected onto the joints. A method of Chrono.
   euler_projected,
 };
 
@@ -64,7 +63,7 @@ requires std::same_as<M, OdeMethod> || std::same_as<M, DaeMethod> || std::same_a
 bool operator==(const Method& a, M b) { return a == Method(b); }
 
 inline constexpr std::array<std::string_view, 3> kEngineNames = {"ode", "dae", "articulated"};
-inline constexpr std::array<std::string_view, 3> kOdeMethodNames = {"world_step", "quick_step", "auto"};
+inline constexpr std::array<std::string_view, 2> kOdeMethodNames = {"world_step", "quick_step"};
 inline constexpr std::array<std::string_view, 4> kDaeMethodNames = {"stabilised_gear", "lagrange_penalty",
                                                                     "euler_linearised", "euler_projected"};
 inline constexpr std::array<std::string_view, 3> kArticulatedMethodNames = {"semi_implicit_euler", "rk4",
@@ -82,13 +81,13 @@ inline std::string_view name(const Method& method) {
   return std::visit([](auto own) { return method_names(own)[static_cast<std::size_t>(own)]; }, method);
 }
 
-/// Limits of a guarded step. A step beyond them, or one whose LCP solver failed, is undone and repeated:
-/// with 100 x the CFM, as two half steps, then with 200 iterations of quick_step. All retries are counted.
-struct GuardLimits {
-  double joint_gap = 1e-3;      ///< largest gap of any joint after the step [m]
-  double speed = 30;            ///< largest speed of any body [m/s]
-  double angular_speed = 1000;  ///< largest angular speed of any body [rad/s]
-};
+inline constexpr Quantity kStepRange = {Dimension::time, kMinStep, kMaxStep};
+inline constexpr Quantity kErpRange = {Dimension::none, 0, 1};
+inline constexpr Quantity kToleranceRange = {Dimension::none, kMinTolerance, kMaxTolerance};
+inline constexpr WholeRange kSeedRange = {0, 2'147'483'647};
+
+// The lists of the engines' keys (core/fields.h). A condition after the range: the settings with which the
+// key acts.
 
 /// Iterations of quick_step for a hand with muscles: with 20, a strong muscle turns a light fingertip 75 deg
 /// past its stop.
@@ -102,7 +101,7 @@ struct OdeSettings {
   /// Constraint force mixing (compliance of every row), above 0 to 1. Too low: the LCP solver fails at
   /// redundant rows; too high: compliant joints.
   double cfm = 1e-9;
-  int iterations = 20;  ///< quick_step and auto
+  int iterations = 20;  ///< of quick_step
   /// After every step joint impulses close the joints to 1e-13 m, in positions and velocities (SHAKE). The
   /// impulses ignore contacts and stops. Off: gaps of the order of step^2 acceleration / erp.
   bool projection = false;
@@ -113,7 +112,18 @@ struct OdeSettings {
   /// world_step solves a step at most so many times, until friction is within 0.1 % of its limit, of rigid
   /// contacts within 1 %, or comes no nearer; 1: friction limits use the normal forces of the last step.
   int friction_passes = 3;
-  std::optional<GuardLimits> guard;  ///< absent: steps are not checked
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr auto kIterates = [](const OdeSettings& of) { return of.method != OdeMethod::world_step; };
+    visit("method", &OdeSettings::method, Words{kOdeMethodNames});
+    visit("erp", &OdeSettings::erp, kErpRange);
+    visit("speculative", &OdeSettings::speculative);
+    visit("cfm", &OdeSettings::cfm, Quantity{Dimension::none, 0, 1, true});
+    visit("iterations", &OdeSettings::iterations, WholeRange{1, kMaxIterations}, kIterates);
+    visit("projection", &OdeSettings::projection);
+    visit("seed", &OdeSettings::seed, kSeedRange, kIterates);
+  }
 };
 
 struct DaeSettings {
@@ -123,6 +133,15 @@ struct DaeSettings {
   /// m, 1 m/s, 1 rad, 1 rad/s; the error test of each internal step uses a share of it. 1e-11 to 1e-2. A
   /// tenth takes 1.2 to 1.9 times as long. Too high: energy drifts; below the range, rounding dominates.
   double tolerance = 1e-9;
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("method", &DaeSettings::method, Words{kDaeMethodNames});
+    visit("erp", &DaeSettings::erp, kErpRange,
+          [](const DaeSettings& of) { return of.method == DaeMethod::euler_linearised; });
+    visit("tolerance", &DaeSettings::tolerance, kToleranceRange,
+          [](const DaeSettings& of) { return of.method == DaeMethod::stabilised_gear; });
+  }
 };
 
 struct ArticulatedSettings {
@@ -131,6 +150,18 @@ struct ArticulatedSettings {
   double erp = 0.2;
   double tolerance = 1e-9;  ///< dormand_prince: as DaeSettings::tolerance
   bool speculative = true;  ///< semi_implicit_euler: as OdeSettings::speculative
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr auto kImplicit = [](const ArticulatedSettings& of) {
+      return of.method == ArticulatedMethod::semi_implicit_euler;
+    };
+    visit("method", &ArticulatedSettings::method, Words{kArticulatedMethodNames});
+    visit("erp", &ArticulatedSettings::erp, kErpRange, kImplicit);
+    visit("tolerance", &ArticulatedSettings::tolerance, kToleranceRange,
+          [](const ArticulatedSettings& of) { return of.method == ArticulatedMethod::dormand_prince; });
+    visit("speculative", &ArticulatedSettings::speculative, kImplicit);
+  }
 };
 
 struct Settings {
@@ -160,31 +191,21 @@ struct Settings {
   const ArticulatedSettings& articulated() const { return std::get<ArticulatedSettings>(own); }
 };
 
-/// Calls visit(key, value) for each key of one engine's settings.
+/// Calls visit(key, value, range, condition) for each key of the selected engine, as far as the key has the
+/// last two.
 template <class Visit>
-void each_setting(const OdeSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("cfm", of.cfm);
-  visit("iterations", of.iterations);
-  visit("projection", of.projection);
-  visit("seed", of.seed);
-  visit("speculative", of.speculative);
-  visit("guard", of.guard);
+void each_setting(const Settings& of, const Visit& visit) {
+  std::visit(
+      [&](const auto& own) {
+        own.fields([&](std::string_view key, auto member, const auto&... form) {
+          visit(key, own.*member, form...);
+        });
+      },
+      of.own);
 }
-template <class Visit>
-void each_setting(const DaeSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("tolerance", of.tolerance);
-}
-template <class Visit>
-void each_setting(const ArticulatedSettings& of, Visit visit) {
-  visit("method", name(Method(of.method)));
-  visit("erp", of.erp);
-  visit("tolerance", of.tolerance);
-  visit("speculative", of.speculative);
-}
+
+/// False for a key of the selected engine that its method does not use.
+bool uses(const Settings& settings, std::string_view key);
 
 /// `speculative` of the selected engine; null if the engine has none.
 bool* speculative(Settings& settings);

@@ -80,7 +80,7 @@ struct TendonArrays {
   ElasticRow* elastic = nullptr;
 };
 
-/// What a step starts from.
+/// Coordinates, rates and excitations at the start of a step.
 struct TendonInput {
   const double *q, *u;        ///< coordinates and rates of the model [rad], [rad/s]
   const double* excitations;  ///< by muscle; null: none
@@ -88,14 +88,11 @@ struct TendonInput {
   bool goes_on;               ///< the rows have the step before, whose fibres end at these rates
 };
 
-/// For one instruction set. The same bits from every one of them.
+/// The tendon kernel of one instruction set. All kernels compute the same bits.
 struct TendonKernel {
   const char* name;
   /// Activations at the end of a step, arms and tensions at its start, torques and B.
   void (*pull)(const TendonArrays&, const TendonInput&);
 };
-
-/// All kernels that this processor runs, narrowest first.
-std::vector<const TendonKernel*> tendon_kernels();
 
 }  // namespace handsim::engine

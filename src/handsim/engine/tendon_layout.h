@@ -13,7 +13,7 @@ namespace handsim::engine {
 
 class TendonLayout {
  public:
-  /// Whether an engine solves an entry of B, of two coordinates, or has its bound on the diagonal.
+  /// Says whether an engine solves the entry of B of two coordinates, or has its bound on the diagonal.
   using Solves = std::function<bool(int, int)>;
   TendonLayout(std::span<const model::Muscle> muscles, std::span<const model::Band> bands,
                const Solves& solves);
@@ -21,7 +21,7 @@ class TendonLayout {
   TendonLayout& operator=(const TendonLayout&) = delete;
 
   const TendonArrays& arrays() const { return arrays_; }
-  /// Where a muscle is: block and lane.
+  /// Block and lane of a muscle.
   struct Place {
     int block = 0, lane = 0;
   };

@@ -1,9 +1,6 @@
 #include "handsim/environment/batch.h"
 
 #include <algorithm>
-#include <memory>
-#include <span>
-#include <vector>
 
 #include <fmt/format.h>
 #include <tbb/parallel_for.h>
@@ -23,12 +20,6 @@ template <class T>
 std::span<T> row(std::span<T> all, std::size_t i, std::size_t rows) {
   const std::size_t width = all.size() / rows;
   return all.subspan(i * width, width);
-}
-
-void require_rows(const char* what, std::size_t count, std::size_t rows) {
-  if (count % rows != 0)
-    throw input_error(std::string("action.") + what, fmt::format("{} numbers", count),
-                      fmt::format("a row for each of {} environments", rows));
 }
 
 int checked(int threads) {
@@ -169,12 +160,15 @@ void Batch::reset(const simulation::MotionSnapshot* moment, std::span<const std:
 }
 
 void Batch::step(const BatchAction& action, int substeps) {
-  require_rows("torques", action.torques.size(), size());
-  require_rows("angles", action.angles.size(), size());
-  require_rows("wrists", action.wrists.size(), size());
-  require_rows("wrist_rates", action.wrist_rates.size(), size());
-  require_rows("excitations", action.excitations.size(), size());
-  require_rows("forces", action.forces.size(), size());
+  for (const auto& [what, count] : {std::pair("torques", action.torques.size()),
+                                    {"angles", action.angles.size()},
+                                    {"wrists", action.wrists.size()},
+                                    {"wrist_rates", action.wrist_rates.size()},
+                                    {"excitations", action.excitations.size()},
+                                    {"forces", action.forces.size()}})
+    if (count % size() != 0)
+      throw input_error(std::string("action.") + what, fmt::format("{} numbers", count),
+                        fmt::format("a row for each of {} environments", size()));
   impl_->each([&](std::size_t i) {
     if (impl_->done[i] == 0) step_one(i, action, substeps);
   });

@@ -11,7 +11,7 @@
 
 namespace handsim::environment {
 
-/// As Action; each array has a row for each environment, or is empty.
+/// The actions of all environments: as Action, but each array has a row for each environment, or is empty.
 struct BatchAction {
   std::span<const double> torques = {};                         ///< [size, dof_count]
   std::span<const double> angles = {};                          ///< [size, driven axes]
@@ -38,13 +38,15 @@ class Batch {
   ~Batch();
 
   std::size_t size() const;
-  /// All environments, or those whose mask is not 0, to the start. @param mask of size(), or empty: all
+  /// Brings all environments, or those whose mask is not 0, to the start. @param mask of size(), or empty:
+  /// all
   void reset(std::span<const unsigned char> mask = {}) { reset(nullptr, {}, mask); }
-  /// As reset(mask), but first draws the numbers of environment i by `seeds[i]`.
+  /// Draws the numbers of environment i by `seeds[i]`, then brings it to the start as reset(mask) does.
   void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {}) {
     reset(nullptr, seeds, mask);
   }
-  /// As above, but to a motion, as Environment::reset(moment). @param seeds empty: no numbers are drawn
+  /// Brings environments to a motion, as Environment::reset(moment) does. @param seeds empty: no numbers are
+  /// drawn
   void reset(const simulation::MotionSnapshot& moment, std::span<const std::uint64_t> seeds,
              std::span<const unsigned char> mask) {
     reset(&moment, seeds, mask);

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
+#include "handsim/engine/articulated/articulated_engine_derivatives.h"
 
 namespace handsim::environment {
 
@@ -39,7 +40,7 @@ std::vector<double> add_feedback(const control::Plan& plan, const model::Model& 
   std::vector<double> by_target;
   for (const control::DrivenAxis& axis : plan.axes) {
     const model::JointAxis& of = model.joints[axis.joint].axes[axis.axis];
-    const double gain = axis.gains.proportional + step * axis.gains.integral;
+    const double gain = axis.proportional + step * axis.integral;
     out.by_q[axis.dof] = -gain;
     by_target.push_back(gain + (plan.tissue_compensation && of.tissue ? of.tissue->stiffness : 0));
     if (plan.gravity) out.compensated[axis.dof] = 1;
@@ -89,7 +90,7 @@ Derivatives step_with_derivatives(const simulation::Simulation& simulation, cons
     const control::DrivenAxis& axis = control->axes[i];
     out.by_target.col(static_cast<Eigen::Index>(i)) =
         (out.driven[axis.dof] ? by_target[i] : 0.0) * out.by_torque.col(static_cast<Eigen::Index>(axis.dof));
-    if (axis.gains.integral > 0 || axis.gains.derivative_cutoff)
+    if (axis.integral > 0 || axis.derivative_cutoff)
       out.notes.push_back(
           fmt::format("controller of {}: what its integral or low-pass keeps is no state", axis.name));
   }

@@ -15,7 +15,7 @@ struct Derivatives : engine::articulated::StepDerivatives {
   Eigen::MatrixXd by_target;  ///< of the controller's axes
 };
 
-/// What a step with derivatives is asked for.
+/// The derivatives that a step is asked for.
 struct DerivativesAsked {
   std::vector<std::string> bodies;  ///< names of those that forces act on
   bool excited = false;             ///< the caller gives excitations

@@ -48,12 +48,12 @@ class Environment {
  public:
   /// @throws Error (input) where the scene does not run, or the setup names what there is not.
   Environment(const scene::Scene& scene, Setup setup = {});
-  /// As above, but takes the scene itself, which nobody else may use then. Its snapshots fit runs, too.
+  /// Steps a scene that nobody else may use then. Its snapshots fit runs, too.
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup);
 
   /// To the start of the scene, with the numbers that were set last.
   void reset();
-  /// As reset(), but first draws the numbers of Setup::randomise, a function of the seed alone.
+  /// Draws the numbers of Setup::randomise, a function of the seed alone, then resets as reset() does.
   void reset(std::uint64_t seed);
   /// To a motion, to the bit; numbers that were set stay. @throws Error (input) for one of another scene.
   void reset(const simulation::MotionSnapshot& moment);

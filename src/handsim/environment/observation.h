@@ -32,14 +32,14 @@ struct ObservedPart {
 ///   failed            1 where a criterion of the scene is not held up to now, else 0; needs watchers
 class Observation {
  public:
-  /// The scene must outlive this. @throws Error (input) for unknown names.
+  /// The scene must outlive this object. @throws Error (input) for unknown names.
   Observation(const scene::Scene& scene, std::span<const std::string> names);
 
   std::size_t size() const { return size_; }
   std::span<const ObservedPart> parts() const { return parts_; }
-  /// Whether it needs watchers, which measure what the criteria judge.
+  /// @returns whether the observation needs watchers, which measure what the criteria judge
   bool needs_watchers() const { return has("failed"); }
-  /// Whether it needs the contact forces of the engine (settings.contact_forces).
+  /// @returns whether the observation needs the contact forces of the engine (settings.contact_forces).
   bool needs_forces() const { return has("finger_contacts") || has("contact_pairs"); }
   /// @param out of size().
   void write(const simulation::Simulation& simulation, std::span<double> out) const;

@@ -33,7 +33,7 @@ Variation::Variation(scene::Scene& scene) : scene_(&scene) {
     }
   }
   if (scene.control)
-    for (const control::DrivenAxis& axis : scene.control->axes) gains_.push_back(axis.gains);
+    for (const control::DrivenAxis& axis : scene.control->axes) axes_.push_back(axis);
   q_.resize(at(scene.model.dof_count()));
 }
 
@@ -80,12 +80,12 @@ void Variation::set(std::string_view name, std::span<const double> values) {
     if (!scene_->control) refuse(name, "a scene that drives no joint", "one with control");
     if (!(values[0] > 0)) refuse(name, fmt::format("{:g}", values[0]), "a factor above 0");
     (name == "gains" ? gain_ : torque_limit_) = values[0];
-    for (std::size_t i = 0; i < gains_.size(); ++i) {
-      control::Gains& gains = scene_->control->axes[i].gains = gains_[i];
-      gains.proportional *= gain_;
-      gains.derivative *= gain_;
-      gains.integral *= gain_;
-      gains.torque_limit *= torque_limit_;
+    for (std::size_t i = 0; i < axes_.size(); ++i) {
+      control::DrivenAxis& axis = scene_->control->axes[i] = axes_[i];
+      axis.proportional *= gain_;
+      axis.derivative *= gain_;
+      axis.integral *= gain_;
+      axis.torque_limit *= torque_limit_;
     }
     changed_ = true;
   } else if (name == "q") {

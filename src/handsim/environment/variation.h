@@ -36,16 +36,16 @@ struct Randomised {
 /// Sets, reads and draws the numbers above in one scene.
 class Variation {
  public:
-  /// @param scene to change; it must outlive this, and no one else may use it.
+  /// @param scene to change; it must outlive this object, and no one else may use it.
   explicit Variation(scene::Scene& scene);
   /// Goes on with an equal scene.
   void use(scene::Scene& scene) { scene_ = &scene; }
-  /// Whether a number is of the scene's model or control, and not of its start only.
+  /// @returns whether a number is one of the scene's model or control, and not one of its start alone
   static bool changes_scene(std::string_view name) { return name != "q" && !name.ends_with(".position"); }
 
   /// Sets a number. @throws Error (input) for an unknown name, another size, or numbers out of range.
   void set(std::string_view name, std::span<const double> values);
-  /// As the scene had it at the start, or as last set.
+  /// The values of a number: those of the scene at the start, or those last set.
   std::vector<double> get(std::string_view name) const;
   /// @param start of the scene. @throws Error (input) with all that cannot be drawn: unknown names, bounds
   /// that are not finite, in the wrong order or out of range. Sets numbers: a draw has to follow.
@@ -53,9 +53,9 @@ class Variation {
   /// Draws all of them: a function of the seed and the names alone. @throws Error (input) as `set`
   void draw(std::span<const Randomised> randomised, std::uint64_t seed);
 
-  /// Whether a number that engine or controller hold has been set since the last call.
+  /// @returns whether a number that the engine or the controller holds has been set since the last call
   bool take_changed() { return std::exchange(changed_, false); }
-  /// Whether the start is not the scene's own.
+  /// @returns whether the start is not the scene's own
   bool moves_start() const { return moves_start_; }
   /// The start with what was set. @param state the scene's own, which is changed
   void place(model::State& state) const;
@@ -75,8 +75,8 @@ class Variation {
   void set_of_object(std::string_view name, std::span<const double> values);
 
   scene::Scene* scene_;
-  std::vector<Object> objects_;        ///< as Model::objects
-  std::vector<control::Gains> gains_;  ///< of the plan's axes, as the scene has them
+  std::vector<Object> objects_;            ///< as Model::objects
+  std::vector<control::DrivenAxis> axes_;  ///< the axes of the scene's control plan, as the scene has them
   double gain_ = 1, torque_limit_ = 1;
   std::vector<double> q_;  ///< added at the start
   bool changed_ = false, moves_start_ = false;

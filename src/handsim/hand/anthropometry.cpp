@@ -220,7 +220,7 @@ Eigen::Vector4d residuals_given(const Eigen::Matrix4d& covariance,
 
 }  // namespace
 
-Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+Anthropometry read_anthropometry(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   Anthropometry out;
   reader.maybe_text("title");

@@ -85,7 +85,7 @@ struct HandSize {
   std::map<std::string, Finger> fingers;  ///< thumb, index, middle; none without a survey of children
 };
 
-Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+Anthropometry read_anthropometry(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// Size of a person's hand: measured dimensions as given, the others predicted given the measured ones.
 /// @throws Error (input) for impossible dimensions, e.g. a circumference too small for the breadth.

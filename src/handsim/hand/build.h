@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 
 namespace handsim::hand {
 

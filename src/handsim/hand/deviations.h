@@ -1,7 +1,7 @@
 // A hand model for a person whose hand is not quite what is predicted.
 #pragma once
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 
 namespace handsim::hand {
 

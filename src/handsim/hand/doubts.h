@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 #include "handsim/hand/person.h"
 
 namespace handsim::hand {

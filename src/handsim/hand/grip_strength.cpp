@@ -44,7 +44,7 @@ const GripNorm& nearest(const GripTable& table, Sex sex, double age, double stat
 
 }  // namespace
 
-GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+GripTable read_grip_table(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   GripTable table;
   reader.text("title", "untitled");

@@ -24,7 +24,7 @@ struct GripTable {
 };
 
 /// Reads a table of norms; every defect goes into the diagnostics.
-GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+GripTable read_grip_table(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// Grip strength of a person and its norm.
 struct GripStrength {

@@ -47,7 +47,7 @@ double Person::deviation(std::string_view of) const {
 
 bool same_body(const Person& a, const Person& b) { return measures(a) == measures(b); }
 
-Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+Person read_person(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   Person person;
   person.place = node.place();

@@ -50,6 +50,6 @@ std::string_view name(Sex sex);
 bool same_body(const Person& a, const Person& b);
 
 /// Reads a person; every defect goes into the diagnostics.
-Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+Person read_person(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 }  // namespace handsim::hand

@@ -2,7 +2,7 @@
 // in a scene's hand, in a hand model file and in a file of measurements.
 #pragma once
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 
 namespace handsim::hand {
 

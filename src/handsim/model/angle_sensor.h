@@ -34,7 +34,7 @@ class AngleSensor {
   Vec3 a_P_, b_P_, c_P_, a_C_, b_C_, c_C_;
 };
 
-/// Measures all joints of a model, which must outlive this.
+/// Measures all joints of a model, which must outlive this object.
 class JointSensors {
  public:
   explicit JointSensors(const Model& model);

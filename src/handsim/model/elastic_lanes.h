@@ -26,7 +26,7 @@ template <class V>
   return hill_stretched(s, hill::kToeShape, hill::kToe, hill::kToeForce / (hill::kToeGrown - 1));
 }
 
-/// Where fibres of a length reach along the tendon [m].
+/// The length of fibres along the tendon [m].
 template <class V>
 [[gnu::always_inline]] inline V fibre_reach(const HillConstants<V>& m, const V& length) {
   return greater(square_root(greater(V(length * length - m.height), V(m.least * m.least))), m.least);
@@ -75,7 +75,7 @@ template <class V>
           select(pulls, V(m.force * bound), zero)};
 }
 
-/// Whether fibres pull at a reach: what elastic_fibres() says without its curves.
+/// @returns whether fibres pull at a reach, as elastic_fibres() finds, without its curves
 template <class V>
 [[gnu::always_inline]] inline auto fibres_pull(const HillConstants<V>& m, const ElasticStep<V>& of,
                                                const V& reach) {

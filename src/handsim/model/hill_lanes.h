@@ -6,7 +6,7 @@
 
 namespace handsim::model {
 
-/// What a tension needs of muscles.
+/// The numbers of muscles from which their tensions are computed.
 template <class V>
 struct HillConstants {
   V force = 0.0;

@@ -10,21 +10,30 @@ namespace {
 /// Two springs, or two dampers, in series; one of 0 is absent.
 double in_series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : a + b; }
 
-std::optional<Compliance> in_series(const std::optional<Compliance>& a, const std::optional<Compliance>& b) {
+double of_two(double a, double b, OfTwo rule) {
+  switch (rule) {
+    case OfTwo::geometric_mean:
+      return std::sqrt(a * b);
+    case OfTwo::larger:
+      return std::max(a, b);
+    case OfTwo::in_series:
+      return in_series(a, b);
+  }
+  return 0;
+}
+
+std::optional<double> of_two(std::optional<double> a, std::optional<double> b, OfTwo rule) {
   if (!a || !b) return a ? a : b;
-  return Compliance{in_series(a->stiffness, b->stiffness), in_series(a->damping, b->damping)};
+  return of_two(*a, *b, rule);
 }
 
 }  // namespace
 
 Material combined(const Material& a, const Material& b) {
   Material out;
-  out.friction = std::sqrt(a.friction * b.friction);
-  out.restitution = std::max(a.restitution, b.restitution);
-  out.restitution_speed = std::max(a.restitution_speed, b.restitution_speed);
-  out.compliance = in_series(a.compliance, b.compliance);
-  out.rolling_friction = std::max(a.rolling_friction, b.rolling_friction);
-  out.spinning_friction = std::max(a.spinning_friction, b.spinning_friction);
+  Material::fields([&](std::string_view, auto member, const Quantity&, OfTwo rule, auto...) {
+    set_field(out, member, of_two(field_value(a, member), field_value(b, member), rule));
+  });
   return out;
 }
 

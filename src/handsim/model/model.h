@@ -10,6 +10,7 @@
 #include "handsim/core/index.h"
 #include "handsim/core/pose.h"
 #include "handsim/model/convex_mesh.h"
+#include "handsim/model/material.h"
 #include "handsim/model/motion.h"
 #include "handsim/model/muscle.h"
 
@@ -17,7 +18,8 @@ namespace handsim::model {
 
 inline constexpr int kWorld = 0;  ///< Index of the world in `Model::bodies`.
 
-/// What a shape belongs to: contact sums and tables group shapes by it, pictures colour them by it.
+/// The part of the scene that a shape belongs to: contact sums and tables group shapes by it, pictures colour
+/// them by it.
 enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };
@@ -107,28 +109,6 @@ struct Joint {
   int first_dof = 0;            ///< index of its first coordinate in vectors of `Model::dof_count()`
   bool closes_loop = false;     ///< its child is already the child of another joint
 };
-
-/// Compliant contact of two surfaces: normal force = stiffness depth + damping d(depth)/dt, never negative.
-/// The values hold for a whole pair of shapes; its contact points share them.
-struct Compliance {
-  double stiffness = 0;  ///< [N/m], > 0
-  double damping = 0;    ///< [N s/m], >= 0
-};
-
-struct Material {
-  std::string name;
-  double friction = 0.8;                 ///< Coulomb coefficient, >= 0
-  double restitution = 0;                ///< 0..1
-  double restitution_speed = 0.05;       ///< impacts slower than this do not bounce [m/s]
-  std::optional<Compliance> compliance;  ///< absent: rigid
-  double rolling_friction = 0;           ///< largest rolling moment per normal force [m], >= 0
-  double spinning_friction = 0;          ///< largest moment about the normal per normal force [m], >= 0
-};
-
-/// Contact of two surfaces: friction is the geometric mean; restitution, its speed, rolling and spinning
-/// friction are the greater of the two; springs and dampers act in series (with a rigid surface the other's
-/// compliance holds, with an undamped one the other's damping). The result has no name.
-Material combined(const Material& a, const Material& b);
 
 /// A named set of shapes that contact rules refer to.
 struct ContactGroup {

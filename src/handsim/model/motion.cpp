@@ -5,52 +5,33 @@
 
 namespace handsim::model {
 
-double path_fraction(Interpolation interpolation, double s) {
-  switch (interpolation) {
-    case Interpolation::linear:
-      return s;
-    case Interpolation::minimum_jerk:
-      return s * s * s * (10 + s * (-15 + 6 * s));
-  }
-  return s;
-}
-
-double path_fraction_rate(Interpolation interpolation, double s) {
-  switch (interpolation) {
-    case Interpolation::linear:
-      return 1;
-    case Interpolation::minimum_jerk:
-      return 30 * s * s * (1 - s) * (1 - s);
-  }
-  return 1;
-}
-
-double path_fraction_acceleration(Interpolation interpolation, double s) {
-  switch (interpolation) {
-    case Interpolation::linear:
-      return 0;
-    case Interpolation::minimum_jerk:
-      return 60 * s * (1 - s) * (1 - 2 * s);
-  }
-  return 0;
-}
-
 namespace {
 
-/// Window of a shake after n of its cycles, and its derivatives with respect to n.
-struct Window {
+/// A function of one variable at a value of it, with its derivatives.
+struct Derived {
   double value = 0, rate = 0, acceleration = 0;
 };
 
-Window window(double n, int cycles) {
+Derived fraction(Interpolation interpolation, double s) {
+  switch (interpolation) {
+    case Interpolation::linear:
+      return {s, 1, 0};
+    case Interpolation::minimum_jerk:
+      return {s * s * s * (10 + s * (-15 + 6 * s)), 30 * s * s * (1 - s) * (1 - s),
+              60 * s * (1 - s) * (1 - 2 * s)};
+  }
+  return {s, 1, 0};
+}
+
+/// Window of a shake after n of its cycles, by n.
+Derived window(double n, int cycles) {
   constexpr double kRamp = 0.5;
   const double inside = std::min(n, cycles - n) / kRamp;
   if (inside <= 0) return {};
   if (inside >= 1) return {1, 0, 0};
   const double sign = n < cycles - n ? 1 : -1;
-  return {path_fraction(Interpolation::minimum_jerk, inside),
-          sign * path_fraction_rate(Interpolation::minimum_jerk, inside) / kRamp,
-          path_fraction_acceleration(Interpolation::minimum_jerk, inside) / (kRamp * kRamp)};
+  const Derived ramp = fraction(Interpolation::minimum_jerk, inside);
+  return {ramp.value, sign * ramp.rate / kRamp, ramp.acceleration / (kRamp * kRamp)};
 }
 
 /// The keyframe before a time, or at it, by side; null before the first and after the last.
@@ -80,6 +61,12 @@ Pose between_keys(const PoseMotion& motion, double time) {
 
 }  // namespace
 
+double path_fraction(Interpolation interpolation, double s) { return fraction(interpolation, s).value; }
+double path_fraction_rate(Interpolation interpolation, double s) { return fraction(interpolation, s).rate; }
+double path_fraction_acceleration(Interpolation interpolation, double s) {
+  return fraction(interpolation, s).acceleration;
+}
+
 Vec3 Shake::displacement(double time) const {
   const double n = frequency * (time - start);
   return window(n, cycles).value * std::sin(2 * M_PI * n) * amplitude;
@@ -87,14 +74,14 @@ Vec3 Shake::displacement(double time) const {
 
 Vec3 Shake::velocity(double time) const {
   const double n = frequency * (time - start);
-  const Window w = window(n, cycles);
+  const Derived w = window(n, cycles);
   const double phase = 2 * M_PI * n;
   return frequency * (w.rate * std::sin(phase) + 2 * M_PI * w.value * std::cos(phase)) * amplitude;
 }
 
 Vec3 Shake::acceleration(double time) const {
   const double n = frequency * (time - start);
-  const Window w = window(n, cycles);
+  const Derived w = window(n, cycles);
   const double phase = 2 * M_PI * n;
   return frequency * frequency *
          ((w.acceleration - 4 * M_PI * M_PI * w.value) * std::sin(phase) +

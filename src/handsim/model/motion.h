@@ -24,7 +24,7 @@ struct PoseRate {
   Vec3 w = Vec3::Zero();  ///< world axes [rad/s]
 };
 
-/// Which one-sided derivative at a keyframe, where the rate of linear motion jumps.
+/// The side of the derivative at a keyframe, where the rate of linear motion jumps.
 enum class KeySide { before, after };
 
 /// An oscillation along a line, at rest at its start and end: displacement = amplitude w(n) sin(2 pi n) with

@@ -46,7 +46,7 @@ struct PathState {
 /// @param q coordinates of the model [rad]
 PathState path_state(const TendonPath& path, std::span<const double> q);
 
-/// What a path is at one angle of a coordinate: the others' arms, without this coordinate. @return its
+/// The path of a tendon at one angle of a coordinate: the arms of the other coordinates. @return its
 /// excursion there [m]
 double hold(TendonPath& path, int dof, double angle);
 
@@ -73,7 +73,7 @@ struct Muscle {
   std::optional<double> tendon_strain;
 };
 
-/// Whether some muscle has an elastic tendon.
+/// @returns whether some muscle has an elastic tendon
 bool any_elastic(std::span<const Muscle> muscles);
 
 /// A band across joints: tension = stiffness (x - rest) + damping dx/dt, x = -e(q); slack ones pull only.

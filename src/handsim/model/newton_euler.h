@@ -23,20 +23,20 @@ struct Wrench {
 
 class NewtonEuler {
  public:
-  /// The model must outlive this. @param gravity [m/s^2]. @throws Error (input) for a model with loops
+  /// The model must outlive this object. @param gravity [m/s^2]. @throws Error (input) for a model with loops
   NewtonEuler(const Model& model, const Vec3& gravity);
 
   /// Bodies without a parent joint move as in the state, unaccelerated; driven ones as at `time` [s].
   void set_roots(const State& state, double time);
   /// Places all other bodies by coordinates, rates and accelerations, each of size model.dof_count().
   void place(std::span<const double> q, std::span<const double> u, std::span<const double> change);
-  /// Takes poses and velocities of two states; accelerations are their mean between them, at the later one.
+  /// Sets poses and velocities to those of the later of two states, accelerations to the mean between both.
   void place(const State& from, const State& to);
 
   /// Torques along all coordinates for the motion of place() [N m] or [N], size model.dof_count(): what acts
   /// beside gravity and loads. @param loads on bodies from outside, as Model::bodies, or empty
   std::span<const double> torques(std::span<const Wrench> loads = {});
-  /// What the parent exerts on the child in each joint, as Model::joints, found by the last torques().
+  /// The wrench of the parent on the child in each joint, as Model::joints, found by the last torques().
   std::span<const Wrench> reactions() const { return reactions_; }
   std::span<const BodyMotion> bodies() const { return bodies_; }
 

@@ -38,7 +38,7 @@ struct State {
 
 /// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, q and u follow.
 template <class Archive, class T>
-void carry(Archive& archive, T& state) {
+void serialize(Archive& archive, T& state) {
   archive(state.time);
   for (auto& body : state.bodies) {
     archive(body.p, body.q, body.v, body.w);

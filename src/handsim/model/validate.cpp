@@ -13,7 +13,7 @@ namespace {
 constexpr double kMassMin = 1e-9, kMassMax = 1e6;
 constexpr double kSizeMin = 1e-6, kSizeMax = 1e4;
 constexpr double kFar = 1e6;
-constexpr double kStiffnessMin = 1e-3, kStiffnessMax = 1e12;
+constexpr double kStiffnessMax = 1e12;
 constexpr double kUnitTolerance = 1e-9;
 
 /// A key in messages, put together only for a problem.
@@ -204,15 +204,11 @@ class Checker {
   }
 
   void check_material(const Material& material) {
-    check_range({material.name, ".friction"}, material.friction, 0, 1e3, "");
-    check_range({material.name, ".restitution"}, material.restitution, 0, 1, "");
-    check_range({material.name, ".restitution_speed"}, material.restitution_speed, 0, kFar, "m/s");
-    check_range({material.name, ".rolling_friction"}, material.rolling_friction, 0, kSizeMax, "m");
-    check_range({material.name, ".spinning_friction"}, material.spinning_friction, 0, kSizeMax, "m");
-    if (!material.compliance) return;
-    check_range({material.name, ".stiffness"}, material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
-                "N/m");
-    check_range({material.name, ".damping"}, material.compliance->damping, 0, kStiffnessMax, "N s/m");
+    Material::fields([&](std::string_view key, auto member, const Quantity& range, auto...) {
+      const std::optional<double> value = field_value(material, member);
+      if (value && !range.allows(*value))
+        add({material.name, ".", key}, fmt::format("{:g}", *value), range.need());
+    });
   }
 
   void check_drive(const Drive& drive) {

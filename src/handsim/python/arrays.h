@@ -8,6 +8,8 @@
 
 #include <pybind11/numpy.h>
 
+#include "handsim/core/pose.h"
+
 namespace handsim::python {
 
 namespace py = pybind11;
@@ -36,6 +38,13 @@ class Numbers {
 std::vector<std::uint64_t> seeds_of(const py::object& seeds, std::size_t size);
 /// One flag for each environment, of dtype bool. None: empty.
 std::vector<unsigned char> mask_of(const py::object& mask, std::size_t size);
+
+/// Adds the numbers of a vector, of a quaternion w x y z, and of a pose: both.
+inline void append(std::vector<double>& out, const Vec3& v) { out.insert(out.end(), v.begin(), v.end()); }
+inline void append(std::vector<double>& out, const Quat& q) {
+  out.insert(out.end(), {q.w(), q.x(), q.y(), q.z()});
+}
+inline void append(std::vector<double>& out, const Pose& x) { append(out, x.p), append(out, x.q); }
 
 /// A copy of numbers [rows, columns]; columns 0: one axis.
 py::array_t<double> array_of(std::span<const double> numbers, std::size_t columns = 0);

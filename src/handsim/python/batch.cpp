@@ -58,23 +58,13 @@ class BatchHandle {
 
   void step(const py::object& torques, const py::object& targets, const py::object& excitations,
             const py::object& wrists, const py::object& forces, int substeps) {
-    const auto rows = static_cast<py::ssize_t>(batch_.size());
-    const auto dofs = static_cast<py::ssize_t>(scene_->model.dof_count());
-    const auto axes = static_cast<py::ssize_t>(scene_->control ? scene_->control->axes.size() : 0);
-    const auto muscles = static_cast<py::ssize_t>(scene_->model.muscles.size());
-    const auto drives = static_cast<py::ssize_t>(scene_->model.drives.size());
-    const Numbers torque = Numbers::optional(torques, {rows, dofs}, "torques");
-    const Numbers target = Numbers::optional(targets, {rows, axes}, "targets");
-    const Numbers excitation = Numbers::optional(excitations, {rows, muscles}, "excitations");
-    const std::vector<Pose> poses = poses_of(Numbers::optional(wrists, {rows, drives, 7}, "wrists"));
-    std::vector<std::vector<engine::BodyForce>> force;
-    read_forces(forces, scene_->model, batch_.size(), force);
-    const environment::BatchAction action{.torques = torque.span(),
-                                          .angles = target.span(),
-                                          .wrists = poses,
+    const ActionArrays given(*scene_, batch_.size(), torques, targets, excitations, wrists, forces);
+    const environment::BatchAction action{.torques = given.torques.span(),
+                                          .angles = given.targets.span(),
+                                          .wrists = given.wrists,
                                           .wrist_rates = {},
-                                          .excitations = excitation.span(),
-                                          .forces = force};
+                                          .excitations = given.excitations.span(),
+                                          .forces = given.forces};
     with_signals([&] { step_in_parts(action, substeps); });
   }
 

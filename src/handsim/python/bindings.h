@@ -71,5 +71,6 @@ void bind_fit(py::module_& module);
 void bind_simulation(py::module_& module);
 void bind_batch(py::module_& module);
 void bind_studies(py::module_& module);
+void bind_rollouts(py::module_& module);
 
 }  // namespace handsim::python

@@ -60,4 +60,18 @@ void read_forces(const py::object& forces, const model::Model& model, std::size_
   }
 }
 
+ActionArrays::ActionArrays(const scene::Scene& scene, std::size_t size, const py::object& torque,
+                           const py::object& target, const py::object& excitation, const py::object& wrist,
+                           const py::object& force) {
+  const auto optional = [&](const py::object& given, std::vector<std::size_t> shape, const char* name) {
+    if (size > 0) shape.insert(shape.begin(), size);
+    return Numbers::optional(given, {shape.begin(), shape.end()}, name);
+  };
+  torques = optional(torque, {at(scene.model.dof_count())}, "torques");
+  targets = optional(target, {scene.control ? scene.control->axes.size() : 0}, "targets");
+  excitations = optional(excitation, {scene.model.muscles.size()}, "excitations");
+  wrists = poses_of(optional(wrist, {scene.model.drives.size(), 7}, "wrists"));
+  read_forces(force, scene.model, size, forces);
+}
+
 }  // namespace handsim::python

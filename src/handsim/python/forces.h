@@ -7,6 +7,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/python/arrays.h"
+#include "handsim/scene/compile/scene.h"
 
 namespace handsim::python {
 
@@ -18,5 +19,17 @@ std::vector<Pose> poses_of(const Numbers& numbers, const char* name = "wrists");
 /// simulation. @param out a list for each environment; empty without forces.
 void read_forces(const py::object& forces, const model::Model& model, std::size_t size,
                  std::vector<std::vector<engine::BodyForce>>& out);
+
+/// The arrays of an action, which keep their numbers, in the order of Simulation.step and Batch.step.
+struct ActionArrays {
+  /// @param size environments, each a row of every array; 0: no rows. @throws Error (input) for another shape
+  ActionArrays(const scene::Scene& scene, std::size_t size, const py::object& torques,
+               const py::object& targets, const py::object& excitations, const py::object& wrists,
+               const py::object& forces);
+
+  Numbers torques, targets, excitations;
+  std::vector<Pose> wrists;
+  std::vector<std::vector<engine::BodyForce>> forces;
+};
 
 }  // namespace handsim::python

@@ -16,9 +16,6 @@ namespace {
 
 using Column = std::vector<double>;
 
-void append(Column& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v.z()}); }
-void append(Column& out, const Quat& q) { out.insert(out.end(), {q.w(), q.x(), q.y(), q.z()}); }
-
 /// @throws Error (input) without hands.
 const model::HandIndex& first_hand(const SceneHandle& of) {
   if (of.scene->model.hands.empty()) throw input_error("scene", "a scene without hands", "one with a hand");

@@ -95,4 +95,5 @@ PYBIND11_MODULE(_core, module) {
   bind_simulation(module);
   bind_batch(module);
   bind_studies(module);
+  bind_rollouts(module);
 }

@@ -1,5 +1,7 @@
 #include <map>
 
+#include "handsim/core/text.h"
+#include "handsim/core/units.h"
 #include "handsim/core/yaml.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/muscles.h"
@@ -54,7 +56,30 @@ std::vector<std::string> driven_wrists(const SceneHandle& of) {
   return out;
 }
 
-const control::Plan* plan(const SceneHandle& of) { return of.scene->control ? &*of.scene->control : nullptr; }
+/// The model in a format that the program writes, by its name.
+std::string to_format(const SceneHandle& of, const std::string& format) {
+  std::vector<std::string> known;
+  for (const output::Format& each : output::kFormats) {
+    if (!each.write) continue;
+    if (each.name == format)
+      return each.write(
+          {of.scene->model, of.scene->spec.solver, of.scene->control ? &*of.scene->control : nullptr});
+    known.emplace_back(each.name);
+  }
+  throw input_error("format", format, need_word(format, known));
+}
+
+/// The fields of Format in _formats.py.
+py::list formats() {
+  py::list out;
+  for (const output::Format& each : output::kFormats) {
+    std::vector<std::string_view> endings = {each.endings.begin(), each.endings.end()};
+    std::erase(endings, "");
+    out.append(py::make_tuple(each.name, endings, each.text, each.of, each.needs, each.file,
+                              py::bytes(std::string(each.mark)), each.write != nullptr));
+  }
+  return out;
+}
 
 /// Angles of the joints of each named pose of the scene's control [rad].
 std::map<std::string, std::map<std::string, std::vector<double>>> named_poses(const SceneHandle& of) {
@@ -103,6 +128,13 @@ py::tuple takes(const SceneHandle& of) {
   return py::make_tuple(bodies, fits({.drive_targets = wrists}), fits({.excitations = excitations}));
 }
 
+/// SI of a number with any unit, as in files; None for another text.
+std::optional<double> parse_any_quantity(const std::string& text) {
+  for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
+    if (const auto value = parse_quantity(text, static_cast<Dimension>(i))) return value;
+  return std::nullopt;
+}
+
 /// The fields of Muscle in _scene.py.
 py::list muscles(const SceneHandle& of) {
   py::list out;
@@ -125,8 +157,10 @@ py::dict standalone(const SceneHandle& of) {
 }  // namespace
 
 void bind_scene(py::module_& module) {
-  bind_class<SceneHandle>(module, "Scene")
-      .def_static("load", &load)
+  module.def("formats", &formats);
+  module.def("parse_quantity", &parse_any_quantity);
+  auto bound = bind_class<SceneHandle>(module, "Scene");
+  bound.def_static("load", &load)
       .def_static("parse", &parse)
       .def("effects", &effects)
       .def("driven_axes", &driven_axes)
@@ -141,30 +175,19 @@ void bind_scene(py::module_& module) {
       .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })
       .def("hands", [](const SceneHandle& of) { return names(of.scene->model.hands); })
       .def("coordinates", [](const SceneHandle& of) { return output::coordinate_names(of.scene->model); })
-      .def("to_mjcf",
-           [](const SceneHandle& of) {
-             return output::to_mjcf(of.scene->model, of.scene->spec.solver, plan(of));
-           })
-      .def("to_urdf",
-           [](const SceneHandle& of) {
-             return output::to_urdf(of.scene->model, of.scene->spec.solver, plan(of));
-           })
-      .def("to_osim",
-           [](const SceneHandle& of) { return output::to_osim(of.scene->model, of.scene->spec.solver); })
-      .def_property_readonly("title", [](const SceneHandle& of) { return of.scene->spec.title; })
-      .def_property_readonly("duration", [](const SceneHandle& of) { return of.scene->spec.duration; })
-      .def_property_readonly("step", [](const SceneHandle& of) { return of.scene->spec.solver.step; })
-      .def_property_readonly(
-          "engine", [](const SceneHandle& of) { return std::string(name(of.scene->spec.solver.engine())); })
-      .def_property_readonly(
-          "method", [](const SceneHandle& of) { return std::string(name(of.scene->spec.solver.method())); })
-      .def_property_readonly("engine_choice",
-                             [](const SceneHandle& of) { return of.scene->spec.engine_choice; })
-      .def_property_readonly("record_every",
-                             [](const SceneHandle& of) { return of.scene->spec.record_every; })
-      .def_property_readonly(
-          "has_contact", [](const SceneHandle& of) { return of.scene->spec.solver.effects.any_contact(); })
-      .def_property_readonly("warnings", [](const SceneHandle& of) { return of.scene->warnings; });
+      .def("to_format", &to_format);
+  const auto property = [&](const char* name, auto find) {
+    bound.def_property_readonly(name, [find](const SceneHandle& of) { return find(*of.scene); });
+  };
+  property("title", [](const scene::Scene& of) { return of.spec.title; });
+  property("duration", [](const scene::Scene& of) { return of.spec.duration; });
+  property("step", [](const scene::Scene& of) { return of.spec.solver.step; });
+  property("engine", [](const scene::Scene& of) { return name(of.spec.solver.engine()); });
+  property("method", [](const scene::Scene& of) { return name(of.spec.solver.method()); });
+  property("engine_choice", [](const scene::Scene& of) { return of.spec.engine_choice; });
+  property("record_every", [](const scene::Scene& of) { return of.spec.record_every; });
+  property("has_contact", [](const scene::Scene& of) { return of.spec.solver.effects.any_contact(); });
+  property("warnings", [](const scene::Scene& of) { return of.warnings; });
 }
 
 }  // namespace handsim::python

@@ -31,8 +31,6 @@ constexpr long kPolledEvery = 16;  ///< Steps between two chances for Python's s
 const std::vector<std::string> kMuscleParts = {"excitation",  "activation",    "fibre_length",
                                                "fibre_speed", "tendon_length", "tendon_force"};
 
-void add(std::vector<double>& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v.z()}); }
-
 environment::Setup setup_of(const SceneHandle& of, bool watch) {
   environment::Setup out;
   out.observe = of.scene->model.muscles.empty() ? std::vector<std::string>() : kMuscleParts;
@@ -52,24 +50,14 @@ class SimulationHandle {
 
   void step(const py::object& torques, const py::object& targets, const py::object& excitations,
             const py::object& wrists, const py::object& forces, int substeps) {
-    const scene::Scene& scene = environment_.scene();
-    const auto optional = [](const py::object& given, std::size_t size, const char* name) {
-      return Numbers::optional(given, {static_cast<py::ssize_t>(size)}, name);
-    };
-    const Numbers torque = optional(torques, q.size(), "torques");
-    const Numbers target = optional(targets, scene.control ? scene.control->axes.size() : 0, "targets");
-    const Numbers excitation = optional(excitations, scene.model.muscles.size(), "excitations");
-    const auto drives = static_cast<py::ssize_t>(scene.model.drives.size());
-    const std::vector<Pose> poses = poses_of(Numbers::optional(wrists, {drives, 7}, "wrists"));
-    std::vector<std::vector<engine::BodyForce>> force;
-    read_forces(forces, scene.model, 0, force);
-    environment::Action action{.torques = torque.span(),
-                               .angles = target.span(),
-                               .wrists = poses,
+    const ActionArrays given(environment_.scene(), 0, torques, targets, excitations, wrists, forces);
+    environment::Action action{.torques = given.torques.span(),
+                               .angles = given.targets.span(),
+                               .wrists = given.wrists,
                                .wrist_rates = {},
-                               .excitations = excitation.span(),
+                               .excitations = given.excitations.span(),
                                .forces = {}};
-    if (!force.empty()) action.forces = force[0];
+    if (!given.forces.empty()) action.forces = given.forces[0];
     Signals signals;
     long steps = 0;
     guarded([&] {
@@ -196,8 +184,7 @@ class SimulationHandle {
   py::tuple bodies() {
     std::vector<double> p, q4, v, w;
     for (const model::BodyState& body : read([](const auto& of) { return of.state().bodies; })) {
-      q4.insert(q4.end(), {body.q.w(), body.q.x(), body.q.y(), body.q.z()});
-      add(p, body.p), add(v, body.v), add(w, body.w);
+      append(p, body.p), append(q4, body.q), append(v, body.v), append(w, body.w);
     }
     return py::make_tuple(array_of(p, 3), array_of(q4, 4), array_of(v, 3), array_of(w, 3));
   }
@@ -212,9 +199,7 @@ class SimulationHandle {
     for (const engine::Contact& contact : contacts) {
       a.push_back(shapes[at(contact.shape_a)].name);
       b.push_back(shapes[at(contact.shape_b)].name);
-      add(position, contact.position);
-      add(normal, contact.normal);
-      add(force, contact.force);
+      append(position, contact.position), append(normal, contact.normal), append(force, contact.force);
       depth.push_back(contact.depth);
     }
     return py::make_tuple(a, b, array_of(position, 3), array_of(normal, 3), array_of(depth),
@@ -257,7 +242,7 @@ class SimulationHandle {
     added.body = static_cast<int>(index);
     added.force = force;
     added.moment = arm.cross(force);
-    add(pulled, force);
+    append(pulled, force);
   }
 
   environment::Environment environment_;
@@ -307,6 +292,8 @@ void bind_states(py::module_& module) {
 void bind_simulation(py::module_& module) {
   using Self = SimulationHandle;
   bind_states(module);
+  // What a function finds in the simulation.
+  const auto found = [](auto find) { return [find](Self& self) { return self.read(find); }; };
   module.def("simulation", [](const SceneHandle& scene, bool watch, bool contact_forces) {
     return std::make_unique<Self>(scene, watch, contact_forces);
   });
@@ -319,10 +306,8 @@ void bind_simulation(py::module_& module) {
            [](Self& self) {
              std::vector<double> out;
              const auto bodies = self.read([](const auto& of) { return of.state().bodies; });
-             for (const model::Drive& drive : self.simulation().model().drives) {
-               const Pose x = bodies[at(drive.body)].pose() * drive.frame;
-               out.insert(out.end(), {x.p.x(), x.p.y(), x.p.z(), x.q.w(), x.q.x(), x.q.y(), x.q.z()});
-             }
+             for (const model::Drive& drive : self.simulation().model().drives)
+               append(out, bodies[at(drive.body)].pose() * drive.frame);
              return array_of(out, 7);
            })
       .def("targets",
@@ -357,26 +342,21 @@ void bind_simulation(py::module_& module) {
              const Numbers by = Numbers::optional(change, {2 * n}, "change");
              self.guarded([&] { self.environment().reset_beside(moved(model, state, by.span())); });
            })
-      .def("snapshot", [](Self& self) { return self.read([](const auto& of) { return of.snapshot(); }); })
+      .def("snapshot", found([](const auto& of) { return of.snapshot(); }))
       .def("restore",
            [](Self& self, const simulation::RunSnapshot& snapshot) {
              self.guarded([&] { self.environment().restore(snapshot); });
            })
-      .def("motion", [](Self& self) { return Motion{self.read([](const auto& of) { return of.motion(); })}; })
+      .def("motion", found([](const auto& of) { return Motion{of.motion()}; }))
       .def("reset_to_motion",
            [](Self& self, const Motion& motion) {
              self.guarded([&] { self.environment().reset(motion.motion); });
            })
-      .def("frame",
-           [](Self& self) {
-             return Frame{self.read([](const auto& of) { return simulation::picture_state(of.engine()); })};
-           })
+      .def("frame", found([](const auto& of) { return Frame{simulation::picture_state(of.engine())}; }))
       .def("verdicts",
            [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); })
-      .def_property_readonly(
-          "time", [](Self& self) { return self.read([](const auto& of) { return of.state().time; }); })
-      .def_property_readonly("steps",
-                             [](Self& self) { return self.read([](const auto& of) { return of.steps(); }); })
+      .def_property_readonly("time", found([](const auto& of) { return of.state().time; }))
+      .def_property_readonly("steps", found([](const auto& of) { return of.steps(); }))
       .def_property_readonly("q", [](const py::object& self) { return view(self, self.cast<Self&>().q); })
       .def_property_readonly("u", [](const py::object& self) { return view(self, self.cast<Self&>().u); })
       .def_property_readonly("tau",

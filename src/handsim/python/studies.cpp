@@ -6,7 +6,6 @@
 #include "handsim/study/effects/effects.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/population.h"
-#include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/validate/validate.h"
 
 namespace handsim::python {
@@ -32,12 +31,10 @@ std::string effects_study(const SceneHandle& of, const std::optional<path>& file
   });
 }
 
-/// @return what the command prints of drawn hands, else nothing
-std::string grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
-                   const std::vector<std::string>& overrides, std::optional<double> friction,
-                   bool friction_search, bool margin, bool confirm, bool pictures,
-                   std::optional<int> uncertain, int threads, const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
+void grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
+            const std::vector<std::string>& overrides, std::optional<double> friction, bool friction_search,
+            bool margin, bool confirm, bool pictures, const py::object& progress) {
+  run_study(progress, [&](StudyHooks& hooks) {
     study::GraspStudy study;
     study.scenes = scenes;
     study.out = out;
@@ -49,53 +46,9 @@ std::string grasps(const std::vector<path>& scenes, const path& out, const std::
     study.confirm = confirm;
     study.pictures = pictures;
     study.progress = hooks.told;
-    if (uncertain) {
-      study.progress = [&hooks](double share) { hooks.share = share; };
-      const study::StudyEnd end = study::uncertain_grasps(study, *uncertain, threads, hooks.stop);
-      study::finish_study(out, study::grasp_commands(study), false);
-      return end.text;
-    }
     const study::GraspTables tables = study::run_grasps(study);
     study::finish_study(out, study::grasp_commands(study), false);
-    return std::string();
   });
-}
-
-std::string run_spec(study::RolloutsSpec spec, const study::StudyCommands& commands, const path& out,
-                     int threads, bool resume, StudyHooks& hooks) {
-  study::RolloutOptions options;
-  options.out = out;
-  options.threads = threads;
-  options.resume = resume;
-  // The study ends by `stop`, not by an exception.
-  options.progress = [&hooks](double share) { hooks.share = share; };
-  const study::RolloutStudy study(std::move(spec));
-  const output::OutputFolder folder(out, study::rollout_files());
-  const auto result = study::run_rollouts(study, options, hooks.stop, [&] { folder.clear(); });
-  if (result.done < result.size) return std::string();
-  study::finish_study(out, commands, false);
-  return study::rollouts_screen(result.table);
-}
-
-/// @param uncertain whether the file is a scene, whose uncertain hands are drawn
-std::string rollouts(const path& file, const path& out, std::optional<int> count, std::optional<int> seed,
-                     const std::vector<std::string>& overrides, int threads, bool resume, bool uncertain,
-                     const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    study::RolloutsSpec spec = uncertain ? study::uncertain_rollouts(file) : study::load_rollouts(file);
-    spec.set.insert(spec.set.end(), overrides.begin(), overrides.end());
-    spec.count = count.value_or(spec.count);
-    spec.seed = seed.value_or(spec.seed);
-    return run_spec(std::move(spec),
-                    uncertain ? study::uncertain_commands(file, overrides, *count)
-                              : study::rollouts_commands(file, overrides, seed),
-                    out, threads, resume, hooks);
-  });
-}
-
-/// Merges the shards in the folders into one study in `out`. @return its text
-std::string merge(const std::vector<path>& folders, const path& out) {
-  return without_gil([&] { return study::merge_rollouts(folders, {out, false}).text; });
 }
 
 std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,
@@ -133,20 +86,12 @@ void bind_motion(py::module_& module) {
   module.def("inverse", [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
                            const std::optional<path>& names, const std::optional<path>& loads,
                            std::optional<double> cutoff, bool clamp, bool check,
-                           std::optional<double> least_activation, const std::optional<path>& file,
-                           const std::vector<std::string>& overrides, std::optional<int> uncertain,
-                           int threads, const py::object& progress) {
+                           std::optional<double> least_activation, const py::object& progress) {
     app::InverseArguments arguments;
     arguments.motion = motion, arguments.names = names, arguments.loads = loads;
-    arguments.cutoff = cutoff, arguments.clamp = clamp;
-    arguments.no_check = !check;
+    arguments.options.filter = cutoff, arguments.options.clamp = clamp, arguments.forward = check;
     arguments.muscles = least_activation.has_value();
     arguments.co_contraction = least_activation.value_or(0);
-    if (uncertain)
-      return run_study(progress, [&](StudyHooks& hooks) {
-        return run_spec(study::uncertain_inverse(*file, overrides, app::inverse_input(arguments), *uncertain),
-                        {}, out, threads, false, hooks);
-      });
     return inverse(of, out, arguments, progress);
   });
   module.def("track", [](const path& recording, const path& out, const std::optional<path>& person,
@@ -155,9 +100,8 @@ void bind_motion(py::module_& module) {
                          unsigned seed, const py::object& progress) {
     app::TrackArguments arguments;
     arguments.recording = recording;
-    arguments.person = person, arguments.model = model;
-    arguments.markers = markers, arguments.truth = truth;
-    arguments.keep_person = !fit_bones, arguments.no_smoothing = !smooth;
+    arguments.person_file = person, arguments.hand_file = model, arguments.marker_file = markers;
+    arguments.truth = truth, arguments.fit_bones = fit_bones, arguments.smooth = smooth;
     arguments.noise = noise, arguments.seed = seed;
     run_study(progress, [&](StudyHooks& hooks) {
       const study::TrackInput input = app::track_input(arguments);
@@ -176,8 +120,6 @@ void bind_studies(py::module_& module) {
   module.def("accuracy", &accuracy);
   module.def("effects", &effects_study);
   module.def("grasps", &grasps);
-  module.def("rollouts", &rollouts);
-  module.def("merge", &merge);
   module.def("validate", &validate);
   bind_motion(module);
 }

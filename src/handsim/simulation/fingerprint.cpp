@@ -1,4 +1,4 @@
-#include "handsim/simulation/snapshot.h"
+#include "handsim/simulation/fingerprint.h"
 
 #include <cmath>
 #include <set>
@@ -44,24 +44,19 @@ void add_parts(const YamlNode& resolved, Fingerprint& out) {
 }
 
 void add_settings(const engine::Settings& solver, Fingerprint& out) {
-  const auto add = [&](const char* name, const auto& value) {
+  const auto add = [&](std::string_view name, const auto& value) {
     ArchiveWriter bits;
     bits(value);
-    out.emplace_back(std::string("solver.") + name, hash_bytes(bits.bytes()));
+    out.emplace_back(fmt::format("solver.{}", name), hash_bytes(bits.bytes()));
   };
-  std::visit(
-      [&](const auto& own) {
-        each_setting(own, [&](const char* name, const auto& value) {
-          if constexpr (std::same_as<std::decay_t<decltype(value)>, std::string_view>)
-            add(name, std::string(value));
-          else if constexpr (requires { value.has_value(); })
-            add(name,
-                value ? Vec3(value->joint_gap, value->speed, value->angular_speed) : Vec3(Vec3::Zero()));
-          else
-            add(name, value);
-        });
-      },
-      solver.own);
+  each_setting(solver, [&]<class T>(std::string_view name, const T& value, const auto&...) {
+    if constexpr (std::is_enum_v<T>)
+      add(name, std::string(engine::name(engine::Method(value))));
+    else if constexpr (requires { value.has_value(); })
+      add(name, value ? Vec3(value->joint_gap, value->speed, value->angular_speed) : Vec3(Vec3::Zero()));
+    else
+      add(name, value);
+  });
   add("step", solver.step);
   add("contact_forces", solver.contact_forces);
   for (int i = 0; i < model::kEffectCount; ++i) {

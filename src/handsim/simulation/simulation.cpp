@@ -318,7 +318,7 @@ RunSnapshot Simulation::snapshot() const {
   if (failure_) throw Error(*failure_);
   ArchiveWriter out;
   out(steps_);
-  carry(out, engine_->state());
+  serialize(out, engine_->state());
   save_motion(out);
   out(watchers_.size());
   for (const auto& watcher : watchers_) {
@@ -359,7 +359,7 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   long steps = 0;
   in(steps);
   model::State state = engine_->state();
-  carry(in, state);
+  serialize(in, state);
   const double step = scene_->spec.solver.step;
   const double time = static_cast<double>(steps) * step;
   // A start may be at any time, and `reset(state)` rounds it to half a step; sums of steps add rounding

@@ -32,7 +32,7 @@ class Simulation {
   /// engine), `only<Monitor, RunHash>` or a function of the caller. @throws Error (input) if the engine
   /// refuses the model, or for an object over 1 mm inside a hand it can touch without `overlap: allowed`
   explicit Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers watchers = standard_watchers);
-  /// As above, but the simulation owns the scene.
+  /// Simulates a scene that the simulation then owns.
   explicit Simulation(scene::Scene scene, MakeWatchers watchers = standard_watchers)
       : Simulation(std::make_shared<const scene::Scene>(std::move(scene)), std::move(watchers)) {}
 
@@ -110,7 +110,7 @@ class Simulation {
   /// Goes on from a state, at the step that is next to its time; controller and watchers begin anew.
   /// @throws Error (input) as Engine::set_state.
   void reset(const model::State& state);
-  /// Takes over changed masses, inertias, gravity and materials of the scene's model, and gains of its
+  /// Reads changed masses, inertias, gravity and materials of the scene's model, and gains of its
   /// control; the controller begins anew. @throws as Engine::refresh
   void refresh();
 

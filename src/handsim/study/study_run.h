@@ -6,11 +6,12 @@
 #include <exception>
 #include <filesystem>
 #include <functional>
-#include <mutex>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
+
+#include "handsim/core/error.h"
 
 namespace handsim::study {
 
@@ -34,6 +35,19 @@ struct StudyEnd {
 /// Tells the text for the screen at once: what comes after it may fail.
 inline void tell(const StudyRun& run, StudyEnd& end) {
   if (run.tell) run.tell(std::exchange(end.text, {}));
+}
+
+/// Runs a part of a row, unless an earlier part failed; a fault of the physics becomes the row's.
+/// @param all other errors, too
+template <class Row, class Part>
+void attempt(Row& row, bool all, const Part& part) {
+  if (row.fault) return;
+  try {
+    part();
+  } catch (const Error& error) {
+    if (!all && !error.fault()) throw;
+    row.fault = error.what();
+  }
 }
 
 /// Calls `work` in threads, which share its tasks and end once `stop` is true. The first exception sets it,

@@ -76,9 +76,9 @@ void scatter(Mechanism& mechanism, std::mt19937& random) {
   std::uniform_real_distribution<double> u(-1, 1);
   for (double& q : mechanism.q()) q = 2 * u(random);
   for (double& rate : mechanism.u()) rate = 3 * u(random);
-  const TreeOf<1>& tree = lanes_of<1>(mechanism.tree());
+  const LaneTreeOf<1>& tree = lanes_of<1>(mechanism.tree());
   for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = tree.batch[i];
+    const NodeBatch<1>& b = tree.batch[i];
     if (rate_count(b.kind) == 1)
       tree.axis[b.axis].tau[0] = u(random);
     else
@@ -97,9 +97,9 @@ void scatter(Mechanism& mechanism, std::mt19937& random) {
 
 std::vector<double> forces(const Mechanism& mechanism) {
   std::vector<double> out;
-  const TreeOf<1>& tree = lanes_of<1>(mechanism.tree());
+  const LaneTreeOf<1>& tree = lanes_of<1>(mechanism.tree());
   for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = tree.batch[i];
+    const NodeBatch<1>& b = tree.batch[i];
     for (int k = 0; k < rate_count(b.kind); ++k)
       out.push_back(rate_count(b.kind) == 1 ? tree.axis[b.axis].tau[0] : tree.joint3[b.axis].tau[k][0]);
   }
@@ -172,7 +172,7 @@ TEST(ArticulatedDynamics, EnergyAndPointVelocitiesAreThoseOfTheBodies) {
     mechanism.update_bases();
     mechanism.kernel().velocities(mechanism.tree());
     model::State state = model::initial_state(model);
-    mechanism.give(state);
+    mechanism.store_state(state);
     space.compute_inertia();
     const Eigen::Map<Eigen::VectorXd> u(mechanism.u().data(), space.size());
     double energy = 0;
@@ -209,16 +209,16 @@ TEST(ArticulatedDynamics, CoordinatesAndBodyPosesAreExactBothWays) {
     model::State state = model::initial_state(model);
     const BaseMotion base = mechanism.base(1);
     state.bodies[1] = {base.pose.p, base.pose.q, base.v, base.w};
-    mechanism.give(state);
+    mechanism.store_state(state);
     EXPECT_LT(*std::max_element(mechanism.q().begin(), mechanism.q().end(),
                                 [](double a, double b) { return std::abs(a) < std::abs(b); }),
               10);
     for (const model::Joint& joint : model.joints) EXPECT_LT(model::joint_gap(joint, state), 1e-14);
     Mechanism other(model, kGravity, kernels().back());
-    other.take(state);
+    other.load_state(state);
     other.kernel().kinematics(other.tree());
     model::State back = state;
-    other.give(back);
+    other.store_state(back);
     for (std::size_t i = 0; i < state.bodies.size(); ++i) {
       EXPECT_LT((back.bodies[i].p - state.bodies[i].p).norm(), 1e-12);
       EXPECT_LT(back.bodies[i].q.angularDistance(state.bodies[i].q), 1e-12 * 10);

@@ -1,5 +1,4 @@
-// How good contacts are: rest, forces, impact, friction in any direction, pads, the guard, the choice of
-// solver.
+// How good contacts are: rest, forces, impact, friction in any direction, pads.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -166,95 +165,6 @@ TEST(ContactRule, MaterialOverridesTheShapesOwn) {
         make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
     test::run(*engine, 1000);
     EXPECT_NEAR(engine->state().bodies[1].v.norm(), slippery ? kG * std::sin(0.3) : 0.0, 5e-3);
-  }
-}
-
-/// Five boxes of 40 mm on the ground, the top one heavier: stock ODE's direct solver gives up on it now and
-/// then.
-model::Model stack(double top_mass) {
-  model::Model model = model::make_model();
-  test::add_ground(model, 0.5);
-  for (int i = 0; i < 5; ++i)
-    add_solid(model, sized("box" + std::to_string(i), ShapeKind::box, 0, 0, Vec3::Constant(0.04)),
-              i == 4 ? top_mass : 0.1, {Vec3(0, 0, 0.02 + 0.04 * i), Quat::Identity()});
-  return model;
-}
-
-// Oracle: the guard's promise: nothing that the solver gave up on is kept, and every retry is counted.
-TEST(Guard, TakesBackStepsThatTheSolverGaveUpOn) {
-  const model::Model model = stack(1);
-  Settings plain = settings({Effect::gravity, Effect::ground_contact, Effect::friction});
-  plain.ode().cfm = 1e-10;
-  Settings guarded = plain;
-  guarded.ode().guard.emplace();
-  const auto bare = make_engine(model, plain);
-  const auto engine = make_engine(model, guarded);
-  int failures = 0, kept = 0, retried = 0, unresolved = 0;
-  for (int i = 0; i < 4000; ++i) {
-    failures += bare->step({}).lcp_failures;
-    const StepReport report = engine->step({});
-    kept += report.lcp_failures;
-    retried += report.rung != Rung::none;
-    unresolved += report.rung == Rung::unresolved;
-  }
-  ASSERT_GT(failures, 0) << "a scene that the solver never gives up on shows nothing";
-  EXPECT_EQ(kept, 0);
-  EXPECT_GT(retried, 0);
-  EXPECT_EQ(unresolved, 0);
-  EXPECT_LT((engine->state().bodies[5].p - Vec3(0, 0, 0.18)).norm(), 1e-3);
-}
-
-// Oracle: identity; a guard with nothing to do changes no bit.
-TEST(Guard, ChangesNothingWhereNothingGoesWrong) {
-  const model::Model model = stack(0.1);
-  Settings plain = settings({Effect::gravity, Effect::ground_contact, Effect::friction});
-  plain.ode().cfm = 1e-6;
-  Settings guarded = plain;
-  guarded.ode().guard.emplace();
-  const auto bare = make_engine(model, plain);
-  const auto engine = make_engine(model, guarded);
-  for (int i = 0; i < 500; ++i) {
-    if (bare->step({}).lcp_failures > 0) break;
-    ASSERT_EQ(engine->step({}).rung, Rung::none);
-    ASSERT_EQ(test::bits(bare->state()), test::bits(engine->state()));
-  }
-}
-
-// Oracle: the ladder's definition, each rung forced by a limit that only it can keep to. A hinged body under
-// a servo so stiff that the whole step is too fast: the half step is not, and the second half meets the
-// target.
-TEST(Guard, HalvesTheStepExactly) {
-  const model::Model model = test::hinged_body();
-  Settings how = settings({Effect::actuation});
-  how.ode().guard = GuardLimits{.angular_speed = 60};
-  const auto engine = make_engine(model, how);
-  // Explicit: 1e-4 kg m^2 and 5 N m give 50 rad/s in 1 ms, 100 rad/s in 2 ms.
-  const double torque = 5;
-  EXPECT_EQ(engine->step({.torques = std::span(&torque, 1)}).rung, Rung::none);
-  const StepReport second = engine->step({.torques = std::span(&torque, 1)});
-  EXPECT_EQ(second.rung, Rung::unresolved);
-  EXPECT_NEAR(engine->state().bodies[1].w.norm(), 100, 0.5);
-}
-
-// Oracle: the choice's definition: identical bits to the solver it names, which is the direct one for a hand
-// and the iterative one for a heap.
-TEST(MethodAuto, TakesTheDirectSolverForFewRowsAndTheIterativeOneForMany) {
-  const std::initializer_list<Effect> effects = kContact;
-  const model::Model few = resting_capsule(ShapeKind::box, 0, 0);
-  model::Model many = model::make_model();
-  test::add_ground(many, 0.5);
-  for (int i = 0; i < 40; ++i)
-    add_solid(many, sized("box" + std::to_string(i), ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
-              {Vec3(0.02 * (i % 2), 0, 0.0199 + 0.0399 * i), Quat::Identity()});
-  for (const Method method : {OdeMethod::world_step, OdeMethod::quick_step}) {
-    const model::Model* model = method == OdeMethod::world_step ? &few : &many;
-    const auto chosen = make_engine(*model, settings(effects, 1e-3, OdeMethod::automatic));
-    const auto named = make_engine(*model, settings(effects, 1e-3, method));
-    for (int i = 0; i < 20; ++i) {
-      EXPECT_EQ(chosen->step({}).iterative, method == OdeMethod::quick_step);
-      named->step({});
-    }
-    EXPECT_EQ(test::bits(chosen->state()), test::bits(named->state()));
   }
 }
 

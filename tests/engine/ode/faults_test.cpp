@@ -126,23 +126,19 @@ TEST(Divergence, OfOneEngineIsFinalForItAndUnknownToOthers) {
 // ODE stops in the middle of some of these steps, with work undone that it does not let anyone free.
 TEST(Divergence, InTheMiddleOfAStepDoesNotEndTheProcess) {
   const model::Model model = universal_pair();
-  for (const bool guarded : {false, true}) {
-    Settings with = settings({Effect::gravity});
-    if (guarded) with.ode().guard.emplace();
-    for (const double bad : {1e80, 1e150, 1e160, 1e200, 1e300})
-      for (int number = 0; number < 6; ++number) {
-        const auto engine = make_engine(model, with);
-        model::State state = engine->state();
-        (number < 3 ? state.bodies[1].w[number] : state.bodies[1].p[number - 3]) = bad;
-        // What is too fast is refused as a state already.
-        const auto kind = number < 3 ? ErrorKind::input : ErrorKind::physics;
-        const auto go_on = [&] {
-          engine->set_state(state);
-          engine->step({});
-        };
-        EXPECT_EQ(error_of(go_on).kind(), kind) << bad << " " << number;
-      }
-  }
+  for (const double bad : {1e80, 1e150, 1e160, 1e200, 1e300})
+    for (int number = 0; number < 6; ++number) {
+      const auto engine = make_engine(model, settings({Effect::gravity}));
+      model::State state = engine->state();
+      (number < 3 ? state.bodies[1].w[number] : state.bodies[1].p[number - 3]) = bad;
+      // What is too fast is refused as a state already.
+      const auto kind = number < 3 ? ErrorKind::input : ErrorKind::physics;
+      const auto go_on = [&] {
+        engine->set_state(state);
+        engine->step({});
+      };
+      EXPECT_EQ(error_of(go_on).kind(), kind) << bad << " " << number;
+    }
 }
 
 // Oracle: the documented bound of 1000 m/s.

@@ -253,7 +253,7 @@ TEST(Urdf, EffortIsTheTorqueLimitOfTheDrive) {
     if (joint.child("axis")) efforts[name(joint)] = joint.child("limit").attribute("effort").as_double();
   EXPECT_EQ(efforts.size(), static_cast<std::size_t>(scene.model.dof_count()));
   for (const control::DrivenAxis& axis : scene.control->axes) {
-    EXPECT_EQ(efforts[axis.name], axis.gains.torque_limit) << axis.name;
+    EXPECT_EQ(efforts[axis.name], axis.torque_limit) << axis.name;
     efforts.erase(axis.name);
   }
   for (const auto& [joint, effort] : efforts) EXPECT_EQ(effort, 1000) << joint;

@@ -121,7 +121,7 @@ json ask(const scene::Scene& scene, const Motion& motion, int samples, const std
 std::vector<std::map<std::string, double>> torques(const scene::Scene& scene, const Motion& motion) {
   engine::articulated::Mechanism mechanism(scene.model, scene.spec.solver,
                                            engine::articulated::kernels().front());
-  mechanism.take(model::initial_state(scene.model));
+  mechanism.load_state(model::initial_state(scene.model));
   engine::articulated::JointSpace space(mechanism);
   const auto n = static_cast<std::size_t>(space.size());
   const auto& nodes = mechanism.topology().nodes;

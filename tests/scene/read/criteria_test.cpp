@@ -1,5 +1,5 @@
 // Criteria on figures that a scene does not measure are refused. Oracle: the content of the scene.
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 #include <gtest/gtest.h>
 

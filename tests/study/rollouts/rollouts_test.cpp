@@ -1,10 +1,11 @@
-// Rollout studies: the same bytes however they are computed, and rows that say what happened.
+// Rollout studies: rows are a pure function of study, seed and range, and say what happened.
 #include <regex>
 #include <set>
+#include <thread>
 
 #include <gtest/gtest.h>
-#include <nlohmann/json.hpp>
 
+#include "handsim/core/input_file.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
 #include "study/rollouts/studies.h"
@@ -13,18 +14,9 @@ namespace handsim::study {
 namespace {
 
 namespace fs = std::filesystem;
-using test::run_study;
-using test::StudyRun;
+using test::table_of;
 using test::TemporaryFolder;
-using test::text_of;
 using test::write_study;
-
-void expect_same_files(const StudyRun& a, const StudyRun& b) {
-  EXPECT_EQ(a.csv, b.csv);
-  EXPECT_EQ(a.summary, b.summary);
-  EXPECT_TRUE(a.h5 == b.h5);
-  EXPECT_FALSE(a.h5.empty());
-}
 
 std::vector<std::vector<std::string>> cells_of(const std::string& csv) {
   std::vector<std::vector<std::string>> out;
@@ -53,100 +45,91 @@ std::vector<std::string> column(const std::string& csv, const std::string& name)
   return out;
 }
 
-// Oracle: one thread, one rollout at a time.
-TEST(Rollouts, GiveTheSameBytesForAnyThreadsAndChunks) {
-  const TemporaryFolder folder;
-  const fs::path study = write_study(folder.path());
-  const StudyRun one = run_study(study, folder.path() / "one", 1, 1);
-  EXPECT_EQ(one.result.done, 12);
-  expect_same_files(one, run_study(study, folder.path() / "two", 2, 5));
-  expect_same_files(one, run_study(study, folder.path() / "eight", 8, 64));
-  EXPECT_FALSE(fs::exists(folder.path() / "one" / kJournalName));
-}
-
-// Oracle: the unbroken study.
-TEST(Rollouts, ShardsMergeToTheWholeStudysBytes) {
-  const TemporaryFolder folder;
-  const fs::path file = write_study(folder.path()), out = folder.path() / "shards";
-  const StudyRun whole = run_study(file, folder.path() / "whole");
-  const RolloutStudy study(load_rollouts(file));
-  for (const int k : {3, 1, 2}) {
-    if (k == 2) {
-      EXPECT_THROW(merge_shards({out}), Error);
-    }
-    RolloutOptions options;
-    options.out = out;
-    options.shard = {k, 3};
-    EXPECT_EQ(run_rollouts(study, options, false).done, 4);
-  }
-  write_rollouts(merge_shards({out}), out);
-  EXPECT_EQ(text_of(out / "rollouts.csv"), whole.csv);
-  EXPECT_TRUE(text_of(out / "rollouts.h5") == whole.h5);
-  EXPECT_EQ(text_of(out / "summary.json"), whole.summary);
-}
-
-// Oracle: the unbroken study; a journal cut at any byte is what a killed process leaves.
-TEST(Rollouts, GoOnFromATornJournalToTheSameBytes) {
-  const TemporaryFolder folder;
-  const fs::path file = write_study(folder.path()), out = folder.path() / "torn";
-  const StudyRun whole = run_study(file, folder.path() / "whole");
-  const RolloutStudy study(load_rollouts(file));
-  fs::create_directories(out);
-  {
-    Journal journal(out / kJournalName, study.head());
-    const std::atomic<bool> stop = false;
-    journal.add({*study.run(4, stop), *study.run(0, stop)});
-    journal.add({*study.run(7, stop)});
-  }
-  const auto size = fs::file_size(out / kJournalName);
-  fs::resize_file(out / kJournalName, size - 3);
-  RolloutOptions options;
-  options.out = out;
-  EXPECT_THROW(run_rollouts(study, options, false), Error) << "without --resume";
-  options.resume = true;
-  const RolloutsResult result = run_rollouts(study, options, false);
-  EXPECT_EQ(result.computed, 10);
-  EXPECT_EQ(text_of(out / "rollouts.csv"), whole.csv);
-  EXPECT_TRUE(text_of(out / "rollouts.h5") == whole.h5);
-}
-
-// Oracle: nothing is computed once a run is stopped, and nothing is lost.
-TEST(Rollouts, AreStoppedWithTheirJournal) {
+// Oracle: all rows at once. Two threads share the study, and ranges come in any order.
+TEST(Rollouts, RowsAreTheSameForAnyRangesAndThreads) {
   const TemporaryFolder folder;
   const RolloutStudy study(load_rollouts(write_study(folder.path())));
-  RolloutOptions options;
-  options.out = folder.path() / "out";
-  options.threads = 1;
-  options.chunk = 1;
-  std::atomic<bool> stop = false;
-  options.progress = [&](double share) { stop = share > 0.3; };
-  const RolloutsResult result = run_rollouts(study, options, stop);
-  EXPECT_EQ(result.done, 4);
-  EXPECT_FALSE(fs::exists(options.out / "rollouts.csv"));
-  EXPECT_EQ(read_journal(options.out / kJournalName).rows.size(), 4U);
+  const std::atomic<bool> stop = false;
+  const RolloutRows whole = rollout_rows(study, 0, 12, stop);
+  EXPECT_EQ(whole.to, 12);
+  EXPECT_EQ(whole.trajectories.size(), 2U);
+  std::vector<std::string> rows(12);
+  const auto compute = [&](std::vector<long> of) {
+    for (const long i : of) rows[static_cast<std::size_t>(i)] = rollout_rows(study, i, i + 1, stop).csv;
+  };
+  std::thread other(compute, std::vector<long>{11, 3, 5, 0, 8, 7});
+  compute({2, 1, 10, 4, 9, 6});
+  other.join();
+  std::string all;
+  for (const std::string& row : rows) all += row;
+  EXPECT_EQ(all, whole.csv);
+  EXPECT_EQ(rollout_rows(study, 0, 1, stop).trajectories[0].second.values, whole.trajectories[0].second.values);
 }
 
-// Oracle: the journal of one study is refused by another, here of another seed.
-TEST(Rollouts, RefuseTheJournalOfAnotherStudy) {
+// Oracle: the study of the files on the disk. What it has read is all that another machine needs, which has none of
+// the files and another folder.
+TEST(Rollouts, AreTheSameFromCarriedFiles) {
+  CarriedFiles files;
+  std::string table;
+  std::vector<std::string> origin;
+  {
+    const TemporaryFolder folder;
+    files.folder = folder.path();
+    fs::create_directories(folder.path() / "shapes");
+    std::ofstream(folder.path() / "shapes/wedge.stl")
+        << "solid wedge\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\nvertex 0.1 0 0\nendloop\nendfacet\n"
+           "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0 0.1\nendloop\nendfacet\n"
+           "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 0.1\nvertex 0 0.1 0\nendloop\nendfacet\n"
+           "facet normal 0 0 0\nouter loop\nvertex 0.1 0 0\nvertex 0 0.1 0\nvertex 0 0 0.1\nendloop\nendfacet\nendsolid\n";
+    std::ofstream(folder.path() / "scene.yaml")
+        << "objects: [{name: wedge, shape: convex_mesh, mesh: shapes/wedge.stl, mass: 1, position: [0, 0, 0]}]\nduration: 0.02\n"
+           "effects: [gravity]\n";
+    std::ofstream(folder.path() / "study.yaml")
+        << "scene: scene.yaml\ncount: 8\nvary: {objects.0.mass: {normal: {sd: 20}}}\n";
+    const CarriedScope scope(files, true);
+    const RolloutStudy study(load_rollouts("study.yaml"));
+    table = table_of(study);
+    origin = study.head().origin;
+  }
+  EXPECT_EQ(files.files.size(), 3U);
+  EXPECT_NE(table.find("refused"), std::string::npos) << table;
+  const CarriedScope scope(files, false);
+  const RolloutStudy study(load_rollouts("study.yaml"));
+  EXPECT_EQ(table_of(study), table);
+  EXPECT_EQ(study.head().origin, origin);
+}
+
+// Oracle: nothing is computed once the work is stopped.
+TEST(Rollouts, AreStoppedAtOnce) {
   const TemporaryFolder folder;
-  RolloutsSpec spec = load_rollouts(write_study(folder.path()));
-  const RolloutStudy study(spec);
-  spec.seed = 4;
-  const RolloutStudy other(spec);
-  fs::create_directories(folder.path() / "out");
-  { Journal journal(folder.path() / "out" / kJournalName, other.head()); }
-  RolloutOptions options;
-  options.out = folder.path() / "out";
-  options.resume = true;
-  EXPECT_THROW(run_rollouts(study, options, false), Error);
+  const RolloutStudy study(load_rollouts(write_study(folder.path())));
+  const RolloutRows rows = rollout_rows(study, 3, 12, true);
+  EXPECT_EQ(rows.to, 3);
+  EXPECT_EQ(rows.csv, "");
+}
+
+// Oracle: what was drawn is that of the rollout that ran; a line ends where it ends.
+TEST(Rollouts, ACrashedOneIsARowWithWhatWasDrawn) {
+  const TemporaryFolder folder;
+  const RolloutStudy study(load_rollouts(write_study(folder.path())));
+  const auto ran = cells_of(rollout_rows(study, 4, 5, false).csv), crashed = cells_of(crashed_row(study, 4, "two\nlines"));
+  ASSERT_EQ(crashed.size(), 1U);
+  ASSERT_EQ(crashed[0].size(), ran[0].size());
+  EXPECT_EQ(std::vector(crashed[0].begin(), crashed[0].begin() + 5), std::vector(ran[0].begin(), ran[0].begin() + 5));
+  const auto columns = cells_of(csv_head(study.head()))[0];
+  const auto cell = [&](const char* name) {
+    return crashed[0][static_cast<std::size_t>(std::find(columns.begin(), columns.end(), name) - columns.begin())];
+  };
+  EXPECT_EQ(cell("ended"), "crashed");
+  EXPECT_EQ(cell("error"), "two; lines");
+  EXPECT_EQ(cell("state_hash"), "");
 }
 
 // Oracle: `handsim run` of the same scene, whose hash is that of all states.
 TEST(Rollouts, HaveTheHashOfARunOfTheSameScene) {
   const TemporaryFolder folder;
   const fs::path file = write_study(folder.path());
-  const StudyRun run = run_study(file, folder.path() / "out");
-  const std::vector<std::string> hashes = column(run.csv, "state_hash");
+  const std::vector<std::string> hashes = column(table_of(file), "state_hash");
   EXPECT_EQ(std::set<std::string>(hashes.begin(), hashes.end()).size(), hashes.size());
   const RolloutStudy study(load_rollouts(file));
   for (const long i : {0L, 5L}) {
@@ -277,8 +260,8 @@ TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
   std::ofstream(folder.path() / "study.yaml")
       << "scene: ball.yaml\nset: {duration: 1.1}\ncount: 20\nvary:\n"
          "  objects.0.mass: {normal: {sd: 1}}\n  gravity: {each: [[0, 0, -10], [0, 0, -1000]]}\n";
-  const StudyRun run = run_study(folder.path() / "study.yaml", folder.path() / "out");
-  const auto ended = column(run.csv, "ended"), masses = column(run.csv, "objects.0.mass");
+  const std::string csv = table_of(folder.path() / "study.yaml");
+  const auto ended = column(csv, "ended"), masses = column(csv, "objects.0.mass");
   ASSERT_EQ(ended.size(), 40U);
   int refused = 0;
   for (std::size_t i = 0; i < ended.size(); ++i) {
@@ -287,9 +270,9 @@ TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
     refused += bad;
   }
   EXPECT_GT(refused, 0);
-  EXPECT_TRUE(std::regex_search(run.csv, std::regex("refused,.*mass: got -"))) << run.csv;
-  EXPECT_TRUE(std::regex_search(run.csv, std::regex(",0,diverged,1.*at t = 1.001 s: ball: speed")))
-      << run.csv;
+  EXPECT_TRUE(std::regex_search(csv, std::regex("refused,.*mass: got -"))) << csv;
+  EXPECT_TRUE(std::regex_search(csv, std::regex(",0,diverged,1.*at t = 1.001 s: ball: speed")))
+      << csv;
 }
 
 // Oracle: a ball of radius 0.1 m falls 0.78 m in 0.4 s, and touches the ground from a height of 0.3 m alone.
@@ -303,25 +286,16 @@ TEST(Rollouts, OutcomesAreFiguresOrPathsOfTheSummary) {
       << "scene: ball.yaml\nset: {duration: 0.4}\ncount: 8\nvary:\n"
          "  objects.0.position.2: {each: [0.3, 1.5, 5]}\n  objects.0.mass: {uniform: [1, 2]}\n"
          "outcome: [penetration, counts.contacts]\n";
-  const StudyRun run = run_study(folder.path() / "study.yaml", folder.path() / "out");
-  const auto heights = column(run.csv, "objects.0.position.2"), contacts = column(run.csv, "counts.contacts");
+  const std::string csv = table_of(folder.path() / "study.yaml");
+  const auto heights = column(csv, "objects.0.position.2"), contacts = column(csv, "counts.contacts");
   ASSERT_EQ(contacts.size(), 24U);
   for (std::size_t i = 0; i < contacts.size(); ++i)
-    EXPECT_EQ(std::stod(contacts[i]) > 0, std::stod(heights[i]) < 1) << run.csv;
-  const auto summary = nlohmann::json::parse(run.summary);
-  const auto& of = summary["outcomes"]["counts.contacts"];
-  EXPECT_EQ(of["of"], 24);
-  const auto& means = of["keys"]["objects.0.position.2"]["means"];
-  ASSERT_EQ(means.size(), 3U);
-  EXPECT_GT(means[0]["mean"]["value"], 0);
-  EXPECT_EQ(means[2]["mean"]["value"], 0);
-  EXPECT_GT(of["variance_shares"]["objects.0.position.2"], 0.9);
-  EXPECT_TRUE(summary["outcomes"].contains("penetration[m]"));
+    EXPECT_EQ(std::stod(contacts[i]) > 0, std::stod(heights[i]) < 1) << csv;
+  EXPECT_EQ(column(csv, "penetration[m]").size(), 24U);
 }
 
 // Oracle: what the files give a spread: dimensions and the hand model's, muscles only where they act,
-// materials; what is measured is not drawn. The same bytes for one thread and two, and the second row alone
-// is the same motion.
+// materials; what is measured is not drawn. The second row alone is the same motion.
 TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
   const TemporaryFolder folder;
   const auto write = [&](const char* scene, const std::string& set) {
@@ -347,26 +321,10 @@ TEST(Rollouts, UncertainStudiesDrawWhatHasASpread) {
                   .contains("hands.0.person.deviations.extrinsic_arms"));
   EXPECT_THROW(RolloutStudy(write("config/slider_crank_iftomm.yaml", "")), Error) << "nothing is uncertain";
   write("config/two_hands.yaml", "duration: 0.02, solver.engine: articulated");
-  const StudyRun one = run_study(folder.path() / "study.yaml", folder.path() / "one", 1, 1);
-  expect_same_files(one, run_study(folder.path() / "study.yaml", folder.path() / "two", 2, 2));
   const RolloutStudy study(load_rollouts(folder.path() / "study.yaml"));
   simulation::Simulation again(study.scene(1));
   while (again.steps() < again.step_count()) again.step();
-  EXPECT_EQ(column(one.csv, "state_hash")[1], simulation::hash_text(again.state_hash()));
-  EXPECT_TRUE(nlohmann::json::parse(one.summary)["outcomes"].contains("joint_gap[m]"));
-}
-
-// Oracle: of 21 evenly spaced numbers the 5th, 50th and 95th percentile are the 2nd, 11th and 20th. A curve
-// that ends early counts as long as it lasts.
-TEST(Rollouts, BandsAreThePercentilesOfTheCurvesThatAreThere) {
-  std::vector<TimeSeries> curves;
-  for (int i = 21; i > 0; --i) {
-    curves.push_back({{"time[s]", "x.torque[N_m]"}, {0.5, static_cast<double>(i)}});
-    if (i == 7) curves.back().values.insert(curves.back().values.end(), {1, 70});
-  }
-  EXPECT_EQ(bands_csv(curves),
-            "time[s],x.torque.p5[N_m],x.torque.p50[N_m],x.torque.p95[N_m]\n"
-            "0.5,2,11,20\n1,70,70,70\n");
+  EXPECT_EQ(column(table_of(study), "state_hash")[1], simulation::hash_text(again.state_hash()));
 }
 
 class ShippedStudy : public testing::TestWithParam<const char*> {};
@@ -412,10 +370,10 @@ TEST(Rollouts, GridsAreEverything) {
   std::ofstream(folder.path() / "study.yaml")
       << "scene: ball.yaml\nvary:\n  objects.0.mass: {logspace: [\"10 g\", \"1 kg\", 3]}\n"
          "  duration: {linspace: [0.01, 0.03, 2]}\n";
-  const StudyRun run = run_study(folder.path() / "study.yaml", folder.path() / "out");
-  EXPECT_EQ(column(run.csv, "objects.0.mass"),
+  const std::string csv = table_of(folder.path() / "study.yaml");
+  EXPECT_EQ(column(csv, "objects.0.mass"),
             (std::vector<std::string>{"0.01", "0.1", "1", "0.01", "0.1", "1"}));
-  EXPECT_EQ(column(run.csv, "duration"),
+  EXPECT_EQ(column(csv, "duration"),
             (std::vector<std::string>{"0.01", "0.01", "0.01", "0.03", "0.03", "0.03"}));
 }
 
@@ -432,17 +390,16 @@ TEST(Rollouts, EndOnceTheObjectIsLost) {
         << lost << "}\n";
     return folder.path() / "study.yaml";
   };
-  const StudyRun stopped = run_study(study("true"), folder.path() / "a");
-  const StudyRun whole = run_study(study("false"), folder.path() / "b");
-  EXPECT_EQ(column(stopped.csv, "held"), column(whole.csv, "held"));
-  EXPECT_EQ(column(stopped.csv, "held").front(), "0");
-  EXPECT_EQ(column(stopped.csv, "ended").front(), "decided");
-  EXPECT_EQ(column(whole.csv, "ended").front(), "end");
-  EXPECT_EQ(column(stopped.csv, "outcome").front(), "LOST");
-  const double lost = std::stod(column(stopped.csv, "lost_at[s]").front()),
-               end = std::stod(column(stopped.csv, "ended_at[s]").front());
+  const std::string stopped = table_of(study("true")), whole = table_of(study("false"));
+  EXPECT_EQ(column(stopped, "held"), column(whole, "held"));
+  EXPECT_EQ(column(stopped, "held").front(), "0");
+  EXPECT_EQ(column(stopped, "ended").front(), "decided");
+  EXPECT_EQ(column(whole, "ended").front(), "end");
+  EXPECT_EQ(column(stopped, "outcome").front(), "LOST");
+  const double lost = std::stod(column(stopped, "lost_at[s]").front()),
+               end = std::stod(column(stopped, "ended_at[s]").front());
   EXPECT_NEAR(end - lost, simulation::kLostSpan, 2e-3);
-  EXPECT_LT(end, std::stod(column(whole.csv, "ended_at[s]").front()));
+  EXPECT_LT(end, std::stod(column(whole, "ended_at[s]").front()));
 }
 
 }  // namespace

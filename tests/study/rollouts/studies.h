@@ -23,25 +23,13 @@ record: {trajectories: 2}
   return path;
 }
 
-/// Results and texts of a whole study.
-struct StudyRun {
-  study::RolloutsResult result;
-  std::string csv, h5, summary;
-};
-
-inline StudyRun run_study(const std::filesystem::path& file, const std::filesystem::path& out,
-                          int threads = 1, int chunk = 8) {
-  const study::RolloutStudy study(study::load_rollouts(file));
-  study::RolloutOptions options;
-  options.out = out;
-  options.threads = threads;
-  options.chunk = chunk;
-  StudyRun run;
-  run.result = study::run_rollouts(study, options, false);
-  run.csv = text_of(out / "rollouts.csv");
-  run.h5 = text_of(out / "rollouts.h5");
-  run.summary = text_of(out / "summary.json");
-  return run;
+/// The table of a study, as rollouts.csv has it.
+inline std::string table_of(const study::RolloutStudy& study) {
+  const std::atomic<bool> stop = false;
+  return study::csv_head(study.head()) + study::rollout_rows(study, 0, study.size(), stop).csv;
+}
+inline std::string table_of(const std::filesystem::path& file) {
+  return table_of(study::RolloutStudy(study::load_rollouts(file)));
 }
 
 }  // namespace handsim::test

@@ -71,22 +71,22 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
-  start(state_);
+  reset(state_);
   if (loops_) require_regular_start(model, settings, state());
   if (gap > kMovedGap)
     notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
 }
 
-void ArticulatedEngine::start(const model::State& state) {
+void ArticulatedEngine::reset(const model::State& state) {
   model::State next = state;
   // What no drive moves among kinematic bodies stands still.
   std::vector<bool> driven(model_.bodies.size(), false);
   for (const model::Drive& drive : drives()) driven[at(drive.body)] = true;
   for (std::size_t i = 0; i < next.bodies.size(); ++i)
     if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
-  mechanism_.take(next);
+  mechanism_.load_state(next);
   mechanism_.forget_contacts();
-  if (muscles_) muscles_->start(next);
+  if (muscles_) muscles_->reset(next);
   if (contact_) contact_->forget();
   if (fast_spin_) fast_spin_->forget();
   if (smooth_) smooth_->set_size(0);
@@ -101,8 +101,8 @@ void ArticulatedEngine::start(const model::State& state) {
 
 /// All of state_ but the muscles' part, which is as it was handed over until there is a step.
 void ArticulatedEngine::write_state() const {
-  mechanism_.give(state_);
-  give_rest();
+  mechanism_.store_state(state_);
+  store_bases_and_coordinates();
 }
 
 const model::State& ArticulatedEngine::state() const {
@@ -110,7 +110,7 @@ const model::State& ArticulatedEngine::state() const {
   const std::lock_guard lock(writing_);
   if (phase_.load(std::memory_order_relaxed) == Phase::stated) return state_;
   write_state();
-  if (muscles_) muscles_->give(state_);
+  if (muscles_) muscles_->store_state(state_);
   phase_.store(Phase::stated, std::memory_order_release);
   return state_;
 }
@@ -120,10 +120,10 @@ void ArticulatedEngine::set_state(const model::State& state) {
   require_state(model_, state);
   const model::State before = this->state();
   try {
-    start(state);
+    reset(state);
   } catch (const Error&) {
     // Nothing is taken over.
-    start(before);
+    reset(before);
     throw;
   }
 }
@@ -140,7 +140,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (failure_) throw Error(*failure_);
   require_state(model_, state);
   mechanism_.restore(in);
-  mechanism_.take_torques(state);
+  mechanism_.load_torques(state);
   double size = 0;
   in(size);
   if (!(size >= 0)) in.refuse(fmt::format("a step of {:g} s", size), "0 or more");
@@ -151,7 +151,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (contact_) contact_->restore(in);
   if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
-  if (muscles_) muscles_->start(state);
+  if (muscles_) muscles_->reset(state);
   time_ = state.time;
   state_ = state;
   write_state();
@@ -178,14 +178,14 @@ void ArticulatedEngine::check_input(const StepInput& input) {
 }
 
 void ArticulatedEngine::accept(const StepInput& input) {
-  mechanism_.set_torques(muscles_ ? muscles_->begin(input) : input.torques);
+  mechanism_.set_torques(muscles_ ? muscles_->begin_step(input) : input.torques);
   mechanism_.set_servos(input.servos, smooth(settings_));
 }
 
 /// Accelerations of a step with stops and torque limits that agree. Returns 1 where none were found.
 int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
-  const Tree& tree = mechanism_.tree();
+  const LaneTree& tree = mechanism_.tree();
   const double h = settings_.step;
   for (int i = 0; i < kJointCorrections && !loops_ && !muscles_; ++i)
     if (kernel.accelerate(tree, h)) return 0;
@@ -215,7 +215,7 @@ void ArticulatedEngine::collide(StepReport& report) {
 }
 
 /// Where a step ends: poses, and rates that go with them. False where the motion is not sound.
-bool ArticulatedEngine::arrive(bool fast) {
+bool ArticulatedEngine::correct_end(bool fast) {
   bool sound = momentum_.correct(mechanism_.kernel().kinematics(mechanism_.tree()));
   // Rates beyond all bounds may come back within them.
   if (fast) {
@@ -230,10 +230,10 @@ bool ArticulatedEngine::arrive(bool fast) {
 
 void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
-  const Tree& tree = mechanism_.tree();
+  const LaneTree& tree = mechanism_.tree();
   compute_targets(input.drive_targets, end);
   if (contact_) collide(report);
-  const bool fast = fast_spin_->begin(input, settings_.step);
+  const bool fast = fast_spin_->begin_step(input, settings_.step);
   const bool moving = set_base_velocities();
   mechanism_.update_gyroscopic_torques(settings_.step);
   if (!input.forces.empty()) mechanism_.add_forces(input.forces);
@@ -249,7 +249,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     report.lcp_failures = solve_step();
   }
   if (derive_) compute_derivatives(input, report);
-  momentum_.begin(input.forces, report.contacts > 0 ? contact_.get() : nullptr, settings_.step, false);
+  momentum_.begin_step(input.forces, report.contacts > 0 ? contact_.get() : nullptr, settings_.step, false);
   if (derive_ && momentum_.active())
     derive_->notes.emplace_back(
         "objects that touch only each other: without the correction of their momentum");
@@ -263,7 +263,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
-  check(arrive(fast), end);
+  check(correct_end(fast), end);
 }
 
 void ArticulatedEngine::refresh() {
@@ -285,18 +285,18 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   if (derive_) begin_derivatives();
   // Contacts are found at the state, whose tensions `accept` replaces by those of the step.
   if (muscles_ && contact_) state();
-  keep_start();
+  save_start();
   try {
     return make_step(input);
   } catch (const Error& error) {
-    back_to_start();
+    restore_start();
     if (error.fault())
       failure_.emplace(error);
     else
       undo_derivatives();
     throw;
   } catch (...) {
-    back_to_start();
+    restore_start();
     throw;
   }
 }
@@ -306,7 +306,7 @@ StepReport ArticulatedEngine::make_step(const StepInput& input) {
   const double end = next_time(time_, settings_.step);
   StepReport report;
   if (smooth_) {
-    momentum_.begin({}, nullptr, end - time_, true);
+    momentum_.begin_step({}, nullptr, end - time_, true);
     check(momentum_.correct(smooth_->advance(time_, end)), end);
   } else {
     step_implicitly(input, end, report);
@@ -320,7 +320,7 @@ StepReport ArticulatedEngine::make_step(const StepInput& input) {
 void ArticulatedEngine::check(bool sound, double time) const {
   if (sound) return;
   model::State bad = state_;
-  mechanism_.give(bad);
+  mechanism_.store_state(bad);
   PhysicsFault fault{time, "the model", "motion",
                      loops_ ? "a loop cannot be held closed, or the motion is not smooth: use a smaller step"
                             : "too fast or not smooth enough to go on: use a smaller step or weaker torques"};
@@ -339,7 +339,7 @@ void ArticulatedEngine::check(bool sound, double time) const {
   throw Error(std::move(fault));
 }
 
-void ArticulatedEngine::keep_start() {
+void ArticulatedEngine::save_start() {
   auto to = saved_.begin();
   for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()})
     to = std::ranges::copy(kept, to).out;
@@ -348,7 +348,7 @@ void ArticulatedEngine::keep_start() {
 }
 
 /// Back to before the step: state() is the last good one.
-void ArticulatedEngine::back_to_start() {
+void ArticulatedEngine::restore_start() {
   auto from = saved_.begin();
   for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()}) {
     std::copy_n(from, kept.size(), kept.begin());
@@ -357,7 +357,7 @@ void ArticulatedEngine::back_to_start() {
   for (std::size_t i = 0; i < drives().size(); ++i) mechanism_.base(drives()[i].body) = saved_bases_[i];
   mechanism_.update_bases();
   mechanism_.kernel().kinematics(mechanism_.tree());
-  if (muscles_) muscles_->go_back();
+  if (muscles_) muscles_->restore_step();
 }
 
 std::string ArticulatedEngine::version() const {

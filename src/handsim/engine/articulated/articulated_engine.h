@@ -27,8 +27,9 @@ namespace handsim::engine::articulated {
 
 class ArticulatedEngine final : public Engine {
  public:
-  /// The model must outlive this. @param kernel null: the fastest one. @throws Error (input), also for loops
-  /// that cannot be closed and, by methods for smooth motion, for joint_stops with stops and for contact
+  /// The model must outlive this object. @param kernel null: the fastest one. @throws Error (input), also for
+  /// loops that cannot be closed and, by methods for smooth motion, for joint_stops with stops and for
+  /// contact
   ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
 
   StepReport step(const StepInput& input) override;
@@ -44,7 +45,7 @@ class ArticulatedEngine final : public Engine {
   std::string version() const override;
   std::vector<std::string> notes() const override { return notes_; }
 
-  /// As step_derivatives.h has it.
+  /// From now on steps fill in derivatives, until null is given; see articulated_engine_derivatives.h.
   void derive(StepDerivatives* out) const { derive_ = out; }
 
   /// For tests and measurements.
@@ -54,20 +55,20 @@ class ArticulatedEngine final : public Engine {
   ArticulatedEngine& operator=(const ArticulatedEngine&) = delete;
 
  private:
-  void start(const model::State& state);
+  void reset(const model::State& state);
   void check_input(const StepInput& input);
   void accept(const StepInput& input);
   StepReport make_step(const StepInput& input);
   int solve_step();
   void step_implicitly(const StepInput& input, double end, StepReport& report);
-  bool arrive(bool fast);
+  bool correct_end(bool fast);
   void begin_derivatives();
   void undo_derivatives();
   void compute_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
   void write_state() const;
-  void give_rest() const;
-  /// In force.
+  void store_bases_and_coordinates() const;
+  /// The drives of the model, where the effect wrist_motion is listed.
   std::span<const model::Drive> drives() const {
     return std::span(model_.drives)
         .first(settings_.effects.has(model::Effect::wrist_motion) ? model_.drives.size() : 0);
@@ -75,8 +76,8 @@ class ArticulatedEngine final : public Engine {
   void compute_targets(std::span<const Pose> given, double end);
   bool set_base_velocities();
   void place_bases();
-  void keep_start();
-  void back_to_start();
+  void save_start();
+  void restore_start();
   void check(bool sound, double time) const;
 
   const model::Model& model_;
@@ -90,12 +91,12 @@ class ArticulatedEngine final : public Engine {
   MomentumBalance momentum_;
   std::unique_ptr<StepSlopes> slopes_;  ///< with derivatives only
   mutable StepDerivatives* derive_ = nullptr;
-  std::string derived_from_;             ///< what `save` writes, of the step with derivatives
-  std::vector<double> uncorrected_;      ///< rates
-  std::vector<double> saved_;            ///< positions, rates and torques before the step
-  std::vector<BaseMotion> saved_bases_;  ///< of the drives
-  std::vector<Prospect::Driven> ways_;   ///< of the drives, during the step
-  std::vector<Pose> targets_;            ///< of the drives, at the end of the step
+  std::string derived_from_;                ///< what `save` writes, of the step with derivatives
+  std::vector<double> uncorrected_;         ///< rates
+  std::vector<double> saved_;               ///< positions, rates and torques before the step
+  std::vector<BaseMotion> saved_bases_;     ///< of the drives
+  std::vector<StepForecast::Driven> ways_;  ///< of the drives, during the step
+  std::vector<Pose> targets_;               ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;
   mutable model::State state_;

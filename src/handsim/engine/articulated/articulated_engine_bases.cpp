@@ -42,12 +42,12 @@ void ArticulatedEngine::place_bases() {
 }
 
 /// All of the state but the bodies of nodes.
-void ArticulatedEngine::give_rest() const {
+void ArticulatedEngine::store_bases_and_coordinates() const {
   for (const model::Drive& drive : drives()) {
     const BaseMotion& base = mechanism_.base(drive.body);
     state_.bodies[at(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
-  mechanism_.give_coordinates(state_);
+  mechanism_.store_coordinates(state_);
   state_.time = time_;
 }
 

@@ -1,4 +1,4 @@
-// Steps with derivatives.
+#include "handsim/engine/articulated/articulated_engine_derivatives.h"
 
 #include "handsim/engine/articulated/articulated_engine.h"
 

@@ -32,7 +32,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
     const Node& node = topology.nodes[i];
     if (!node.parent) {
       tree_of[i] = static_cast<int>(trees_.size());
-      Tree& tree = trees_.emplace_back();
+      SpinningTree& tree = trees_.emplace_back();
       tree.island = node.island;
       tree.free = node.kind == NodeKind::free;
       tree.base = node.kind == NodeKind::free ? model::kWorld : node.base;
@@ -40,7 +40,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
     } else {
       tree_of[i] = tree_of[at(*node.parent)];
     }
-    Tree& tree = trees_[at(tree_of[i])];
+    SpinningTree& tree = trees_[at(tree_of[i])];
     tree.nodes.push_back(static_cast<int>(i));
     if (node.body) tree.bodies.add(mechanism, static_cast<int>(i));
     for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i)); ++dof)
@@ -59,10 +59,10 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
   if (muscles)
     for (const model::Muscle& muscle : model.muscles)
       for (const model::MomentArm& arm : muscle.path.arms)
-        for (Tree& tree : trees_)
+        for (SpinningTree& tree : trees_)
           tree.pulled = tree.pulled || std::ranges::count(tree.driven_by, at(arm.dof)) > 0;
   // A lone free body has spin.h; one axis that is fixed in its base has no velocity products to balance.
-  std::erase_if(trees_, [&](const Tree& tree) {
+  std::erase_if(trees_, [&](const SpinningTree& tree) {
     return tree.nodes.size() == 1 && topology.nodes[at(tree.nodes[0])].kind != NodeKind::ball;
   });
   accelerations_.resize(at(space_.size()));
@@ -71,28 +71,28 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
 
 void FastSpin::refresh() {
   forget();
-  for (Tree& tree : trees_) tree.bodies.refresh();
+  for (SpinningTree& tree : trees_) tree.bodies.refresh();
 }
 
 void FastSpin::forget() {
-  for (Tree& tree : trees_) tree.watched = false;
+  for (SpinningTree& tree : trees_) tree.watched = false;
 }
 
 void FastSpin::save(ArchiveWriter& out) const {
-  for (const Tree& tree : trees_) {
+  for (const SpinningTree& tree : trees_) {
     out(tree.watched, tree.turned, tree.energy, tree.credit);
   }
 }
 
 void FastSpin::restore(ArchiveReader& in) {
-  for (Tree& tree : trees_) {
+  for (SpinningTree& tree : trees_) {
     in(tree.watched, tree.turned, tree.energy, tree.credit);
     if (!(std::isfinite(tree.turned) && std::isfinite(tree.energy) && tree.credit >= 0))
       in.refuse(fmt::format("a tree's energy of {:g} J", tree.energy), "finite numbers");
   }
 }
 
-double FastSpin::calm_turn(const Tree& tree, const StepInput& input) const {
+double FastSpin::turn_threshold(const SpinningTree& tree, const StepInput& input) const {
   if (tree.pulled) return kPulledTurn;
   for (const std::size_t dof : tree.driven_by)
     if ((!input.servos.empty() && input.servos[dof].limit != 0) ||
@@ -102,22 +102,22 @@ double FastSpin::calm_turn(const Tree& tree, const StepInput& input) const {
 }
 
 /// Largest angular velocity of a node, squared [1/s^2].
-double FastSpin::turn(const Tree& tree) const {
+double FastSpin::turn(const SpinningTree& tree) const {
   double out = 0;
   for (const double* spin : tree.spins) out = std::max(out, *spin);
   return out;
 }
 
-bool FastSpin::begin(const StepInput& input, double step) {
+bool FastSpin::begin_step(const StepInput& input, double step) {
   const auto beyond = [&](double spin, double turn) { return spin * step * step > turn * turn; };
   step_ = step;
   const double most = mechanism_.spin();
   bool any = false, found = false;
-  for (Tree& tree : trees_) {
+  for (SpinningTree& tree : trees_) {
     const double spin = beyond(most, kPassiveTurn) ? turn(tree) : 0;
     const BaseMotion& base = mechanism_.base(tree.base);
     tree.fast = beyond(spin, kPassiveTurn) && input.forces.empty() && base.v.isZero(0) && base.w.isZero(0) &&
-                beyond(spin, calm_turn(tree, input));
+                beyond(spin, turn_threshold(tree, input));
     if (tree.fast && !tree.watched) {
       if (!found) mechanism_.kernel().momenta(mechanism_.tree());
       found = true;
@@ -131,7 +131,7 @@ bool FastSpin::begin(const StepInput& input, double step) {
   return any;
 }
 
-double FastSpin::potential(const Tree& tree) const {
+double FastSpin::potential(const SpinningTree& tree) const {
   return -mechanism_.gravity().dot(tree.bodies.moment() +
                                    tree.bodies.mass() * mechanism_.origin(tree.island));
 }
@@ -145,7 +145,7 @@ void FastSpin::add_work(bool constrained) {
   } else {
     mechanism_.kernel().work(mechanism_.tree(), step_);
   }
-  for (Tree& tree : trees_) {
+  for (SpinningTree& tree : trees_) {
     if (!tree.fast) continue;
     const auto mean = [&](int dof) {
       return u[space_.rate_index(dof)] + 0.5 * step_ * du[space_.rate_index(dof)];
@@ -163,18 +163,18 @@ void FastSpin::add_work(bool constrained) {
 }
 
 bool FastSpin::correct(bool sound) {
-  const auto due = [&](const Tree& tree) { return tree.fast && (tree.turned >= kTurned || !sound); };
+  const auto due = [&](const SpinningTree& tree) { return tree.fast && (tree.turned >= kTurned || !sound); };
   if (!std::ranges::any_of(trees_, due)) return sound;
   mechanism_.kernel().momenta(mechanism_.tree());
   bool changed = false;
-  for (Tree& tree : trees_)
+  for (SpinningTree& tree : trees_)
     if (due(tree)) changed = project(tree) || changed;
   return changed ? mechanism_.kernel().velocities(mechanism_.tree()) : sound;
 }
 
 /// The root's rates, padded with zeros, at which the tree has its momentum along the root's axes when all its
 /// other joints are locked. Zero for a root that rests on its stop, and where a loop could not follow it.
-Spatial FastSpin::as_one_body(const Tree& tree, const Spatial& momentum) const {
+Spatial FastSpin::as_one_body(const SpinningTree& tree, const Spatial& momentum) const {
   const Vec3 h = tree.bodies.moment();
   const Mat3 I = tree.bodies.inertia();
   if (tree.free) return tree.bodies.rigid_velocity(h, I, momentum);
@@ -197,7 +197,7 @@ Spatial FastSpin::as_one_body(const Tree& tree, const Spatial& momentum) const {
 }
 
 /// Returns true where rates changed.
-bool FastSpin::project(Tree& tree) {
+bool FastSpin::project(SpinningTree& tree) {
   tree.turned = 0;
   const double kinetic = tree.bodies.kinetic(), allowed = tree.energy - potential(tree);
   if (!std::isfinite(kinetic)) return false;
@@ -212,7 +212,7 @@ bool FastSpin::project(Tree& tree) {
 }
 
 /// Scales the rates down to the energy allowed, first those of the joints against each other.
-void FastSpin::reduce_energy(Tree& tree, double kinetic, double allowed) {
+void FastSpin::reduce_energy(SpinningTree& tree, double kinetic, double allowed) {
   const std::span<double> u = mechanism_.u();
   const int root = tree.nodes[0];
   const Spatial momentum = tree.bodies.momentum();

@@ -21,28 +21,31 @@ namespace handsim::engine::articulated {
 /// Turns per step at which a tree is watched [rad]: nothing drives it; a servo or torque does (its work hides
 /// a gain of 1 %); muscles do (their forces change more in a step). At 1 ms 2, 20 and 100 rad/s.
 inline constexpr double kPassiveTurn = 0.002, kDrivenTurn = 0.02, kPulledTurn = 0.1;
+/// Watches the trees that turn fast, and takes energy from them that they could not gain.
 class FastSpin {
  public:
-  /// Both must outlive this. @param muscles are in effect
+  /// The model and the mechanism must outlive this object. @param muscles whether their effect is listed
   FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles);
 
-  /// Takes over the mechanism's masses, and ends every watch.
+  /// Reads masses again after they changed in the mechanism; no tree is watched any more.
   void refresh();
-  /// Ends every watch.
+  /// No tree is watched any more.
   void forget();
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
-  /// Finds the fast trees; before bases get the step's velocities. @param step [s]. @returns false: none
-  bool begin(const StepInput& input, double step);
-  /// Adds the work and impulses of the accelerations found, Mechanism::du(); before these move anything.
-  /// @param constrained loops or contacts act, too, and not the forces of the joints alone
+  /// Finds the trees that turn fast; called before the bases get the step's velocities. @param step [s]
+  /// @returns whether there is one
+  bool begin_step(const StepInput& input, double step);
+  /// Adds the work of all forces in a step, by the accelerations that it found, Mechanism::du(); called
+  /// before anything moves. @param constrained loops or contacts act beside the forces of the joints
   void add_work(bool constrained);
-  /// Projects fast trees' rates at the step's end, where due; `kinematics` has to be found, and is again.
-  /// @param sound what it returned. @returns false where a speed leaves its bounds
+  /// Corrects the rates of fast trees at the end of a step, where a comparison of energies is due.
+  /// `kinematics` has been called, and is called again. @param sound what `kinematics` returned. @returns
+  /// false where a speed leaves its bounds
   bool correct(bool sound);
 
  private:
-  struct Tree {
+  struct SpinningTree {
     std::vector<int> nodes;  ///< the root first
     TreeBodies bodies;
     std::vector<int> balls;              ///< nodes
@@ -62,17 +65,17 @@ class FastSpin {
     double energy = 0;  ///< that it may have: kinetic and gravity's [J]
     double credit = 0;  ///< that its inertia lost, less what was lent of it [J]
   };
-  /// Turn of a step up to which a tree is not fast [rad].
-  double calm_turn(const Tree& tree, const StepInput& input) const;
-  double turn(const Tree& tree) const;
-  double potential(const Tree& tree) const;
-  Spatial as_one_body(const Tree& tree, const Spatial& momentum) const;
-  bool project(Tree& tree);
-  void reduce_energy(Tree& tree, double kinetic, double allowed);
+  /// The turn of a step above which a tree counts as fast [rad].
+  double turn_threshold(const SpinningTree& tree, const StepInput& input) const;
+  double turn(const SpinningTree& tree) const;
+  double potential(const SpinningTree& tree) const;
+  Spatial as_one_body(const SpinningTree& tree, const Spatial& momentum) const;
+  bool project(SpinningTree& tree);
+  void reduce_energy(SpinningTree& tree, double kinetic, double allowed);
 
   Mechanism& mechanism_;
   JointSpace space_;
-  std::vector<Tree> trees_;
+  std::vector<SpinningTree> trees_;
   double step_ = 0;
   std::vector<double> accelerations_, forces_;  ///< of each dof
 };

@@ -49,7 +49,7 @@ MomentumBalance::MomentumBalance(Mechanism& mechanism) : mechanism_(mechanism), 
     const bool root = nodes[i].kind == NodeKind::free;
     if (root) trees_.push_back({{}, static_cast<int>(i), nodes[i].island});
     tree_of_.push_back(root ? trees_.size() - 1 : nodes[i].parent ? tree_of_[at(*nodes[i].parent)] : kHeld);
-    Tree& tree = trees_[tree_of_[i]];
+    FreeTree& tree = trees_[tree_of_[i]];
     if (nodes[i].body) tree.bodies.add(mechanism, static_cast<int>(i));
     if (tree_of_[i] != kHeld && !root) tree.jointed = jointed_ = true;
   }
@@ -57,7 +57,7 @@ MomentumBalance::MomentumBalance(Mechanism& mechanism) : mechanism_(mechanism), 
 }
 
 void MomentumBalance::refresh() {
-  for (Tree& tree : trees_) tree.bodies.refresh();
+  for (FreeTree& tree : trees_) tree.bodies.refresh();
 }
 
 std::size_t MomentumBalance::group(std::size_t tree) {
@@ -76,15 +76,15 @@ void MomentumBalance::choose(const ContactDynamics* contacts, bool smooth) {
       if (group(tree_of(a)) != group(kHeld)) trees_[tree_of(a)].active = trees_[tree_of(b)].active = true;
     });
   }
-  active_ = std::ranges::any_of(trees_, [](const Tree& tree) { return tree.active; });
+  active_ = std::ranges::any_of(trees_, [](const FreeTree& tree) { return tree.active; });
 }
 
-void MomentumBalance::begin(std::span<const BodyForce> forces, const ContactDynamics* contacts, double step,
-                            bool smooth) {
+void MomentumBalance::begin_step(std::span<const BodyForce> forces, const ContactDynamics* contacts,
+                                 double step, bool smooth) {
   choose(contacts, smooth);
   if (!active_) return;
   mechanism_.kernel().momenta(mechanism_.tree());
-  for (Tree& tree : trees_) {
+  for (FreeTree& tree : trees_) {
     if (!tree.active) continue;
     const Spatial momentum = tree.bodies.momentum();
     const Vec3 c = tree.bodies.moment() / tree.bodies.mass();
@@ -104,7 +104,7 @@ void MomentumBalance::begin(std::span<const BodyForce> forces, const ContactDyna
       add(a, point, impulse, moment);
       add(b, point, -impulse, -moment);
     });
-  for (Tree& tree : trees_) {
+  for (FreeTree& tree : trees_) {
     if (!tree.active) continue;
     tree.centre += step / tree.bodies.mass() * tree.linear;
     if (smooth) tree.centre -= 0.5 * step * step * mechanism_.gravity();
@@ -112,7 +112,7 @@ void MomentumBalance::begin(std::span<const BodyForce> forces, const ContactDyna
 }
 
 void MomentumBalance::add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment) {
-  Tree& tree = trees_[tree_of(node)];
+  FreeTree& tree = trees_[tree_of(node)];
   tree.linear += impulse;
   tree.angular += (point - tree.centre).cross(impulse) + moment;
 }
@@ -121,7 +121,7 @@ bool MomentumBalance::correct(bool sound) {
   if (!active_) return sound;
   mechanism_.kernel().momenta(mechanism_.tree());
   const std::size_t s = mechanism_.stride();
-  for (Tree& tree : trees_) {
+  for (FreeTree& tree : trees_) {
     if (!tree.active) continue;
     const LaneSlot& slot = mechanism_.slot(at(tree.root));
     const Vec3 h = tree.bodies.moment(), c = h / tree.bodies.mass();

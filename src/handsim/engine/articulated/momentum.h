@@ -20,19 +20,21 @@ namespace handsim::engine::articulated {
 
 class ContactDynamics;
 
-/// The bodies of a tree as one: world axes, about the island's origin; where Mechanism last found them.
+/// Mass, inertia and motion of all bodies of a tree together, in world axes about the island's origin, where
+/// the mechanism's `kinematics` last found them.
 class TreeBodies {
  public:
   void add(const Mechanism& mechanism, int node);
-  /// Takes over the bodies' masses.
+  /// Reads the bodies' masses again after they changed in the mechanism.
   void refresh();
   double mass() const { return mass_; }  ///< [kg]
   Vec3 moment() const;                   ///< mass times mass centre [kg m]
   Mat3 inertia() const;                  ///< rotational [kg m^2]
-  /// Angular, then linear; and [J]: both after Kernel::momenta.
+  /// Angular, then linear momentum, as Kernel::momenta last found it.
   Spatial momentum() const;
+  /// Kinetic energy [J], as Kernel::momenta last found it.
   double kinetic() const;
-  /// The spatial velocity of one rigid body, with moment and inertia as given, that has a momentum.
+  /// The spatial velocity at which one rigid body of this moment and inertia has this momentum.
   Spatial rigid_velocity(const Vec3& moment, const Mat3& inertia, const Spatial& momentum) const;
 
  private:
@@ -44,25 +46,29 @@ class TreeBodies {
   double mass_ = 0;
 };
 
+/// Keeps the momentum of free trees over a step.
 class MomentumBalance {
  public:
-  /// @param mechanism must outlive this.
+  /// @param mechanism must outlive this object.
   explicit MomentumBalance(Mechanism& mechanism);
 
-  /// True for trees with joints, which take part in every step.
+  /// @returns whether a free tree has joints; such trees are corrected in every step
   bool jointed() const { return jointed_; }
   void refresh();
-  /// Whether the step that `begin` was called for corrects a tree.
+  /// @returns whether `begin_step` found a tree to correct at the end of its step
   bool active() const { return active_; }
-  /// Finds the momentum at the end of a step [s]; before it moves anything. @param contacts solved, or null
-  /// @param smooth mass centres fall along the parabola; all objects take part
-  void begin(std::span<const BodyForce> forces, const ContactDynamics* contacts, double step, bool smooth);
-  /// Gives the trees their momentum at the end of the step; `kinematics` has to be found, and is again.
-  /// @param sound what it returned. @returns false where a speed leaves its bounds
+  /// Computes the momentum that each tree has to have at the end of a step; called before anything moves.
+  /// @param contacts that the step has solved, or null @param step its length [s]
+  /// @param smooth a method for smooth motion: mass centres fall along the parabola, all objects are
+  /// corrected
+  void begin_step(std::span<const BodyForce> forces, const ContactDynamics* contacts, double step,
+                  bool smooth);
+  /// Gives the trees that momentum at the end of the step, where `kinematics` was called, and calls it again.
+  /// @param sound what `kinematics` returned. @returns false where a speed leaves its bounds
   bool correct(bool sound);
 
  private:
-  struct Tree {
+  struct FreeTree {
     TreeBodies bodies;
     int root = 0, island = 0;
     bool jointed = false, active = false;
@@ -77,7 +83,7 @@ class MomentumBalance {
   void add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment);
 
   Mechanism& mechanism_;
-  std::vector<Tree> trees_;
+  std::vector<FreeTree> trees_;
   std::vector<std::size_t> tree_of_;  ///< of each node
   std::vector<std::size_t> group_;    ///< of each tree: another of those that contacts connect, or itself
   bool jointed_ = false, active_ = false;

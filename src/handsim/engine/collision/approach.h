@@ -18,7 +18,7 @@ namespace handsim::engine {
 
 class Approach {
  public:
-  /// Both must outlive this.
+  /// Both must outlive this object.
   Approach(const model::Model& model, const NarrowPhase& narrow)
       : model_(model), narrow_(narrow), geoms_(model.shapes.size()) {
     points_.reserve(kMaxPairContacts);

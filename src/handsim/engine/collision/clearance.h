@@ -22,7 +22,7 @@ class Clearance {
   using Pair = std::pair<std::uint32_t, std::uint32_t>;
   static constexpr std::size_t kUsualNear = 64;  ///< So many near pairs need no allocation in a step.
 
-  /// The model must outlive this. @param pairs that are to be watched
+  /// The model must outlive this object. @param pairs that are to be watched
   Clearance(const model::Model& model, std::vector<Pair> pairs);
 
   /// Pairs watched.

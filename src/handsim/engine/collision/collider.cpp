@@ -16,7 +16,7 @@ Clearance::Pair pair_of(std::size_t i, std::size_t j) {
 }
 
 template <class Archive, class T>
-void carry(Archive& archive, T& contact) {
+void serialize(Archive& archive, T& contact) {
   archive(contact.shape_a, contact.shape_b, contact.position, contact.normal, contact.depth, contact.force);
 }
 
@@ -95,13 +95,13 @@ void Collider::collect_near(const model::State& state) {
 
 void Collider::save(ArchiveWriter& out) const {
   out(contacts_.size());
-  for (const Contact& contact : contacts_) carry(out, contact);
+  for (const Contact& contact : contacts_) serialize(out, contact);
 }
 
 void Collider::restore(ArchiveReader& in) {
   contacts_.resize(in.size());
   for (Contact& contact : contacts_) {
-    carry(in, contact);
+    serialize(in, contact);
     const auto shapes = static_cast<int>(model_.shapes.size());
     if (contact.shape_a >= shapes || contact.shape_b >= shapes)
       in.refuse("a contact of a shape that is not there", "contacts of this scene's shapes");
@@ -109,14 +109,14 @@ void Collider::restore(ArchiveReader& in) {
 }
 
 /// Pairs so fast that they could pass each other within the step.
-std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, const Prospect& prospect) {
+std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, const StepForecast& prospect) {
   if (!sweep_) return {};
   const double step2 = prospect.step * prospect.step;
   const auto fast = [&](int body) {
     const model::BodyState& now = state.bodies[at(body)];
     return sweep_->fast(body, step2 * (now.v + prospect.fall).squaredNorm(), step2 * now.w.squaredNorm());
   };
-  const auto driven_fast = [&](const Prospect::Driven& each) {
+  const auto driven_fast = [&](const StepForecast::Driven& each) {
     return sweep_->fast(each.body, each.way.shift.squaredNorm(), each.way.turn.squaredNorm());
   };
   if (std::ranges::none_of(sweep_->bodies(), fast) && std::ranges::none_of(prospect.driven, driven_fast))
@@ -126,11 +126,11 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
     const model::BodyState& now = state.bodies[at(body)];
     ways_[at(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
   }
-  for (const Prospect::Driven& each : prospect.driven) ways_[at(each.body)] = each.way;
+  for (const StepForecast::Driven& each : prospect.driven) ways_[at(each.body)] = each.way;
   return sweep_->find(state, ways_);
 }
 
-int Collider::collide(const model::State& state, const Prospect& prospect) {
+int Collider::collide(const model::State& state, const StepForecast& prospect) {
   contacts_.clear();
   touches_.clear();
   shares_.clear();

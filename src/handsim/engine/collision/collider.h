@@ -31,7 +31,7 @@ struct Touch {
 class Collider {
  public:
   /// @param speculative finds coming contacts, too. @param bodies as Model::bodies, the ODE bodies of the
-  /// shapes (null or empty: none). @throws OdeFault. The model must outlive this.
+  /// shapes (null or empty: none). @throws OdeFault. The model must outlive this object.
   Collider(const model::Model& model, const model::Effects& effects, bool speculative,
            std::span<const dBodyID> bodies = {});
 
@@ -42,7 +42,7 @@ class Collider {
   void place(const model::State& state);
   /// Finds the contacts at a state, where all shapes have been put, and where speculative those that fast
   /// bodies are about to make (depth below 0). @return pairs given to the narrow phase
-  int collide(const model::State& state, const Prospect& prospect);
+  int collide(const model::State& state, const StepForecast& prospect);
 
   std::vector<Contact>& contacts() { return contacts_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
@@ -56,7 +56,7 @@ class Collider {
   /// Points of two shapes at other poses; the list stays. Valid until the next call. For a collider without
   /// ODE bodies.
   std::span<const Contact> touch_at(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB);
-  /// Whether a touch's points share its stiffness by their depths.
+  /// @returns whether a touch's points share its stiffness by their depths
   bool shares_by_depth(const Contact& any) const { return narrow_.flat(at(any.shape_a), at(any.shape_b)); }
 
  private:
@@ -70,7 +70,7 @@ class Collider {
                    std::vector<Contact>& out);
   std::optional<int> capsule_and_sphere(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB,
                                         std::vector<Contact>& out) const;
-  std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
+  std::span<const Sweep::Pair> find_fast(const model::State& state, const StepForecast& prospect);
   void share_stiffness(const Touch& touch, bool flat);
   int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
 
@@ -80,8 +80,8 @@ class Collider {
   std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space_;
   std::vector<dGeomID> geoms_;  ///< as Model::shapes; null where no rule speaks of the shape
   std::vector<Clearance::Pair> near_pairs_;
-  std::optional<Clearance> clearance_;  ///< Where no shape is fixed to an ODE body: in place of the space.
-  /// Where speculative only.
+  std::optional<Clearance> clearance_;  ///< in place of the space, where no shape is fixed to an ODE body
+  /// Only with speculative contacts.
   std::optional<Sweep> sweep_;
   NarrowPhase narrow_;
   Approach approach_;

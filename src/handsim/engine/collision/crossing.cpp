@@ -1,4 +1,4 @@
-#include "handsim/engine/collision/overlap.h"
+#include "handsim/engine/collision/crossing.h"
 
 #include <algorithm>
 #include <cmath>

@@ -37,7 +37,7 @@ int add_ode_points(dGeomID a, dGeomID b, const Add& add) {
 /// The model's shapes, and polyhedra of its boxes.
 class NarrowPhase {
  public:
-  /// The model must outlive this.
+  /// The model must outlive this object.
   explicit NarrowPhase(const model::Model& model);
 
   /// Contact points of two shapes, normals out of b into a, if the pair has a manifold of its own: capsules

@@ -12,7 +12,8 @@
 
 namespace handsim::engine {
 
-/// What ODE reported before it would have exited or aborted. The world it happened in may only be destroyed.
+/// The error that ODE reported before it would have exited or aborted. The world it happened in may only be
+/// destroyed.
 struct OdeFault {
   int number = 0;       ///< ODE's error number
   std::string message;  ///< ODE's text, with file and line of its source where it gives them
@@ -43,7 +44,7 @@ void fix_geom(dGeomID geom, const model::Shape& shape, dBodyID body);
 
 /// Puts a geom that is fixed to nothing where its shape is at a pose of its body.
 void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
-/// As place_geom(), but at a pose of the shape itself.
+/// Places a geom at a pose of the shape itself, not of its body.
 void place_shape(dGeomID geom, const model::Shape& shape, const Pose& x_WS);
 
 inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }

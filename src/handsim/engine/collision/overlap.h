@@ -1,5 +1,5 @@
 // Which shapes of a model penetrate each other at a state: a scene that starts so explodes or is refused.
-// Independent of effects and contact rules. And whether a point that goes straight passes through a shape.
+//
 #pragma once
 
 #include <vector>
@@ -18,9 +18,5 @@ struct Overlap {
 /// Pairs of shapes that penetrate by more than 1e-9 m, by index; not of one body, jointed or two kinematic
 /// ones. @param model free of defects. @throws Error (input) for a shape that cannot be tested
 std::vector<Overlap> initial_overlaps(const model::Model& model, const model::State& state);
-
-/// True where both ends lie outside the shape and the line between them passes through it; never of a plane,
-/// which has no far side. @param from, to in the shape's frame [m]
-bool crosses(const model::Shape& shape, const Vec3& from, const Vec3& to);
 
 }  // namespace handsim::engine

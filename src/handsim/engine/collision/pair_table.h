@@ -10,7 +10,7 @@ namespace handsim::engine {
 /// For each pair of contact groups the rule that names it, the last of several.
 class PairTable {
  public:
-  /// The model must outlive this.
+  /// The model must outlive this object.
   explicit PairTable(const model::Model& model);
   bool meet(int group_a, int group_b) const { return rule(group_a, group_b) != nullptr; }
   bool meets_any(int group) const;

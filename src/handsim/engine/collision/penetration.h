@@ -14,13 +14,13 @@ inline constexpr double kSurfaceLayer = 1e-5;
 inline constexpr double kMaxCorrectingSpeed = 0.1;
 /// Rigid surfaces are never pressed deeper [m]: such bodies were put through each other.
 inline constexpr double kCrossedDepth = 2e-3;
-/// How far such bodies' contacts give way, against the pair's own inertia. Near 0: contacts that cannot all
-/// part at once throw the bodies (fingers crossed by 15 degrees: 72 m/s). Above 1: they part too slowly.
+/// Compliance of the contacts of such bodies, against the pair's own inertia. Near 0: contacts that cannot
+/// all part at once throw the bodies (fingers crossed by 15 degrees: 72 m/s). Above 1: they part too slowly.
 inline constexpr double kCrossedSoftness = 0.1;
 
 class CrossedBodies {
  public:
-  /// The model must outlive this.
+  /// The model must outlive this object.
   explicit CrossedBodies(const model::Model& model) : model_(model) {}
 
   /// Finds the crossed bodies among the collider's contacts.

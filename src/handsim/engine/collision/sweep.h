@@ -19,22 +19,22 @@ inline constexpr double kSlowShare = 0.5;
 /// something else [m]: a sphere about the centre of mass has none.
 double lever(const model::Shape& shape);
 
-/// Where a body goes in a step.
+/// The displacement of a body in a step.
 struct Way {
   Vec3 shift = Vec3::Zero();  ///< of its centre of mass [m]
   Vec3 turn = Vec3::Zero();   ///< rotation vector, world axes [rad]
 };
 
-/// What is to come within a step, for contacts that are about to happen.
-struct Prospect {
-  /// A driven body, and where its drive takes it.
+/// The motion that a step is expected to make, from which contacts that are about to happen are found.
+struct StepForecast {
+  /// A driven body, and its displacement in the step.
   struct Driven {
     int body = 0;
     Way way;
   };
   double step = 0;                      ///< [s]
   Vec3 fall = Vec3::Zero();             ///< velocity that gravity adds in it [m/s]
-  std::span<const Driven> driven = {};  ///< all of them
+  std::span<const Driven> driven = {};  ///< all driven bodies
 };
 
 /// A body's pose after a share of its way.
@@ -44,7 +44,7 @@ class Sweep {
  public:
   using Pair = std::pair<std::size_t, std::size_t>;
 
-  /// The model must outlive this.
+  /// The model must outlive this object.
   Sweep(const model::Model& model, const model::Effects& effects);
 
   /// Bodies that move and have a shape that something can touch.

@@ -7,7 +7,9 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/dae/integrator.h"
+#include "handsim/engine/dae/euler.h"
+#include "handsim/engine/dae/gear.h"
+#include "handsim/engine/dae/penalty.h"
 #include "handsim/engine/engine.h"
 #include "handsim/engine/multibody/projection.h"
 #include "handsim/engine/muscles.h"
@@ -59,7 +61,7 @@ class DaeEngine final : public Engine {
     double gap = 0;
     for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
     try {
-      start(state_);
+      reset(state_);
     } catch (const Error& error) {
       throw input_error("model", error.what(), "joints that can all be closed at the start");
     }
@@ -76,7 +78,7 @@ class DaeEngine final : public Engine {
     if (auto fault = input_fault(model_, settings_, state_.time, input)) fail(Error(std::move(*fault)));
     std::span<const double> torques = input.torques;
     if (!muscles_.empty()) {
-      muscles_.begin(state_.q, state_.u, input.excitations);
+      muscles_.begin_step(state_.q, state_.u, input.excitations);
       muscles_.by_coordinate(state_.u, torques, torques_, drag_);
       torques = torques_;
     }
@@ -89,7 +91,7 @@ class DaeEngine final : public Engine {
       check_bodies(next);
       sensors_.read(next);
       set_joint_torques(torques, next);
-      if (!muscles_.empty()) muscles_.end(next.q, next.u, next);
+      if (!muscles_.empty()) muscles_.store_state(next.q, next.u, next);
     } catch (const Error& error) {
       fail(error);
     }
@@ -103,10 +105,10 @@ class DaeEngine final : public Engine {
     if (failure_) throw Error(*failure_);
     require_state(model_, state);
     try {
-      start(state);
+      reset(state);
     } catch (const Error& error) {
       // Return to the state before the call.
-      start(model::State(state_));
+      reset(model::State(state_));
       throw input_error("state", error.what(), "joints that can all be closed");
     }
   }
@@ -123,7 +125,7 @@ class DaeEngine final : public Engine {
     require_state(model_, state);
     for (const auto& island : islands_) island->restore(state, in);
     state_ = state;
-    muscles_.start(state_);
+    muscles_.reset(state_);
     sensors_.read(state_);
   }
 
@@ -138,14 +140,14 @@ class DaeEngine final : public Engine {
 
  private:
   /// Starts from a state, projected onto the joints. Kinematic bodies without a drive get zero velocity.
-  void start(const model::State& state) {
+  void reset(const model::State& state) {
     model::State next = state;
     for (std::size_t i = 0; i < next.bodies.size(); ++i)
       if (model_.bodies[i].kinematic) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
     drives_.place_driven(next.time, model::KeySide::after, next);
-    for (const auto& island : islands_) island->start(next);
+    for (const auto& island : islands_) island->reset(next);
     sensors_.read(next);
-    muscles_.start(next);
+    muscles_.reset(next);
     state_ = std::move(next);
   }
 

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/least_squares.h"
-#include "handsim/engine/dae/integrator.h"
+#include "handsim/engine/dae/euler.h"
 #include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
@@ -45,7 +45,7 @@ class Euler final : public Integrator {
         projected_(settings.dae().method == DaeMethod::euler_projected),
         erp_(projected_ ? 0 : settings.erp()) {}
 
-  void start(model::State& state) override {
+  void reset(model::State& state) override {
     if (projected_) project_positions(system_, state);
   }
 

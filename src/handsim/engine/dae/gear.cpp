@@ -21,7 +21,7 @@
 #include <sunmatrix/sunmatrix_dense.h>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/dae/integrator.h"
+#include "handsim/engine/dae/gear.h"
 #include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine {
@@ -78,7 +78,7 @@ class Gear final : public Integrator {
   Gear(System system, const Settings& settings)
       : system_(std::move(system)), tolerance_(settings.dae().tolerance), step_(settings.step) {}
 
-  void start(model::State& state) override {
+  void reset(model::State& state) override {
     project_positions(system_, state);
     project_velocities(system_, state);
     ida_.reset();
@@ -107,7 +107,7 @@ class Gear final : public Integrator {
     out(torques_, ida_.has_value());
     if (!ida_) return;
     out(ends_, first_end_);
-    carry(out, origin_);
+    serialize(out, origin_);
   }
 
   /// Integrates again from the last restart.
@@ -123,7 +123,7 @@ class Gear final : public Integrator {
     double end = 0;
     in(ends, end);
     model::State origin = state;
-    carry(in, origin);
+    serialize(in, origin);
     require_state(system_.model(), origin);
     const double past = end + static_cast<double>(ends - 1) * step_;
     const bool fits = ends == 0 ? origin.time == state.time

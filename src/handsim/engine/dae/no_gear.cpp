@@ -2,7 +2,7 @@
 #include <memory>
 #include <string>
 
-#include "handsim/engine/dae/integrator.h"
+#include "handsim/engine/dae/gear.h"
 
 namespace handsim::engine {
 

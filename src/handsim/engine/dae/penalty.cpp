@@ -10,7 +10,8 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/dae/integrator.h"
+#include "handsim/engine/dae/euler.h"
+#include "handsim/engine/dae/penalty.h"
 #include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
@@ -27,7 +28,7 @@ class Penalty final : public Integrator {
  public:
   explicit Penalty(System system) : system_(std::move(system)) {}
 
-  void start(model::State& state) override {
+  void reset(model::State& state) override {
     project_positions(system_, state);
     project_velocities(system_, state);
     has_last_ = false;
@@ -49,13 +50,13 @@ class Penalty final : public Integrator {
     system_.copy_bodies(now, state);
   }
 
-  void save(ArchiveWriter& out) const override { carry(out, *this); }
+  void save(ArchiveWriter& out) const override { serialize(out, *this); }
 
   void restore(const model::State& state, ArchiveReader& in) override {
     last_x_ = system_.positions(state);
     last_u_ = system_.velocities(state);
     multipliers_ = Vector::Zero(system_.constraint_count());
-    carry(in, *this);
+    serialize(in, *this);
   }
 
  private:
@@ -65,7 +66,7 @@ class Penalty final : public Integrator {
     double weight = 0;
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self) {
+  static void serialize(Archive& archive, Self& self) {
     archive(self.has_last_);
     if (self.has_last_) {
       archive(self.last_step_);

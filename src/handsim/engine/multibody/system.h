@@ -78,7 +78,8 @@ class System {
 
   /// Gravity, joint torques (size model.dof_count() or empty) and exact gyroscopic torques; no tissue.
   Vector forces(const model::State& state, std::span<const double> torques) const;
-  /// Damping of coordinates beside that of tissue, by Model::dof_count() [N m s/rad]; must outlive this.
+  /// Damping of coordinates beside that of tissue, by Model::dof_count() [N m s/rad]; must outlive this
+  /// object.
   void set_drag(std::span<const double> damping) { drag_ = damping; }
   /// Active spring-dampers: passive tissue in effect, and drag.
   std::vector<TissueRow> tissue(const model::State& state) const;

@@ -112,9 +112,9 @@ void put_back(const OdeBody& body, const StepStart& start) {
   dBodySetTorque(body.id, start.torque.x(), start.torque.y(), start.torque.z());
 }
 
-std::vector<Prospect::Driven> drive(const model::Model& model, const std::vector<OdeBody>& bodies,
-                                    std::span<const Pose> targets, double remaining, double step) {
-  std::vector<Prospect::Driven> out;
+std::vector<StepForecast::Driven> drive(const model::Model& model, const std::vector<OdeBody>& bodies,
+                                        std::span<const Pose> targets, double remaining, double step) {
+  std::vector<StepForecast::Driven> out;
   for (std::size_t i = 0; i < targets.size(); ++i) {
     const OdeBody& body = bodies[at(model.drives[i].body)];
     if (!body.driven) continue;

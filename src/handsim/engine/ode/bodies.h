@@ -52,7 +52,7 @@ OdeBody handle(dBodyID id);
 void write_state(const OdeBody& body, const model::BodyState& state);
 model::BodyState read_state(const OdeBody& body);
 
-/// What a step of ODE's starts from: a body's state, and force [N] and torque [N m] added to it, world axes.
+/// The start of a step of ODE: a body's state, and the force [N] and torque [N m] on it, in world axes.
 struct StepStart {
   model::BodyState state;
   Vec3 force = Vec3::Zero(), torque = Vec3::Zero();
@@ -63,7 +63,7 @@ void put_back(const OdeBody& body, const StepStart& start);
 /// Gives driven bodies the velocities that carry them to X_WD of their drives in `remaining` [s] from now.
 /// The error of one step is made good in the next, so none adds up.
 /// @param targets by drive @param step that is to come [s] @return where the bodies go in it
-std::vector<Prospect::Driven> drive(const model::Model& model, const std::vector<OdeBody>& bodies,
-                                    std::span<const Pose> targets, double remaining, double step);
+std::vector<StepForecast::Driven> drive(const model::Model& model, const std::vector<OdeBody>& bodies,
+                                        std::span<const Pose> targets, double remaining, double step);
 
 }  // namespace handsim::engine::ode

@@ -38,50 +38,47 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       crossed_(model),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
-      remembers_(friction_ && settings.ode().method != OdeMethod::world_step),
+      iterative_(settings.ode().method == OdeMethod::quick_step),
       with_forces_(settings.contact_forces),
-      measures_forces_(with_forces_ || (friction_ && settings.ode().method != OdeMethod::quick_step)),
+      measures_forces_(with_forces_ || (friction_ && !iterative_)),
       erp_(settings.erp()),
-      gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
+      step_(settings.step) {
+  set_gravity(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero()));
   ids.contact_joints.reset(dJointGroupCreate(0));
   joints_ = ids.contact_joints.get();
   dWorldSetContactSurfaceLayer(world_, kSurfaceLayer);
-  set_step(settings.step);
 }
 
-void Contacts::set_step(double step) {
-  step_ = step;
-  fall_ = gravity_ * step;
+void Contacts::set_gravity(const Vec3& gravity) { fall_ = gravity * step_; }
+
+void Contacts::forget() {
+  memory_.set({});
+  limits_.set({});
 }
 
-void Contacts::set_gravity(const Vec3& gravity) {
-  gravity_ = gravity;
-  set_step(step_);
-}
-
-void Contacts::recall(const model::State& state, bool iterative) {
+void Contacts::recall(const model::State& state) {
   crossed_.find(collider_);
-  if (remembers_) memory_.recall(collider_, state);
-  if (iterative)
-    limits_.set({});
-  else if (friction_)
+  if (!friction_) return;
+  if (iterative_)
+    memory_.recall(collider_, state);
+  else
     limits_.recall(collider_);
 }
 
-void Contacts::join(const model::State& state, bool iterative, bool rigid_limits) {
+void Contacts::join(const model::State& state, bool rigid_limits) {
   contact_joints_.clear();
   const std::vector<Contact>& found = collider_.contacts();
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
     Known known;
-    if (remembers_ && iterative) known.patch = &memory_.patches()[k];
+    if (friction_ && iterative_) known.patch = &memory_.patches()[k];
     for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
       known.force = nullptr;
       // Friction of their own normal forces would wedge bodies that lie across each other.
       const bool limited = known.pad || (rigid_limits && crossed_.inverse_mass(found[i]) == 0);
-      if (friction_ && !iterative && limited && limits_.force(i)) known.force = &*limits_.force(i);
+      if (friction_ && !iterative_ && limited && limits_.force(i)) known.force = &*limits_.force(i);
       add_contact(found[i], touch, known, state);
     }
   }
@@ -101,8 +98,8 @@ void Contacts::read_forces() {
   }
 }
 
-void Contacts::take_in_slip(const model::State& before, double step) {
-  if (remembers_) memory_.take_in(before, step);
+void Contacts::update_presliding(const model::State& before) {
+  if (friction_ && iterative_) memory_.update(before, step_);
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
@@ -124,7 +121,7 @@ dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].i
 double Contacts::side(const Contact& contact) const { return body_of(contact.shape_a) == nullptr ? -1 : 1; }
 
 /// A row of ODE's obeys v+ + CFM lambda = ERP / h depth: the pad's spring and damper at the step's end.
-void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const {
+void Contacts::set_compliance(dSurfaceParameters& surface, const model::Compliance& pad, double share) const {
   const SoftRow row = soft_row(share * pad.stiffness, share * pad.damping, step_);
   surface.mode |= dContactSoftERP | dContactSoftCFM;
   surface.soft_erp = row.erp;
@@ -133,8 +130,8 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
 
 /// For a contact about to happen: rigid surfaces approach by the gap between them at most, pads as far as
 /// their spring and damper allow at the step's end. A contact that is to bounce does so in this step.
-void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact,
-                           const model::Material& between, double share, const model::State& state) const {
+void Contacts::limit_approach(dSurfaceParameters& surface, const Contact& contact,
+                              const model::Material& between, double share, const model::State& state) const {
   const Vec3 v = velocity(state.bodies[body_index(contact.shape_a)], contact.position) -
                  velocity(state.bodies[body_index(contact.shape_b)], contact.position);
   if (between.restitution > 0 && -contact.normal.dot(v) > between.restitution_speed) return;
@@ -162,10 +159,10 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
     surface.bounce = between.restitution;
     surface.bounce_vel = between.restitution_speed;
   }
-  if (contact.depth < 0) come_nearer(surface, contact, between, known.share, state);
+  if (contact.depth < 0) limit_approach(surface, contact, between, known.share, state);
   const double inside = contact.depth - kSurfaceLayer;
   if (between.compliance) {
-    soften(surface, *between.compliance, known.share);
+    set_compliance(surface, *between.compliance, known.share);
   } else {
     if (erp_ * inside > kMaxCorrectingSpeed * step_) {
       surface.mode |= dContactSoftERP;
@@ -180,7 +177,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
                      between.rolling_friction == 0 && between.spinning_friction > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
-  if (surface.mu > 0) aim_friction(joint, contact, known, state);
+  if (surface.mu > 0) set_friction_direction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
   dJointAttach(id, body_of(contact.shape_a), body_of(contact.shape_b));
   contact_joints_.push_back(id);
@@ -226,8 +223,8 @@ void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Kn
 /// surfaces would slide at to standing still or to taking back what they have crept. The second then has
 /// nothing to do. Where the last force is known, it has held what would slide without it: as in the augmented
 /// Lagrangian of Alart and Curnier (1991), it is the impulse's direction less the shared mass times the slip.
-void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known& known,
-                            const model::State& state) const {
+void Contacts::set_friction_direction(dContact& joint, const Contact& contact, const Known& known,
+                                      const model::State& state) const {
   const Patch* patch = known.patch;
   const Vec3 back =
       patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());

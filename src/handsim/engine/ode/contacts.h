@@ -14,41 +14,31 @@ namespace handsim::engine::ode {
 
 class Contacts {
  public:
-  /// Keeps the contact joints in `ids`. The model and the bodies must outlive this. @throws OdeFault
+  /// Keeps the contact joints in `ids`. The model and the bodies must outlive this object. @throws OdeFault
   Contacts(OdeIds& ids, const model::Model& model, const Settings& settings,
            const std::vector<OdeBody>& bodies);
 
   /// Puts the shapes of bodies without an ODE body where the state has these.
   void place_immovable(const model::State& state) { collider_.place(state); }
   /// Finds the contacts at a state. @param driven where drives take bodies. @return pairs to test closely
-  int collide(const model::State& state, std::span<const Prospect::Driven> driven) {
+  int collide(const model::State& state, std::span<const StepForecast::Driven> driven) {
     return collider_.collide(state, {step_, fall_, driven});
   }
   /// Recalls the last step's friction at the contacts found.
-  void recall(const model::State& state, bool iterative);
-  /// Makes the joints of the contacts. @param iterative quick_step. @param rigid_limits for rigid ones, too
-  void join(const model::State& state, bool iterative, bool rigid_limits);
+  void recall(const model::State& state);
+  /// Makes the joints of the contacts. @param rigid_limits friction limits of rigid contacts are set, too
+  void join(const model::State& state, bool rigid_limits);
   /// Reads the forces of the step just made.
   void read_forces();
   /// After a step by the direct solver: takes new friction limits from its forces. @return true if friction
   /// was not exact; the contacts, joined again, have these limits
-  bool revise_limits() { return friction_ && limits_.take_in(collider_, forces_); }
+  bool update_limits() { return friction_ && limits_.update(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();
-  /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
-  void take_in_slip(const model::State& before, double step);
-  /// What friction remembers from step to step.
-  struct Memory {
-    std::vector<Presliding> presliding;
-    FrictionLimits::Memory limits;
-  };
-  Memory memory() const { return {memory_.pairs(), limits_.memory()}; }
-  void set_memory(const Memory& memory) {
-    memory_.set(memory.presliding);
-    limits_.set(memory.limits);
-  }
-  /// Length of the steps to come [s].
-  void set_step(double step);
+  /// Adds how far surfaces slid in the step just made to their displacements. @param before the step's start
+  void update_presliding(const model::State& before);
+  /// Forgets how far surfaces have slid, and the forces of the last step.
+  void forget();
   void set_gravity(const Vec3& gravity);  ///< [m/s^2]
   const std::vector<Contact>& list() const { return collider_.contacts(); }
   std::span<const Touch> touches() const { return collider_.touches(); }
@@ -57,7 +47,7 @@ class Contacts {
   void restore(ArchiveReader& in);
 
  private:
-  /// What is known of a contact beside its geometry.
+  /// Friction and stiffness of a contact, beside its geometry.
   struct Known {
     bool pad = false;              ///< compliant surfaces
     double share = 1;              ///< of the pair's stiffness
@@ -67,16 +57,16 @@ class Contacts {
   void add_contact(const Contact& contact, const Touch& touch, const Known& known, const model::State& state);
   void set_friction(dContact& joint, const Contact& contact, const model::Material& between,
                     const Known& known, bool spins_by_motor);
-  void aim_friction(dContact& joint, const Contact& contact, const Known& known,
-                    const model::State& state) const;
+  void set_friction_direction(dContact& joint, const Contact& contact, const Known& known,
+                              const model::State& state) const;
   void add_spin_row(const Contact& contact, const Touch& touch, const Known& known);
   double shared_mass(const Contact& contact, const model::State& state) const;
-  void soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
+  void set_compliance(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
   dBodyID body_of(int shape) const;
   /// -1 where ODE turns the contact: it makes body b the first of a joint whose body a is not there.
   double side(const Contact& contact) const;
-  void come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
-                   double share, const model::State& state) const;
+  void limit_approach(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
+                      double share, const model::State& state) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
   std::size_t body_index(int shape) const;
 
@@ -89,12 +79,11 @@ class Contacts {
   PreslidingMemory memory_;
   FrictionLimits limits_;
   bool friction_;
-  bool remembers_;  ///< how far surfaces have crept
+  bool iterative_;  ///< quick_step solves
   bool with_forces_;
   bool measures_forces_;  ///< for friction's limits or because the settings ask for them
   double erp_;
-  double step_;  ///< [s]
-  Vec3 gravity_;
+  double step_;                           ///< [s]
   Vec3 fall_;                             ///< velocity that gravity adds in one step [m/s]
   std::vector<dJointID> contact_joints_;  ///< as the list
   std::vector<dJointFeedback> feedback_;  ///< as the list

@@ -29,7 +29,7 @@ Patch patch_of(std::span<const Contact> points, std::size_t first) {
 Vec3 tangential(const Vec3& v, const Vec3& normal) { return v - v.dot(normal) * normal; }
 
 template <class Archive, class Pair>
-void carry_pair(Archive& archive, Pair& pair) {
+void serialize_pair(Archive& archive, Pair& pair) {
   archive(pair.shape_a, pair.shape_b, pair.shift, pair.turn);
 }
 
@@ -43,18 +43,18 @@ constexpr double kLeastShare = 0.1, kRecovery = 1.02;
 constexpr double kMostForce = 1e12;  ///< No contact of a saved state has more [N].
 
 template <class Archive, class Point>
-void carry_point(Archive& archive, Point& point) {
+void serialize_point(Archive& archive, Point& point) {
   archive(point.shape_a, point.shape_b, point.position, point.force);
 }
 
 }  // namespace
 
 void PreslidingMemory::save(ArchiveWriter& out) const {
-  out.list(pairs_, [](auto& archive, auto& pair) { carry_pair(archive, pair); });
+  out.list(pairs_, [](auto& archive, auto& pair) { serialize_pair(archive, pair); });
 }
 
 void PreslidingMemory::restore(ArchiveReader& in) {
-  in.list(pairs_, [](auto& archive, auto& pair) { carry_pair(archive, pair); });
+  in.list(pairs_, [](auto& archive, auto& pair) { serialize_pair(archive, pair); });
   const auto shapes = static_cast<int>(model_.shapes.size());
   for (const Presliding& pair : pairs_)
     if (pair.shape_a >= shapes || pair.shape_b >= shapes)
@@ -87,7 +87,7 @@ void PreslidingMemory::recall(const Collider& collider, const model::State& stat
     pairs_.push_back({contacts[patch.first].shape_a, contacts[patch.first].shape_b, Vec3::Zero(), 0});
 }
 
-void PreslidingMemory::take_in(const model::State& before, double step) {
+void PreslidingMemory::update(const model::State& before, double step) {
   for (std::size_t i = 0; i < patches_.size(); ++i) {
     const Patch& patch = patches_[i];
     if (patch.normal == Vec3::Zero()) continue;
@@ -149,7 +149,7 @@ void FrictionLimits::recall(const Collider& collider) {
   }
 }
 
-bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& forces) {
+bool FrictionLimits::update(const Collider& collider, const std::vector<Vec3>& forces) {
   double largest = 0, off = 0;  // in units of what it may be
   normals_.clear();
   for (const Touch& touch : collider.touches())
@@ -193,13 +193,13 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
 
 void FrictionLimits::save(ArchiveWriter& out) const {
   out(memory_.share);
-  out.list(memory_.points, [](auto& archive, auto& point) { carry_point(archive, point); });
+  out.list(memory_.points, [](auto& archive, auto& point) { serialize_point(archive, point); });
 }
 
 void FrictionLimits::restore(ArchiveReader& in) {
   in(memory_.share);
   if (!(memory_.share >= 0 && memory_.share <= 1)) in.refuse("a share that is no share", "0 to 1");
-  in.list(memory_.points, [](auto& archive, auto& point) { carry_point(archive, point); });
+  in.list(memory_.points, [](auto& archive, auto& point) { serialize_point(archive, point); });
   for (const PointForce& point : memory_.points)
     if (!(point.force.norm() <= kMostForce)) in.refuse("a contact force that is no force", "at most 1e12 N");
 }

@@ -21,7 +21,7 @@ inline constexpr double kLongestRigidShift = 2e-5, kLongestPadShift = 3e-4;
 /// Share of it that friction rows take back in a step. Near 1: a residual's noise is fed back.
 inline constexpr double kPullBack = 0.5;
 
-/// How far two touching shapes have slid on each other without being pulled back yet.
+/// The displacement of two touching shapes on each other that friction has not taken back yet.
 struct Presliding {
   int shape_a = 0;
   int shape_b = 0;
@@ -48,15 +48,16 @@ struct Patch {
 
 class PreslidingMemory {
  public:
-  /// Model and bodies must outlive this.
+  /// Model and bodies must outlive this object.
   PreslidingMemory(const model::Model& model, const std::vector<OdeBody>& bodies)
       : model_(model), bodies_(bodies) {}
 
-  /// Recalls what the touching pairs have crept. @param state at which they were found
+  /// Finds the displacements of the pairs that touch now. @param state at which the contacts were found
   void recall(const Collider& collider, const model::State& state);
   std::span<const Patch> patches() const { return patches_; }
-  /// Takes in the slip of the step just made. @param before its start; @param step its length [s]
-  void take_in(const model::State& before, double step);
+  /// Adds the slip of the step just made to the displacements. @param before the step's start; @param step
+  /// its length [s]
+  void update(const model::State& before, double step);
 
   const std::vector<Presliding>& pairs() const { return pairs_; }
   void set(const std::vector<Presliding>& pairs) { pairs_ = pairs; }
@@ -96,15 +97,15 @@ struct PointForce {
 
 class FrictionLimits {
  public:
-  /// Recalls the forces of the last step for the contacts just found.
+  /// Finds the forces of the last step at the contacts just found.
   void recall(const Collider& collider);
   /// Force by which the limits of a contact are set; nothing for one that is new.
   const std::optional<Vec3>& force(std::size_t contact) const { return limits_[contact]; }
-  /// Takes in the forces of the contacts in the step just made, on a's bodies.
+  /// Sets the next limits from the forces of the contacts in the step just made, on the bodies of shapes a.
   /// @return true where friction is off and another solution, with limits of these forces, may come nearer
-  bool take_in(const Collider& collider, const std::vector<Vec3>& forces);
+  bool update(const Collider& collider, const std::vector<Vec3>& forces);
 
-  /// What it keeps from step to step.
+  /// The numbers that friction limits keep from step to step.
   struct Memory {
     std::vector<PointForce> points;  ///< in the collider's order
     double share = 1;                ///< of the change of the normal forces that the next limits take over

@@ -127,11 +127,6 @@ bool StopArc::reached(const Direction& at) const {
   return angle <= low_ || angle >= high_;
 }
 
-void Servos::set_step(double step) {
-  step_ = step;
-  for (Row& row : rows_) row.compliance = 0;
-}
-
 void Servos::add(dJointID motor, const model::Joint& joint) {
   for (std::size_t i = 0; i < joint.axes.size(); ++i) {
     Row row;
@@ -146,7 +141,7 @@ void Servos::add(dJointID motor, const model::Joint& joint) {
 
 // A motor row obeys v+ + CFM lambda = vel with |lambda| <= fmax. With ERP and CFM of soft_row, vel = ERP / h
 // error + CFM feed makes lambda = k (error - h v+) - c v+ + feed, the servo's law with its limit.
-void Servos::soften(Row& row, const model::Servo& servo) const {
+void Servos::set_compliance(Row& row, const model::Servo& servo) const {
   if (servo.stiffness != row.stiffness || servo.damping != row.damping || row.compliance == 0) {
     const SoftRow soft = soft_row(servo.stiffness, servo.damping, step_);
     row.pull = soft.erp / step_;
@@ -181,7 +176,7 @@ void Servos::set(std::span<const model::Servo> servos) {
     row.limit = servo.limit;
     set_limit(row, servo.limit);
     if (servo.limit == 0) continue;
-    soften(row, servo);
+    set_compliance(row, servo);
     set_parameter(row.motor, row.slider, dParamVel + row.group,
                   row.pull * servo.error + row.compliance * servo.feed);
   }

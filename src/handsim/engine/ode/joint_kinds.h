@@ -63,7 +63,6 @@ class Servos {
   /// @param step of the engine [s].
   explicit Servos(double step) : step_(step) {}
 
-  void set_step(double step);
   /// Drives a joint's coordinates by a motor whose axes are the joint's, in their order.
   void add(dJointID motor, const model::Joint& joint);
   /// Sets the rows of the next step. @param servos size model.dof_count(), or empty: none acts.
@@ -86,7 +85,7 @@ class Servos {
     double pull = 0;        ///< speed asked per error [1/s]
     double compliance = 0;  ///< speed asked per torque of feed
   };
-  void soften(Row& row, const model::Servo& servo) const;
+  void set_compliance(Row& row, const model::Servo& servo) const;
   static void set_limit(Row& row, double limit);
 
   double step_;

@@ -131,7 +131,6 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
     const model::Stop stop = widened(joint, joint.axes[i], true);
     const int group = kParamGroup * ode_axis(joint.kind, i);
     set_stop(link, i, stop.low, stop.high, settings.erp(), stop.restitution);
-    set_parameter(link.id, joint.kind, dParamFudgeFactor + group, stop.motor_share);
     set_parameter(link.id, joint.kind, dParamStopCFM + group, settings.ode().cfm);
   }
 }
@@ -150,10 +149,10 @@ void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
   if (link.motor_axes.empty()) return;
   link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
   link.by_motor = with_feedback(link.motor);
-  soften_tissue(link);
+  set_tissue(link);
 }
 
-void Joints::soften_tissue(const Link& link) const {
+void Joints::set_tissue(const Link& link) const {
   const model::Joint& joint = *link.joint;
   const int axes = static_cast<int>(link.motor_axes.size());
   for (int i = 0; i < axes; ++i) {
@@ -184,30 +183,7 @@ double Joints::slider_pull(const Link& link) const {
 void Joints::set_drag(std::span<const double> damping) {
   drag_.assign(damping.begin(), damping.end());
   for (const Link& link : links_)
-    if (link.motor != nullptr) soften_tissue(link);
-}
-
-void Joints::set_step(double step) {
-  step_ = step;
-  servos_.set_step(step);
-  for (const Link& link : links_) soften_tissue(link);
-  for (Watch& watched : watches_) watched.pull = slider_pull(links_[watched.link]);
-}
-
-void Joints::set_stop_cfm(double cfm) {
-  for (const Link& link : links_) {
-    if (link.id == nullptr) continue;
-    for (std::size_t i = 0; i < link.joint->axes.size(); ++i)
-      set_parameter(link.id, link.joint->kind, dParamStopCFM + kParamGroup * ode_axis(link.joint->kind, i),
-                    cfm);
-  }
-}
-
-int Joints::rows(std::size_t joint) const {
-  const Link& link = links_[joint];
-  if (link.id == nullptr) return 0;
-  const std::size_t driven = link.servo != nullptr ? link.joint->axes.size() : 0;
-  return 6 - model::dof_count(link.joint->kind) + static_cast<int>(link.motor_axes.size() + driven);
+    if (link.motor != nullptr) set_tissue(link);
 }
 
 void Joints::add_servo(dWorldID world, Link& link) {

@@ -24,7 +24,8 @@ inline constexpr double kSliderStopMargin = 1e-5;  ///< slider [m]
 class Joints {
  public:
   /// Creates all joints between bodies that may move against each other, in zero configuration, and leaves
-  /// bodies there. The model must outlive this. @param start poses of immovable parents. @throws OdeFault
+  /// bodies there. The model must outlive this object. @param start poses of immovable parents. @throws
+  /// OdeFault
   Joints(dWorldID world, const model::Model& model, const Settings& settings,
          const std::vector<OdeBody>& bodies, const model::State& start);
 
@@ -40,12 +41,6 @@ class Joints {
   bool servos_beyond_limits(std::span<const double> tau) const { return servos_.beyond_limits(tau); }
   /// Damping of coordinates beside tissue [N m s/rad], by dof_count(); none where no tendon acts.
   void set_drag(std::span<const double> damping);
-  /// Length of the steps to come [s].
-  void set_step(double step);
-  /// Softness of the stops in the steps to come.
-  void set_stop_cfm(double cfm);
-  /// Constraint rows that a joint puts into a step: its own, its tissue's and, where driven, its servo's.
-  int rows(std::size_t joint) const;
   /// Updates tissue, makes stops catch what would pass them in the next step, counts stops in force.
   int prepare(const model::State& state);
   /// Fills q and u of a state from its bodies.
@@ -53,7 +48,7 @@ class Joints {
   /// Torques that acted in the step that was just solved from the state last read, by the solver's own
   /// impulses; sizes model.dof_count(). @param given torques of the step, or empty
   void read_torques(std::span<const double> given, std::vector<double>& tau, std::vector<double>& tau_servo);
-  /// What was widened, one sentence each.
+  /// The stops that were widened, one sentence each.
   const std::vector<std::string>& notes() const { return notes_; }
   /// ODE's joint of a joint of the model; null where neither side can move.
   dJointID id(std::size_t joint) const { return links_[joint].id; }
@@ -90,7 +85,7 @@ class Joints {
   void place(const Link& link, const model::State& state) const;
   void add_stops(const Link& link, const Settings& settings);
   void add_tissue(dWorldID world, Link& link, bool with_tissue);
-  void soften_tissue(const Link& link) const;
+  void set_tissue(const Link& link) const;
   double slider_pull(const Link& link) const;
   void add_servo(dWorldID world, Link& link);
   void watch(std::size_t link, const Settings& settings);

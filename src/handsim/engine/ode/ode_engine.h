@@ -1,5 +1,5 @@
 // The engine on the Open Dynamics Engine: one ODE world, built from the model with the effects asked for and
-// nothing else. With a guard a failed step is taken back to the bit and tried again (see GuardLimits).
+// nothing else.
 // world_step is bit-reproducible in any number of threads. quick_step draws from ODE's one process-wide
 // random generator: each step seeds it from (seed, step number) under a process-wide lock, so runs are
 // bit-reproducible too, also from a saved state, but quick_step steps of several threads take turns.
@@ -16,15 +16,9 @@
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/joints.h"
-#include "handsim/engine/ode/method_choice.h"
 #include "handsim/engine/ode/residual.h"
 
 namespace handsim::engine::ode {
-
-/// A step that ODE did not make for want of memory; the world is as before it.
-struct StepRefused {
-  PhysicsFault fault;
-};
 
 class OdeEngine final : public Engine {
  public:
@@ -55,25 +49,16 @@ class OdeEngine final : public Engine {
   void set_gravity();
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
-  /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet. @throws StepRefused
-  StepReport plain_step(const StepInput& input, double end, double step, OdeMethod method);
-  void solve(const StepInput& input, double step, OdeMethod method, StepReport& report);
-  [[nodiscard]] bool solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report);
-  StepReport guarded_step(const StepInput& input, double end);
-  std::optional<PhysicsFault> on_rung(Rung rung, const StepInput& input, double end, StepReport& report);
-  std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
-  std::optional<PhysicsFault> read_bodies(double time);
-  std::optional<PhysicsFault> guard_fault(const StepReport& report) const;
-  void restore();
-  void rebuild();
-  void set_length(double step);
-  void set_cfm(double cfm);
-  bool residual_is_due(const StepReport& report, double step);
+  /// One step of ODE's, ending at the time `end`; `state_` is not read from the bodies yet.
+  StepReport make_step(const StepInput& input, double end);
+  void solve(const StepInput& input, StepReport& report);
+  bool residual_is_due(const StepReport& report);
   void prepare(const StepInput& input, StepReport& report);
   void actuate(const StepInput& input);
-  [[nodiscard]] bool advance(double step, OdeMethod method);
-  std::optional<PhysicsFault> body_fault(double time, double speed, double angular_speed) const;
-  std::optional<PhysicsFault> take_over(double time);
+  /// @throws Error where ODE has no memory for the step; the world is as before it.
+  void advance();
+  std::optional<PhysicsFault> body_fault(double time) const;
+  std::optional<PhysicsFault> read_bodies(double time);
   void give_up_step();
   PhysicsFault described(const OdeFault& fault) const;
   [[noreturn]] void fail(PhysicsFault fault);
@@ -86,22 +71,17 @@ class OdeEngine final : public Engine {
   std::vector<OdeBody> bodies_;      ///< as Model::bodies
   std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
   std::unique_ptr<Joints> joints_;
-  std::vector<Prospect::Driven> ways_;  ///< of driven bodies in the step; with wrist_motion only
-  std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  std::vector<StepForecast::Driven> ways_;  ///< of driven bodies in the step; with wrist_motion only
+  std::unique_ptr<Contacts> contacts_;      ///< with contact effects and rules only
   ResidualMeter residual_;
-  double targets_due_ = 0;                ///< when drives are to have met the caller's targets [s]
-  int stop_rows_ = 0;                     ///< joint stops in force in the last step
-  std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
-  std::vector<System> closed_;            ///< islands to close after every step; with projection only
-  model::State opened_;                   ///< at the start of the step; with projection only
+  int stop_rows_ = 0;           ///< joint stops in force in the last step
+  std::vector<System> closed_;  ///< islands to close after every step; with projection only
+  model::State opened_;         ///< at the start of the step; with projection only
   model::State state_;
-  std::vector<StepStart> start_;             ///< as moving_, of the solver's step, which may be made again
-  model::State before_;                      ///< of a guarded step, its start
-  Contacts::Memory memory_before_;           ///< the same
-  std::unique_ptr<Muscles> muscles_;         ///< with tendons in effect only
-  std::vector<double> torques_, drag_;       ///< of the step, tendons' share included
-  std::vector<double> tau_, tau_servo_;      ///< of the step under way
-  std::vector<model::Servo> second_servos_;  ///< of its second half
+  std::vector<StepStart> start_;         ///< as moving_, of the solver's step, which may be made again
+  std::unique_ptr<Muscles> muscles_;     ///< with tendons in effect only
+  std::vector<double> torques_, drag_;   ///< of the step, tendons' share included
+  std::vector<double> tau_, tau_servo_;  ///< of the step under way
   std::optional<Error> failure_;
 };
 

@@ -14,7 +14,7 @@ namespace handsim::engine::ode {
 
 class ResidualMeter {
  public:
-  /// The model must outlive this.
+  /// The model must outlive this object.
   ResidualMeter(const model::Model& model, double erp);
 
   /// Largest of all joints, as vectors' lengths, and of all contacts. @param before the step. @param bodies
@@ -23,7 +23,7 @@ class ResidualMeter {
                    const Contacts* contacts) const;
 
  private:
-  /// What a joint's rows are made of, in its bodies' axes.
+  /// Points and axes of a joint's rows, in its bodies' axes.
   struct Sides {
     Vec3 in_parent = Vec3::Zero(), in_child = Vec3::Zero();  ///< axes; of a universal joint one each
     Quat turned = Quat::Identity();  ///< the child in the parent's axes where the joint is at 0

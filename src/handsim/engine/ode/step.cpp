@@ -1,5 +1,4 @@
 // One step of the ODE engine: drive, tissue, collide, push, solve, check, read.
-#include <cassert>
 #include <chrono>
 #include <cmath>
 #include <new>
@@ -45,7 +44,7 @@ PhysicsFault no_memory(double time, bool iterative) {
                       iterative ? "quick_step" : "world_step", kMega * static_cast<double>(memory.needed),
                       kMega * static_cast<double>(memory.free),
                       iterative ? "use fewer bodies or contacts"
-                                : "use solver.method quick_step or auto, or fewer bodies that touch")};
+                                : "use solver.method quick_step, or fewer bodies that touch")};
 }
 
 double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
@@ -55,7 +54,7 @@ double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] *
 /// The step's torques with those of tendons, and the tendons' damping in the joints' rows.
 StepInput OdeEngine::with_tendons(const StepInput& given) {
   if (muscles_->empty()) return given;
-  muscles_->begin(state_.q, state_.u, given.excitations);
+  muscles_->begin_step(state_.q, state_.u, given.excitations);
   muscles_->by_coordinate(state_.u, given.torques, torques_, drag_);
   joints_->set_drag(drag_);
   // The joints' rows have the part of the rates at the start.
@@ -71,65 +70,46 @@ StepReport OdeEngine::step(const StepInput& given) {
   const StepInput input = with_tendons(given);
   enter_ode();
   const double end = next_time(state_.time, settings_.step);
-  targets_due_ = end;
-  if (settings_.ode().guard) {
-    const StepReport report = guarded_step(input, end);
-    if (!muscles_->empty()) muscles_->end(state_.q, state_.u, state_);
-    return report;
-  }
   try {
-    const StepReport report = plain_step(input, end, settings_.step, settings_.ode().method);
+    const StepReport report = make_step(input, end);
+    if (auto fault = body_fault(end)) fail(std::move(*fault));
     if (auto fault = read_bodies(end)) fail(std::move(*fault));
-    if (!muscles_->empty()) muscles_->end(state_.q, state_.u, state_);
+    if (!muscles_->empty()) muscles_->store_state(state_.q, state_.u, state_);
     return report;
-  } catch (const StepRefused& refused) {
-    fail(refused.fault);
   } catch (const OdeFault& fault) {
     fail(fault);
   }
 }
 
-StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, OdeMethod method) {
+StepReport OdeEngine::make_step(const StepInput& input, double end) {
+  const double step = settings_.step;
   StepReport report;
+  report.iterative = settings_.ode().method == OdeMethod::quick_step;
   if (settings_.effects.has(model::Effect::wrist_motion)) {
     const bool given = !input.drive_targets.empty();
     std::vector<Pose> targets(input.drive_targets.begin(), input.drive_targets.end());
     for (const model::Drive& each : model_.drives)
       if (!given) targets.push_back(each.motion.at(end));
-    ways_ = drive(model_, bodies_, targets, given ? targets_due_ - (end - step) : step, step);
+    ways_ = drive(model_, bodies_, targets, given ? end - (end - step) : step, step);
   }
   try {
     prepare(input, report);
-    solve(input, step, method, report);
+    if (contacts_) contacts_->recall(state_);
+    solve(input, report);
   } catch (const std::bad_alloc&) {
     throw OdeFault{kNoMemory, "out of memory"};
   }
-  if (residual_is_due(report, step))
-    report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
+  if (residual_is_due(report)) report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
-    contacts_->take_in_slip(state_, step);
+    contacts_->update_presliding(state_);
     contacts_->release();
   }
   return report;
 }
 
-/// With method auto by quick_step too where there is no memory for the direct solver.
-void OdeEngine::solve(const StepInput& input, double step, OdeMethod method, StepReport& report) {
-  const bool choose = method == OdeMethod::automatic;
-  if (choose) method = choice_->pick(contacts());
-  for (;;) {
-    report.iterative = method == OdeMethod::quick_step;
-    if (contacts_) contacts_->recall(state_, report.iterative);
-    if (solve_passes(input, step, method, report)) return;
-    if (contacts_) contacts_->release();
-    if (!choose || report.iterative) throw StepRefused{no_memory(state_.time + step, report.iterative)};
-    method = OdeMethod::quick_step;
-  }
-}
-
 /// Makes the direct solver's step again where friction's limits are of other normal forces, or something
-/// without a limit passes its own. @return false where ODE did not make the step
-bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report) {
+/// without a limit passes its own.
+void OdeEngine::solve(const StepInput& input, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
   const int passes = again ? settings_.ode().friction_passes : 1;
   start_.clear();
@@ -141,18 +121,17 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
     const bool relaxed = pass < passes;
     joints_->relax_servos(relaxed && !input.servos.empty() ? (pass > 1 ? tau_servo_ : state_.tau_servo)
                                                            : std::span<const double>());
-    if (contacts_)
-      timed(&report.collide_ns, [&] { contacts_->join(state_, report.iterative, rigid_limits); });
+    if (contacts_) timed(&report.collide_ns, [&] { contacts_->join(state_, rigid_limits); });
     const int failures = lcp_failures();
-    if (!advance(step, method)) return false;
+    advance();
     report.lcp_failures = lcp_failures() - failures;
     report.passes = pass;
     joints_->read_torques(input.torques, tau_, tau_servo_);
     if (contacts_) contacts_->read_forces();
-    if (!again) return true;
-    const bool revised = contacts_->revise_limits();
+    if (!again) return;
+    const bool revised = contacts_->update_limits();
     const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
-    if (!wrong || (pass >= passes && !(report.lcp_failures > 0 && rigid_limits))) return true;
+    if (!wrong || (pass >= passes && !(report.lcp_failures > 0 && rigid_limits))) return;
     // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
     if (pass >= passes) rigid_limits = false;
     contacts_->release();
@@ -162,11 +141,12 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
 
 /// Where something has just met a stop or touches, at other steps now and then. By the step's number, so that
 /// a run that goes on from a saved state measures at the same steps.
-bool OdeEngine::residual_is_due(const StepReport& report, double step) {
+bool OdeEngine::residual_is_due(const StepReport& report) {
   const bool stops_changed = report.stop_rows != std::exchange(stop_rows_, report.stop_rows);
   if (report.lcp_failures > 0) return true;
   if (!report.iterative) return false;
-  return report.contacts > 0 || stops_changed || step_number(state_.time, step) % kResidualInterval == 0;
+  return report.contacts > 0 || stops_changed ||
+         step_number(state_.time, settings_.step) % kResidualInterval == 0;
 }
 
 void OdeEngine::prepare(const StepInput& input, StepReport& report) {
@@ -189,31 +169,37 @@ void OdeEngine::actuate(const StepInput& input) {
   }
 }
 
-/// @return false where ODE did not make the step
-bool OdeEngine::advance(double step, OdeMethod method) {
+void OdeEngine::advance() {
   const dWorldID world = ids_.world.get();
-  assert(method != OdeMethod::automatic && "solve() chooses one of the two");
-  if (method == OdeMethod::world_step) return dWorldStep(world, step) != 0;
-  const RandomSeed seed(step_seed(settings_.ode().seed, step_number(state_.time, step)));
-  return dWorldQuickStep(world, step) != 0;
+  const double step = settings_.step;
+  const bool iterative = settings_.ode().method == OdeMethod::quick_step;
+  bool made = false;
+  if (iterative) {
+    const RandomSeed seed(step_seed(settings_.ode().seed, step_number(state_.time, step)));
+    made = dWorldQuickStep(world, step) != 0;
+  } else {
+    made = dWorldStep(world, step) != 0;
+  }
+  if (!made) fail(no_memory(state_.time + step, iterative));
 }
 
-std::optional<PhysicsFault> OdeEngine::body_fault(double time, double speed, double angular_speed) const {
+std::optional<PhysicsFault> OdeEngine::body_fault(double time) const {
   for (const std::size_t i : moving_) {
     const OdeBody& body = bodies_[i];
     // Written so that NaN fails. A finite velocity within bounds leaves position and rotation finite.
-    const bool slow = squared_norm(body.v) <= speed * speed;
-    const bool calm = squared_norm(body.w) <= angular_speed * angular_speed;
+    const bool slow = squared_norm(body.v) <= kMaxSpeed * kMaxSpeed;
+    const bool calm = squared_norm(body.w) <= kMaxAngularSpeed * kMaxAngularSpeed;
     if (slow && calm && std::isfinite(body.q[0])) continue;
     const double found = std::sqrt(squared_norm(slow ? body.w : body.v));
-    return PhysicsFault{time, model_.bodies[i].name, slow ? "angular speed [rad/s]" : "speed [m/s]",
-                        fmt::format("{:g} is beyond {:g}: {}", found, slow ? angular_speed : speed, kRemedy)};
+    return PhysicsFault{
+        time, model_.bodies[i].name, slow ? "angular speed [rad/s]" : "speed [m/s]",
+        fmt::format("{:g} is beyond {:g}: {}", found, slow ? kMaxAngularSpeed : kMaxSpeed, kRemedy)};
   }
   return std::nullopt;
 }
 
 /// Takes ODE's state over, projected if asked for and given back. @return a joint still apart: not taken
-std::optional<PhysicsFault> OdeEngine::take_over(double time) {
+std::optional<PhysicsFault> OdeEngine::read_bodies(double time) {
   if (!closed_.empty()) opened_ = state_;
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
   state_.tau.swap(tau_);
@@ -239,7 +225,7 @@ void OdeEngine::fail(PhysicsFault fault) {
 PhysicsFault OdeEngine::described(const OdeFault& fault) const {
   const double time = state_.time + settings_.step;
   // The body that went wrong first, where ODE stopped before telling.
-  if (auto body = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return *body;
+  if (auto body = body_fault(time)) return *body;
   if (fault.number == kNoMemory)
     return {time, "the model", "memory", "ODE did not get what it asked for: use fewer bodies that touch"};
   return {time, "the model", "ODE stopped", fmt::format("{}: {}", fault.message, kRemedy)};

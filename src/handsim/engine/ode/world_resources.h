@@ -14,7 +14,7 @@ namespace handsim::engine::ode {
 /// made (dWorldStep and dWorldQuickStep return 0), and the world stays as it was.
 void guard_step_memory(dxWorld* world);
 
-/// What the last step that was not made in the calling thread asked for and could have had [bytes].
+/// Memory of the last step of the calling thread that was not made: needed and free [bytes].
 struct RefusedMemory {
   std::size_t needed = 0, free = 0;
 };

@@ -1,7 +1,11 @@
-// Exports a Model for other programs: pure functions of the model and the settings.
+// Exports a Model for other programs: pure functions of the model and the settings; and the table of all
+// formats of `handsim export`, those of the Python package included. A new format is a row of it and its
+// writer.
 #pragma once
 
+#include <array>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "handsim/control/controller.h"
@@ -66,5 +70,98 @@ std::string to_urdf(const model::Model& model, const engine::Settings& settings,
 /// contact forces, stops as forces, motors, boxes, cylinders and meshes as contact geometry.
 /// @throws Error (input) for loops and for universal joints whose axes are not perpendicular.
 std::string to_osim(const model::Model& model, const engine::Settings& settings);
+
+/// What a writer of this library gets; see to_mjcf() for plan and moment.
+struct Exported {
+  const model::Model& model;
+  const engine::Settings& settings;
+  const control::Plan* plan = nullptr;
+  const Keyframe* moment = nullptr;
+};
+
+/// A format of `handsim export`.
+struct Format {
+  std::string_view name;  ///< of `--format`
+  std::array<std::string_view, 2>
+      endings;                  ///< of the file; the first is the default, the second may be empty
+  std::string_view text;        ///< whom it is for, and what is in it
+  std::string_view of;          ///< what it is written of: some of scene, hand and run
+  std::string_view needs;       ///< a package beside NumPy; empty: none
+  std::string_view file, mark;  ///< what such a file is, and what its beginning has (output::FileKind)
+  std::string (*write)(const Exported& of);  ///< null: python/handsim/export.py writes it
+
+  /// `.xml or .mjcf`
+  std::string endings_text() const {
+    return std::string(endings[0]) + (endings[1].empty() ? "" : " or ") + std::string(endings[1]);
+  }
+};
+
+/// The one table of formats: command line, Python, help, completion and docs/export.md read it.
+inline constexpr std::array kFormats = {
+    Format{"mjcf",
+           {".xml", ".mjcf"},
+           "MuJoCo: model, drives, contact rules, the state at the start or at --time",
+           "scene, hand",
+           "",
+           "an MJCF file",
+           "<mujoco",
+           [](const Exported& of) { return to_mjcf(of.model, of.settings, of.plan, of.moment); }},
+    Format{"urdf",
+           {".urdf"},
+           "ROS and robots' programs: links, joints, shapes that collide",
+           "scene, hand",
+           "",
+           "a URDF file",
+           "<robot",
+           [](const Exported& of) { return to_urdf(of.model, of.settings, of.plan); }},
+    Format{"osim",
+           {".osim"},
+           "OpenSim: bodies, joints, tissue, muscles, markers",
+           "scene, hand",
+           "",
+           "an OpenSim file",
+           "<OpenSimDocument",
+           [](const Exported& of) { return to_osim(of.model, of.settings); }},
+    Format{"glb",
+           {".glb"},
+           "glTF, for viewers and animators: skin with a skeleton, shapes, motion",
+           "scene, hand, run",
+           "",
+           "a binary glTF file",
+           "glTF",
+           nullptr},
+    Format{"usda",
+           {".usda"},
+           "USD as text: skin, shapes, motion, masses and joints",
+           "scene, hand, run",
+           "",
+           "a USD text file",
+           "#usda",
+           nullptr},
+    Format{"obj",
+           {".obj"},
+           "surfaces at a moment, in metres",
+           "scene, hand, run",
+           "",
+           "an OBJ file of handsim",
+           "# handsim: metres",
+           nullptr},
+    Format{"stl",
+           {".stl"},
+           "surfaces at a moment for printers, in millimetres",
+           "scene, hand, run",
+           "",
+           "an STL file of handsim",
+           "handsim: millimetres",
+           nullptr},
+    Format{"mcap",
+           {".mcap"},
+           "ROS 2 messages of the motion, for Foxglove and rosbags",
+           "scene, run",
+           "mcap-ros2-support",
+           "an MCAP file",
+           "MCAP0",
+           nullptr},
+};
 
 }  // namespace handsim::output

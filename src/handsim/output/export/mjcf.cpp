@@ -83,8 +83,8 @@ class MjcfWriter {
     }
     for (const control::DrivenAxis& axis : plan.axes) {
       const double target = of_hand[axis.hand][axis.column];
-      drives_[axis.dof] = {axis.gains.proportional, axis.gains.derivative, target - start_.q[axis.dof], 0,
-                           axis.gains.torque_limit};
+      drives_[axis.dof] = {axis.proportional, axis.derivative, target - start_.q[axis.dof], 0,
+                           axis.torque_limit};
     }
   }
 

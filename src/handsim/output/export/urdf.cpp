@@ -125,7 +125,7 @@ class UrdfWriter {
   double torque_limit(std::size_t dof) const {
     if (plan_)
       for (const control::DrivenAxis& axis : plan_->axes)
-        if (axis.dof == dof) return axis.gains.torque_limit;
+        if (axis.dof == dof) return axis.torque_limit;
     return kUnlimited;
   }
 

@@ -16,8 +16,6 @@ using model::Effect;
 using Path = std::vector<std::string>;
 
 constexpr std::string_view kOrigin = "--set ";
-constexpr std::array kFrictionKeys = {"friction", "rolling_friction", "spinning_friction"};
-constexpr std::array kSurfaceKeys = {"restitution", "restitution_speed", "stiffness", "damping", "material"};
 
 template <class Words>
 bool among(const std::string& word, const Words& words) {
@@ -112,8 +110,10 @@ class Judge {
     const std::string& top = path.front();
     if (top == "gravity") return off(Effect::gravity);
     if (top == "ground")
-      return path.back() == "height" ? off(Effect::ground_contact) : surface(path, std::nullopt);
-    if (top == "objects" && path.size() == 3) return surface(path, std::stoul(path[1]));
+      return path.back() == "height" ? off(Effect::ground_contact)
+                                     : surface(path.back(), [&] { return surfaces().of_ground(); });
+    if (top == "objects" && path.size() == 3)
+      return surface(path.back(), [&] { return surfaces().of_object(std::stoul(path[1])); });
     if (top == "contacts") return contacts(path);
     if (top == "hands" && path.size() > 2) return hand(path);
     if (top == "joints" && (path.back() == "range" || path.back() == "bounce"))
@@ -135,20 +135,24 @@ class Judge {
     if (!surfaces_) surfaces_.emplace(scene_);
     return *surfaces_;
   }
-  /// Judges a key of an object's surface or, without an object, of the ground's.
-  std::optional<Reason> surface(const Path& path, std::optional<std::size_t> object) {
-    const bool friction = among(path.back(), kFrictionKeys);
-    if (!friction && !among(path.back(), kSurfaceKeys)) return std::nullopt;
-    const auto without = friction ? off(Effect::friction) : std::nullopt;
-    return without ? without : object ? surfaces().of_object(*object) : surfaces().of_ground();
+  /// Judges a key of a surface. @param of the surface's own reason
+  template <class Of>
+  std::optional<Reason> surface(const std::string& key, const Of& of) const {
+    std::optional<Reason> out;
+    if (key == "material") out = of();
+    model::Material::fields([&](std::string_view each, auto, auto, auto, auto... effect) {
+      if (each != key) return;
+      ((out = off(effect)), ...);
+      if (!out) out = of();
+    });
+    return out;
   }
   std::optional<Reason> contacts(const Path& path) {
     if (path.size() < 4) return std::nullopt;
     if (path[1] == "rules") return later_rule(std::stoul(path[2]));
-    if (path[3] == "name" || path[3] == "title" || path[3] == "source") return std::nullopt;
-    const auto without = among(path[3], kFrictionKeys) ? off(Effect::friction) : std::nullopt;
-    return without ? without
-                   : surfaces().of_material(scene_.spec.contacts.materials[std::stoul(path[2])].name);
+    return surface(path[3], [&] {
+      return surfaces().of_material(scene_.spec.contacts.materials[std::stoul(path[2])].name);
+    });
   }
   std::optional<Reason> later_rule(std::size_t i) const {
     const auto& rules = *scene_.spec.contacts.rules;
@@ -166,10 +170,8 @@ class Judge {
       return unless(uses_strength(), "no grip and no climb of the scene uses the person's strength");
     if (!of_model) return std::nullopt;
     if (path[3] == "muscles") return off(path[4] == "bands" ? Effect::tendon_coupling : Effect::muscles);
-    if (path[3] == "skin") {
-      const auto without = among(path.back(), kFrictionKeys) ? off(Effect::friction) : std::nullopt;
-      return without ? without : surfaces().of_hand(std::stoul(path[1]));
-    }
+    if (path[3] == "skin")
+      return surface(path.back(), [&] { return surfaces().of_hand(std::stoul(path[1])); });
     if (path.size() > 7 && among(path.back(), kStopKeys)) return off(Effect::joint_stops);
     return std::nullopt;
   }
@@ -179,29 +181,16 @@ class Judge {
                                [](const GraspPlan& grasp) { return grasp.strength.has_value(); });
   }
   std::optional<Reason> solver(const std::string& key) const {
-    using engine::ArticulatedMethod, engine::DaeMethod, engine::OdeMethod;
     const engine::Settings& solver = scene_.spec.solver;
-    const engine::Method method = solver.method();
-    const bool touches = solver.effects.any_contact();
-    bool acts = true;
-    if (key == "seed" || key == "iterations") acts = method != OdeMethod::world_step;
-    if (key == "tolerance")
-      acts = method == DaeMethod::stabilised_gear || method == ArticulatedMethod::dormand_prince;
-    if (key == "erp" && solver.engine() == engine::EngineKind::dae)
-      acts = method == DaeMethod::euler_linearised;
-    if (key == "erp" && solver.engine() == engine::EngineKind::articulated)
-      acts = method == ArticulatedMethod::semi_implicit_euler;
-    if (key == "speculative") {
-      if (!touches) return Reason{"no effect of contact is among effects"};
-      acts = method != ArticulatedMethod::rk4 && method != ArticulatedMethod::dormand_prince;
-    }
-    return unless(acts, fmt::format("method {} does not use it", engine::name(method)));
+    if (key == "speculative" && !solver.effects.any_contact())
+      return Reason{"no effect of contact is among effects"};
+    return unless(uses(solver, key), fmt::format("method {} does not use it", engine::name(solver.method())));
   }
   /// A row of gains that a later row for the same joints, or for all, replaces.
   std::optional<Reason> controller(const Path& path) const {
     if (path[2] == "grip_strength")
       return unless(uses_strength(), "no grip and no climb of the scene uses the person's strength");
-    if (path.size() < 5 || path[2] != "gains" || !among(path[4], kGainKeys)) return std::nullopt;
+    if (path.size() < 5 || path[2] != "gains" || !has_field<control::AxisGains>(path[4])) return std::nullopt;
     const auto& rows = scene_.resolved.find("control")->find("controller")->find("gains")->items;
     const std::size_t i = std::stoul(path[3]);
     const std::string joints = emit_yaml(*rows[i].find("joints"));
@@ -216,9 +205,6 @@ class Judge {
   static constexpr std::array kTissueKeys = {"stiffness", "damping", "rest"};
   static constexpr std::array kStopKeys = {"range", "bounce", "fudge_factor"};
   static constexpr std::array kStrengthKeys = {"grip_strength", "age"};
-  static constexpr std::array kGainKeys = {"proportional", "derivative",        "integral",
-                                           "frequency",    "damping_ratio",     "integral_time",
-                                           "torque_limit", "derivative_cutoff", "integral_zone"};
 
   const Scene& scene_;
   std::optional<Surfaces> surfaces_;  ///< made when a surface is judged

@@ -273,7 +273,7 @@ std::optional<control::MusclePlan> plan_muscles(const Scene& scene, Diagnostics&
   return std::nullopt;
 }
 
-void check_climb_load(YamlNode& criteria, const Scene& scene, Diagnostics& diagnostics) {
+void check_climb_load(const YamlNode& criteria, const Scene& scene, Diagnostics& diagnostics) {
   const std::optional<double>& limit = scene.spec.criteria.climb_load;
   for (const ClimbPlan& climb : scene.plans.climbs)
     if (limit && *limit > climb.load.most)
@@ -296,7 +296,7 @@ Scene compile_scene(YamlNode root) {
   Diagnostics diagnostics;
   SceneSpec spec = read_scene(root, task_kinds(), diagnostics);
   diagnostics.throw_if_any();
-  Scene scene = compile_scene(std::move(spec), std::move(root));
+  Scene scene = compile_scene(std::move(spec), diagnostics.resolution.applied(std::move(root)));
   scene.warnings.insert(scene.warnings.begin(), diagnostics.warnings.begin(), diagnostics.warnings.end());
   return scene;
 }
@@ -307,7 +307,7 @@ Scene compile_scene(SceneSpec spec, YamlNode root) {
   scene.spec = std::move(spec);
   scene.hands = build_hands(scene.spec.hands);
   scene.plans = make_plans(scene.spec, scene.hands, diagnostics);
-  if (YamlNode* criteria = root.find("criteria")) check_climb_load(*criteria, scene, diagnostics);
+  if (const YamlNode* criteria = root.find("criteria")) check_climb_load(*criteria, scene, diagnostics);
   diagnostics.throw_if_any();
   scene.model = build_model(scene.spec, scene.hands, scene.plans);
   if (scene.plans.control) {
@@ -322,7 +322,7 @@ Scene compile_scene(SceneSpec spec, YamlNode root) {
   diagnostics.throw_if_any();
   warn_of_idle_tables(scene, diagnostics);
   scene.resolved = std::move(root);
-  scene.inputs = collect_inputs(scene.resolved);
+  scene.inputs = collect_inputs(scene.spec.files);
   scene.warnings = std::move(diagnostics.warnings);
   return scene;
 }

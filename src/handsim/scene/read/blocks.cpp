@@ -16,31 +16,33 @@ Pose read_pose(MapReader& reader, std::optional<Vec3> fallback) {
   return pose;
 }
 
-YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required) {
-  YamlNode* node = reader.file_or_block(key, described(kind), required);
+const YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required,
+                           const std::string& otherwise) {
+  const YamlNode* node = reader.file_or_block(key, described(kind), required, otherwise);
   return node && is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
 }
 
 bool inline_file(MapReader& block, FileKind kind,
                  bool (*overridden)(const YamlNode& entry, const std::string& key)) {
-  YamlNode& entry = block.node();
   Diagnostics& diagnostics = block.diagnostics();
   if (!block.has("file")) return true;
-  YamlNode* file = block.value("file", {{YamlNode::Kind::scalar}, "the path of its file"});
+  const YamlNode* file = block.value("file", {{YamlNode::Kind::scalar}, "the path of its file"});
   if (!file) return false;
   const std::string key = block.path_of("file");
+  YamlNode content = *file;
   try {
-    follow_reference(*file, key, diagnostics.budget);
+    follow_reference(content, key, diagnostics.budget);
   } catch (const Error& error) {
     diagnostics.add(error);
     return false;
   }
-  if (!is_of_kind(*file, key, kind, diagnostics)) return false;
-  YamlNode content = std::move(*file);
-  entry.entries.remove_if([](const YamlEntry& of) { return of.key == "file"; });
-  const YamlNode own = entry;
+  if (!is_of_kind(content, key, kind, diagnostics)) return false;
+  YamlNode own = block.node();
+  own.entries.remove_if([](const YamlEntry& of) { return of.key == "file"; });
+  YamlNode both = own;
   for (YamlEntry& of : content.entries)
-    if (!overridden(own, of.key)) entry.entries.push_back(std::move(of));
+    if (!overridden(own, of.key)) both.entries.push_back(std::move(of));
+  block.read_instead(std::move(both));
   return true;
 }
 

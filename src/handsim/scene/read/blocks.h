@@ -1,4 +1,4 @@
-// Helpers of the readers of a scene's blocks. Problems go into the diagnostics, defaults into the tree.
+// Helpers of the readers of a scene's blocks. Problems and defaults go into the diagnostics.
 #pragma once
 
 #include <optional>
@@ -6,11 +6,8 @@
 #include <string_view>
 
 #include "handsim/core/yaml_reader.h"
-#include "handsim/engine/settings.h"
 
 namespace handsim::scene {
-
-struct SceneSpec;
 
 /// The kind of a handsim file, recognised so that a file in the wrong place gives one clear message.
 enum class FileKind {
@@ -53,17 +50,13 @@ std::string item_path(std::string_view list, std::size_t i);
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 
 /// A referenced file or an inline block; null if it is absent, or cannot be read, which is a problem.
-YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required = true);
+/// @param otherwise file of an absent key
+const YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required = true,
+                           const std::string& otherwise = {});
 
-/// Replaces the `file` of a block by that file's content, under the block's own keys. @param overridden true
+/// Reads the content of a block's `file` under the block's own keys. @param overridden true
 /// if these replace the file's `key`. @returns false, with problems, if the file cannot be used
 bool inline_file(MapReader& block, FileKind kind,
                  bool (*overridden)(const YamlNode& entry, const std::string& key));
-
-/// The `effects` list; `auto` is replaced by the effects that the scene's content needs.
-model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
-
-/// Problems: effects that the solver's engine or method does not have.
-void check_engine(MapReader& reader, const engine::Settings& solver);
 
 }  // namespace handsim::scene

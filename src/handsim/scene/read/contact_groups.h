@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "handsim/model/validate.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
 

@@ -1,8 +1,10 @@
+#include "handsim/scene/read/criteria.h"
+
 #include <algorithm>
 #include <cmath>
 
 #include "handsim/core/units.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
 
@@ -78,8 +80,8 @@ void check_criteria(MapReader reader, const SceneSpec& scene) {
       refuse(reader, some, "a limit in a scene without control", "a control block");
 }
 
-void check_tracked(YamlNode& root, const control::Plan& plan, Diagnostics& diagnostics) {
-  YamlNode* criteria = root.find("criteria");
+void check_tracked(const YamlNode& root, const control::Plan& plan, Diagnostics& diagnostics) {
+  const YamlNode* criteria = root.find("criteria");
   if (!criteria) return;
   MapReader reader(*criteria, "criteria", diagnostics);
   const std::optional<double> movement = largest_movement(plan);

@@ -1,3 +1,5 @@
+#include "handsim/scene/read/effects.h"
+
 #include <algorithm>
 
 #include "handsim/scene/read/blocks.h"
@@ -49,26 +51,20 @@ Effects needed_effects(const SceneSpec& scene) {
   return effects;
 }
 
-void write_effects(YamlNode& node, const Effects& effects) {
+YamlNode list_of_effects(const Effects& effects, const YamlNode& place) {
   YamlNode list = yaml_sequence();
   for (int i = 0; i < model::kEffectCount; ++i)
     if (effects.has(static_cast<Effect>(i)))
       list.items.push_back(yaml_scalar(std::string(model::kEffectNames[static_cast<std::size_t>(i)])));
-  list.file = node.file;
-  list.line = node.line;
-  list.column = node.column;
-  node = std::move(list);
+  list.file = place.file;
+  list.line = place.line;
+  list.column = place.column;
+  return list;
 }
 
 void read_effect(const YamlNode& item, const std::string& path, Effects& effects, Diagnostics& diagnostics) {
   const std::vector<std::string> known(model::kEffectNames.begin(), model::kEffectNames.end());
   const auto at = std::ranges::find(known, item.text);
-  if (item.text == "step_guard") {
-    diagnostics.problems.push_back(
-        {item.place(), path, "step_guard",
-         "a physical effect: the guard is a setting of engine ode, solver: {guard: true}"});
-    return;
-  }
   if (at == known.end()) {
     diagnostics.problems.push_back({item.place(), path, item.described(), need_word(item.text, known)});
     return;
@@ -168,13 +164,12 @@ Effects read_effects(MapReader& reader, const SceneSpec& scene) {
   using Kind = YamlNode::Kind;
   ValueForm form{{Kind::sequence, Kind::scalar}, "auto or a list of effects", false, {"auto"}};
   form.words.insert(form.words.end(), model::kEffectNames.begin(), model::kEffectNames.end());
-  YamlNode* node = reader.value("effects", form);
+  const YamlNode* node = reader.value("effects", form);
   Effects effects;
   if (!node && reader.node().find("effects")) return effects;
-  if (!node) node = &yaml_put(reader.node(), "effects", yaml_scalar("auto"));
-  if (node->text == "auto") {
+  if (!node || node->text == "auto") {
     effects = needed_effects(scene);
-    write_effects(*node, effects);
+    reader.resolve("effects", list_of_effects(effects, node ? *node : YamlNode()));
     return effects;
   }
   if (node->kind == Kind::scalar) {

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
@@ -17,6 +18,20 @@ using engine::EngineKind;
 using model::Effect;
 
 std::string number(double x) { return fmt::format("{:.12g}", x); }
+
+/// The keys of engine auto: what it chooses by, and settings of whatever engine it chooses.
+struct AutoSettings {
+  double accuracy = 0.01;
+  bool speculative = true;
+  std::uint64_t seed = 1;
+
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("accuracy", &AutoSettings::accuracy, Quantity{Dimension::none, 1e-12, 1});
+    visit("speculative", &AutoSettings::speculative);
+    visit("seed", &AutoSettings::seed, engine::kSeedRange);
+  }
+};
 
 CostRow read_row(MapReader reader) {
   CostRow row;
@@ -54,10 +69,9 @@ std::string_view described(SceneKind kind) {
   return kTexts[static_cast<std::size_t>(kind)];
 }
 
-bool unsuitable(const CostRow& row, const SceneSpec& scene, bool guarded) {
-  const EngineKind engine = row.solver.engine();
-  if ((engine != EngineKind::ode && guarded) || engine::missing_library(row.solver)) return true;
-  return engine == EngineKind::dae && scene.control.has_value();
+bool unsuitable(const CostRow& row, const SceneSpec& scene) {
+  if (engine::missing_library(row.solver)) return true;
+  return row.solver.engine() == EngineKind::dae && scene.control.has_value();
 }
 
 void put(YamlNode& map, std::string_view key, std::string value) {
@@ -67,21 +81,15 @@ void put(YamlNode& map, std::string_view key, std::string value) {
 void put_settings(YamlNode& map, const engine::Settings& solver) {
   put(map, "engine", std::string(engine::name(solver.engine())));
   put(map, "step", number(solver.step));
-  const auto write = [&](std::string_view key, const auto& value) {
-    using T = std::decay_t<decltype(value)>;
-    if constexpr (std::same_as<T, std::optional<engine::GuardLimits>>) {
-      if (!value) return;
-      YamlNode& guard = yaml_put(map, std::string(key), yaml_map());
-      put(guard, "joint_gap", number(value->joint_gap));
-      put(guard, "speed", number(value->speed));
-      put(guard, "angular_speed", number(value->angular_speed));
+  each_setting(solver, [&]<class T>(std::string_view key, const T& value, const auto&...) {
+    if constexpr (std::is_enum_v<T>) {
+      put(map, key, std::string(engine::name(engine::Method(value))));
     } else if constexpr (std::same_as<T, double>) {
       put(map, key, number(value));
     } else {
       put(map, key, fmt::format("{}", value));
     }
-  };
-  std::visit([&](const auto& own) { each_setting(own, write); }, solver.own);
+  });
 }
 
 std::string text_of(const CostRow& row) {
@@ -110,9 +118,7 @@ std::vector<std::string> extrapolations(const SceneSpec& scene, const CostTable&
 /// The table beside the scene, or else the installed one.
 YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
   const char* name = "accuracy_costs.yaml";
-  std::error_code failure;
-  const bool beside = std::filesystem::is_regular_file(
-      std::filesystem::path(scene.place().file).parent_path() / name, failure);
+  const bool beside = is_file(std::filesystem::path(scene.place().file).parent_path() / name);
   YamlNode out = yaml_scalar(beside ? name : (data_folder() / "config" / name).string());
   out.file = scene.file;
   out.line = engine.line;
@@ -136,12 +142,11 @@ std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const 
 }
 
 /// The cheapest row that reaches the accuracy; null, with a problem, if no row does.
-const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
-                        MapReader& block) {
+const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, MapReader& block) {
   const CostRow* best = nullptr;
   double least = std::numeric_limits<double>::infinity();
   for (const CostRow& row : table.rows) {
-    if (unsuitable(row, scene, guarded)) continue;
+    if (unsuitable(row, scene)) continue;
     least = std::min(least, row.error);
     if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
   }
@@ -160,7 +165,7 @@ double duration_of(MapReader& reader, const SceneSpec& scene) {
 
 }  // namespace
 
-std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics) {
+std::vector<CostTable> read_costs(const YamlNode& root, const std::string& path, Diagnostics& diagnostics) {
   std::vector<CostTable> out;
   if (!is_of_kind(root, path, FileKind::costs, diagnostics)) return out;
   MapReader reader(root, path, diagnostics);
@@ -185,17 +190,13 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   refuse_keys(
       block,
       [&](const YamlEntry& entry) -> std::optional<std::string> {
-        // A guard in the file is for the file's own engine.
-        if (entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value)) return "";
         for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
           if (entry.key == key) return "nothing: engine auto chooses it";
         return std::nullopt;
       },
       "engine auto chooses them");
-  const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1}, 0.01);
-  const std::optional<engine::GuardLimits> guard = read_guard(block);
-  const bool speculative = read_speculative(block);
-  const std::uint64_t seed = read_seed(block);
+  AutoSettings own;
+  block.fields(own);
   const std::vector<CostTable> tables = tables_of(block, reader.node(), engine);
   block.finish();
   if (!reader.sound()) return;
@@ -206,23 +207,22 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
     return block.problem("engine", "auto",
                          fmt::format("a named engine: there is no measurement of scenes of kind {}",
                                      kSceneKindNames[static_cast<std::size_t>(kind)]));
-  const CostRow* best = cheapest(*table, scene, accuracy, guard.has_value(), block);
+  const CostRow* best = cheapest(*table, scene, own.accuracy, block);
   if (!best) return;
   scene.solver.step = best->solver.step;
   scene.solver.own = best->solver.own;
-  if (bool* own = engine::speculative(scene.solver)) *own = speculative;
-  if (scene.solver.engine() == EngineKind::ode) {
-    scene.solver.ode().guard = guard;
-    scene.solver.ode().seed = seed;
-  }
+  if (bool* speculative = engine::speculative(scene.solver)) *speculative = own.speculative;
+  if (scene.solver.engine() == EngineKind::ode) scene.solver.ode().seed = own.seed;
   scene.engine_choice = fmt::format(
       "{}: the cheapest that reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds per "
       "simulated second",
-      text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
+      text_of(*best), own.accuracy, table->scene, described(kind), best->error, best->cost);
   for (const std::string& text : extrapolations(scene, *table, duration_of(reader, scene)))
     reader.warning("solver", "engine auto: " + text);
-  block.node().entries.clear();
-  put_settings(block.node(), scene.solver);
+  YamlNode chosen = block.node();
+  chosen.entries.clear();
+  put_settings(chosen, scene.solver);
+  block.resolve("", std::move(chosen));
 }
 
 }  // namespace handsim::scene

@@ -4,7 +4,7 @@
 #include <array>
 #include <string_view>
 
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
 
@@ -27,11 +27,11 @@ struct CostTable {
 };
 
 /// Reads the tables of an accuracy study (config/accuracy_costs.yaml).
-std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics);
+std::vector<CostTable> read_costs(const YamlNode& root, const std::string& path, Diagnostics& diagnostics);
 
 /// Reads a `solver` block with `engine: auto`: sets SceneSpec::solver from the table of costs and
-/// SceneSpec::engine_choice to the choice and its reason, and writes the choice into the block. `guard`,
-/// `seed` and `speculative` apply if the chosen engine has them; with a guard, only engine ode can be chosen.
+/// SceneSpec::engine_choice to the choice and its reason, and writes the choice into the block. `seed`
+/// and `speculative` apply if the chosen engine has them.
 void choose_engine(MapReader& reader, SceneSpec& scene);
 
 }  // namespace handsim::scene

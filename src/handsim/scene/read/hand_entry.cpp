@@ -1,15 +1,15 @@
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/hand_entry.h"
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <map>
-#include <tuple>
 
 #include <fmt/format.h>
 
 #include "handsim/control/pose_table.h"
 #include "handsim/core/data_folder.h"
+#include "handsim/core/input_file.h"
 #include "handsim/hand/doubts.h"
 #include "handsim/hand/what_if.h"
 #include "handsim/model/effects.h"
@@ -37,13 +37,12 @@ model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
   return out;
 }
 
-/// The wrist's poses from a table. Its path becomes absolute: the resolved scene is in another folder.
+/// The wrist's poses from a table.
 model::PoseMotion read_table(MapReader& reader, const std::string& hand) {
   model::PoseMotion motion;
-  YamlNode* node = reader.value("table", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file"});
+  const YamlNode* node = reader.value("table", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file"});
   if (!node) return motion;
-  const std::filesystem::path path = std::filesystem::path(node->place().file).parent_path() / node->text;
-  node->text = std::filesystem::absolute(path).lexically_normal().string();
+  const std::filesystem::path path = reader.file_path("table", *node);
   const std::optional<double> filter = reader.maybe_number("filter", {Dimension::frequency, 0.01, 1e4});
   // A schema is made without the files that a scene names.
   if (reader.diagnostics().recorder) return motion;
@@ -192,31 +191,24 @@ bool needs_muscles(const YamlNode& scene) {
          });
 }
 
-/// Names the anatomical hand where the scene names none.
-void choose_model(MapReader& reader) {
-  YamlNode& hand = reader.node();
-  if (reader.diagnostics().recorder || hand.kind != YamlNode::Kind::map || reader.has("model")) return;
-  YamlNode chosen = yaml_scalar((data_folder() / "handmodels/anatomical.yaml").string());
-  std::tie(chosen.file, chosen.line, chosen.column) = std::tie(hand.file, hand.line, hand.column);
-  hand.entries.push_back({"model", hand.line, hand.column, std::move(chosen)});
-}
-
 HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool with_muscles) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
-  choose_model(reader);
-  if (YamlNode* node = referenced(reader, "model", FileKind::hand_model, false)) {
+  if (const YamlNode* node = referenced(reader, "model", FileKind::hand_model, false,
+                                        (data_folder() / "handmodels/anatomical.yaml").string())) {
     // A scene without muscles does not pay for reading them.
-    if (!with_muscles) node->entries.remove_if([](const YamlEntry& each) { return each.key == "muscles"; });
-    entry.model = hand::shared_hand_spec(*node, reader.path_of("model"), diagnostics);
+    YamlNode model = *node;
+    if (!with_muscles) model.entries.remove_if([](const YamlEntry& each) { return each.key == "muscles"; });
+    entry.model = hand::shared_hand_spec(reader.resolve("model", std::move(model)), reader.path_of("model"),
+                                         diagnostics);
   } else {
     entry.model = std::make_shared<const hand::HandSpec>();
   }
   const bool model_known = reader.sound();
   if (auto changed = hand::read_what_if(reader, *entry.model))
     entry.model = std::make_shared<const hand::HandSpec>(std::move(*changed));
-  if (YamlNode* node = referenced(reader, "person", FileKind::person))
+  if (const YamlNode* node = referenced(reader, "person", FileKind::person))
     entry.person = hand::read_person(*node, reader.path_of("person"), diagnostics);
 
   const bool person_known = reader.sound();

@@ -1,7 +1,6 @@
 #include "handsim/scene/read/inputs.h"
 
 #include <algorithm>
-#include <functional>
 
 #include <fmt/format.h>
 
@@ -12,39 +11,11 @@ namespace handsim::scene {
 
 namespace {
 
-using Visit = std::function<void(YamlNode& path)>;
-
-void visit_mesh(YamlNode& solid, const Visit& visit) {
-  if (YamlNode* mesh = solid.find("mesh")) visit(*mesh);
-}
-
-/// Visits every value that is the path of a file. All other references were replaced by their content.
-void each_path(YamlNode& scene, const Visit& visit) {
-  if (YamlNode* objects = scene.find("objects"))
-    for (YamlNode& object : objects->items) {
-      visit_mesh(object, visit);
-      if (YamlNode* parts = object.find("parts"))
-        for (YamlNode& part : parts->items) visit_mesh(part, visit);
-    }
-  if (YamlNode* bodies = scene.find("bodies"))
-    for (YamlNode& body : bodies->items)
-      if (YamlNode* shape = body.find("shape")) visit_mesh(*shape, visit);
-  if (YamlNode* hands = scene.find("hands"))
-    for (YamlNode& hand : hands->items) {
-      YamlNode* wrist = hand.find("wrist");
-      YamlNode* motion = wrist ? wrist->find("motion") : nullptr;
-      if (YamlNode* table = motion ? motion->find("table") : nullptr) visit(*table);
-    }
-  const auto visit_table = [&](YamlNode* choice) {
-    if (choice && choice->kind == YamlNode::Kind::scalar && control::is_motion_file(choice->text))
-      visit(*choice);
-  };
-  visit_table(scene.find("excitations"));
-  YamlNode* control = scene.find("control");
-  YamlNode* program = control ? control->find("program") : nullptr;
-  if (!program) return;
-  visit_table(program);
-  for (YamlEntry& hand : program->entries) visit_table(&hand.value);
+template <class Visit>
+void each_scalar(YamlNode& node, const Visit& visit) {
+  if (node.kind == YamlNode::Kind::scalar) visit(node);
+  for (YamlNode& item : node.items) each_scalar(item, visit);
+  for (YamlEntry& entry : node.entries) each_scalar(entry.value, visit);
 }
 
 constexpr const char* kFolder = "inputs";
@@ -80,12 +51,11 @@ std::size_t memory_of(const YamlNode& node) {
 
 }  // namespace
 
-std::vector<ReferencedFile> collect_inputs(YamlNode& resolved) {
+std::vector<ReferencedFile> collect_inputs(const std::vector<std::filesystem::path>& files) {
   std::vector<ReferencedFile> out;
-  each_path(resolved, [&](YamlNode& node) {
-    const std::filesystem::path path(node.text);
+  for (const std::filesystem::path& path : files) {
     const auto same = [&](const ReferencedFile& file) { return file.path == path; };
-    if (std::ranges::any_of(out, same)) return;
+    if (std::ranges::any_of(out, same)) continue;
     const std::string name = plain_name(path);
     std::string copy = fmt::format("{}/{}", kFolder, name);
     const auto taken = [&](const ReferencedFile& file) { return file.copy == copy; };
@@ -95,12 +65,13 @@ std::vector<ReferencedFile> collect_inputs(YamlNode& resolved) {
     out.push_back({path, copy,
                    std::make_shared<const std::string>(
                        read_input_file(path, "a file that the scene reads", control::kMotionMaxBytes))});
-  });
+  }
   return out;
 }
 
 YamlNode standalone(YamlNode resolved, const std::vector<ReferencedFile>& inputs) {
-  each_path(resolved, [&](YamlNode& node) {
+  if (inputs.empty()) return resolved;
+  each_scalar(resolved, [&](YamlNode& node) {
     for (const ReferencedFile& file : inputs)
       if (node.text == file.path.string()) {
         node.text = file.copy;
@@ -133,7 +104,7 @@ std::vector<std::string> copies_named_in(const std::filesystem::path& resolved) 
   };
   try {
     YamlNode scene = load_yaml(resolved);
-    each_path(scene, take);
+    each_scalar(scene, take);
   } catch (const Error&) {
     return {};
   }

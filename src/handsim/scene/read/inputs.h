@@ -18,9 +18,9 @@ struct ReferencedFile {
   std::shared_ptr<const std::string> bytes;  ///< its content
 };
 
-/// The meshes and motion files that a resolved scene names by absolute paths, each once, in the order of the
-/// scene; files of equal names in several folders get a number. @throws Error (input) if one cannot be read.
-std::vector<ReferencedFile> collect_inputs(YamlNode& resolved);
+/// The files by absolute paths, each once; those of equal names in several folders get a number.
+/// @throws Error (input) if one cannot be read.
+std::vector<ReferencedFile> collect_inputs(const std::vector<std::filesystem::path>& files);
 
 /// The scene with the paths of the copies in place of the originals: the content of resolved.yaml.
 YamlNode standalone(YamlNode resolved, const std::vector<ReferencedFile>& inputs);

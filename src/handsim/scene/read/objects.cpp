@@ -6,12 +6,12 @@
 
 #include <fmt/format.h>
 
-#include "handsim/hand/shape_spec.h"
+#include "handsim/hand/surface.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
-#include "handsim/scene/read/contact_spec.h"
+#include "handsim/scene/read/contacts_block.h"
 #include "handsim/scene/read/mesh_file.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
 
@@ -29,9 +29,7 @@ using Keys = std::vector<std::string_view>;
 const Keys kMassKeys = {"mass", "density"};
 const Keys kFormKeys = {"shape", "parts"};
 const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length", "mesh", "scale"};
-const Keys kPropertyKeys = {"friction",         "restitution",       "restitution_speed",
-                            "rolling_friction", "spinning_friction", "stiffness",
-                            "damping"};
+const Keys kPropertyKeys = field_keys<model::Material>();
 
 bool has_any(const YamlNode& map, const Keys& keys) {
   return std::ranges::any_of(keys, [&](std::string_view key) { return map.find(key) != nullptr; });
@@ -47,14 +45,12 @@ bool overridden(const YamlNode& entry, const std::string& key) {
          (key == "material" && has_any(entry, kPropertyKeys));
 }
 
-/// Reads `mesh`. It gets an absolute path, because the resolved scene is written to another folder.
+/// Reads `mesh`.
 void read_mesh(MapReader& reader, model::Shape& shape) {
   const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
-  const std::string name = reader.text("mesh");
+  reader.text("mesh");
   if (!reader.has("mesh") || !reader.sound()) return;
-  YamlNode& node = *reader.child("mesh");
-  const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
-  const std::filesystem::path path = std::filesystem::absolute(beside / name).lexically_normal();
+  const std::filesystem::path path = reader.file_path("mesh", *reader.child("mesh"));
   try {
     LoadedMesh loaded = load_convex_mesh(path, scale);
     shape.mesh = std::move(loaded.mesh);
@@ -72,7 +68,6 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
       else
         reader.problem("mesh", problem.got, problem.need);
   }
-  node.text = path.string();
 }
 
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
@@ -256,7 +251,7 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
   return objects;
 }
 
-ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
+ObjectSpec read_object_file(const YamlNode& root, Diagnostics& diagnostics) {
   if (!is_of_kind(root, "", FileKind::object, diagnostics)) return {};
   return read_object(MapReader(root, "", diagnostics), {}, {}, {}, true, false);
 }

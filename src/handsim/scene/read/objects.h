@@ -2,6 +2,7 @@
 // object, without a pose. An object of a scene may refer to one; its own keys override those of its `file`.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,7 +10,7 @@
 #include "handsim/core/yaml_reader.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/model.h"
-#include "handsim/scene/read/task_spec.h"
+#include "handsim/scene/read/task_block.h"
 
 namespace handsim::scene {
 
@@ -44,12 +45,15 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials);
 
 /// Reads an object file on its own, as an object at the world's origin.
-ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics);
+ObjectSpec read_object_file(const YamlNode& root, Diagnostics& diagnostics);
 
 /// Reads kind and size of a solid; `kind_key` is the key of the kind. Sets the pose to that of its centre: a
 /// mesh's centroid differs from the origin of its file.
 /// @returns false, with a problem, if the kind is unknown.
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape);
+
+/// A color "#RRGGBB", sRGB; without quotes it is a comment of YAML.
+std::optional<std::uint32_t> read_colour(MapReader& reader, const char* key = "color");
 
 /// Reads a surface: `material`, the name of one of the scene's, or its properties.
 model::Material read_surface(MapReader& reader, std::string name,

@@ -1,3 +1,5 @@
+#include "handsim/scene/read/run_settings.h"
+
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -7,7 +9,7 @@
 
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/engine_choice.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
 
@@ -39,31 +41,6 @@ CameraSpec read_camera(MapReader camera) {
 
 using engine::EngineKind;
 
-template <class E>
-E read_method(MapReader& reader, E fallback) {
-  std::vector<std::pair<std::string_view, E>> words;
-  for (const std::string_view word : engine::method_names(fallback))
-    words.emplace_back(word, static_cast<E>(words.size()));
-  return reader.choice<E>("method", words, fallback);
-}
-
-template <class Own>
-void read_own(MapReader& reader, Own& own) {
-  own.method = read_method(reader, own.method);
-  own.erp = reader.number("erp", {Dimension::none, 0, 1}, own.erp);
-  if constexpr (requires { own.tolerance; })
-    own.tolerance = reader.number(
-        "tolerance", {Dimension::none, engine::kMinTolerance, engine::kMaxTolerance}, own.tolerance);
-  if constexpr (requires { own.speculative; }) own.speculative = read_speculative(reader);
-  if constexpr (std::same_as<Own, engine::OdeSettings>) {
-    own.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, own.cfm);
-    own.iterations = reader.integer("iterations", 1, engine::kMaxIterations, own.iterations);
-    own.projection = reader.flag("projection", own.projection);
-    own.seed = read_seed(reader);
-    own.guard = read_guard(reader);
-  }
-}
-
 engine::Settings settings_of(EngineKind kind) {
   engine::Settings out;
   out.use(kind);
@@ -77,11 +54,7 @@ std::span<const std::string_view> methods_of(EngineKind kind) {
 
 std::vector<std::string_view> keys_of(EngineKind kind) {
   std::vector<std::string_view> keys;
-  std::visit(
-      [&](const auto& own) {
-        each_setting(own, [&](std::string_view key, const auto&) { keys.push_back(key); });
-      },
-      settings_of(kind).own);
+  each_setting(settings_of(kind), [&](std::string_view key, const auto&...) { keys.push_back(key); });
   return keys;
 }
 
@@ -109,32 +82,9 @@ std::optional<std::string> needed_for(EngineKind kind, const YamlEntry& entry) {
 
 bool of_command_line(const YamlNode& node) { return node.file && node.file->starts_with("--set"); }
 
-std::uint64_t read_seed(MapReader& reader) {
-  return static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
-}
-
-bool read_speculative(MapReader& reader) { return reader.flag("speculative", true); }
-
-std::optional<engine::GuardLimits> read_guard(MapReader& reader) {
-  YamlNode* node = reader.child("guard");
-  if (!node) return std::nullopt;
-  if (node->kind == YamlNode::Kind::scalar) {
-    if (!reader.flag("guard", false)) return std::nullopt;
-    node->kind = YamlNode::Kind::map;
-  }
-  MapReader guard = reader.map("guard");
-  engine::GuardLimits limits;
-  limits.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);
-  limits.speed = guard.number("speed", {Dimension::speed, 0.01, 1000}, limits.speed);
-  limits.angular_speed =
-      guard.number("angular_speed", {Dimension::angular_speed, 1, 1e5}, limits.angular_speed);
-  guard.finish();
-  return limits;
-}
-
 void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
                  const std::string& why) {
-  YamlNode& block = reader.node();
+  YamlNode block = reader.node();
   const YamlNode* engine = block.find("engine");
   const bool switched = engine && of_command_line(*engine);
   std::vector<std::string> left_out;
@@ -148,8 +98,9 @@ void refuse_keys(MapReader& reader, const std::function<std::optional<std::strin
     }
     entry = drop ? block.entries.erase(entry) : std::next(entry);
   }
-  if (!left_out.empty())
-    reader.warning("engine", fmt::format("the file's {} left out: {}", fmt::join(left_out, ", "), why));
+  if (left_out.empty()) return;
+  reader.read_instead(std::move(block));
+  reader.warning("engine", fmt::format("the file's {} left out: {}", fmt::join(left_out, ", "), why));
 }
 
 void read_settings(MapReader& reader, engine::Settings& solver) {
@@ -159,21 +110,22 @@ void read_settings(MapReader& reader, engine::Settings& solver) {
   engines.emplace_back("auto", EngineKind::ode);
   const std::size_t before = reader.diagnostics().problems.size();
   const EngineKind kind = reader.choice<EngineKind>("engine", engines, EngineKind::ode);
-  solver.step = reader.number("step", {Dimension::time, engine::kMinStep, engine::kMaxStep}, solver.step);
+  const auto read_step = [&] { solver.step = reader.number("step", engine::kStepRange, solver.step); };
   // The keys of an unknown engine are unknown, too: all are accepted.
   if (const YamlNode* named = reader.node().find("engine"); named && named->text != engine::name(kind)) {
     if (reader.diagnostics().problems.size() == before)
       reader.problem("engine", named->text, "a named engine: auto is for a scene's solver");
     for (const YamlEntry& entry : reader.node().entries) reader.has(entry.key);
-    return;
+    return read_step();
   }
   refuse_keys(
       reader, [kind](const YamlEntry& entry) { return needed_for(kind, entry); },
       fmt::format("engine {} does not have them", engine::name(kind)));
+  read_step();
   solver.use(kind);
   if (kind == EngineKind::ode && solver.effects.has(model::Effect::muscles))
     solver.ode().iterations = engine::kMuscleIterations;
-  std::visit([&](auto& own) { read_own(reader, own); }, solver.own);
+  std::visit([&](auto& own) { reader.fields(own); }, solver.own);
 }
 
 void read_solver(MapReader& reader, SceneSpec& scene) {

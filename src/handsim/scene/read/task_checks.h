@@ -1,7 +1,7 @@
 // Checks that hands, objects and poses of the tasks exist in the scene.
 #pragma once
 
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
 

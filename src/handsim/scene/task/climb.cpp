@@ -72,7 +72,7 @@ std::unique_ptr<TaskSpec> read_climb(MapReader& block) {
             climb.close_time * static_cast<double>(climb.closed.size()) + block.number("settle", kSpan, 0.3));
   climb.load = read_load(block.map("load"));
   add_phase(climb, "load", climb.load.most / climb.load.rate);
-  if (YamlNode* table = referenced(block, "strength", FileKind::grip_norms))
+  if (const YamlNode* table = referenced(block, "strength", FileKind::grip_norms))
     climb.strength = hand::read_grip_table(*table, block.path_of("strength"), block.diagnostics());
   return out;
 }

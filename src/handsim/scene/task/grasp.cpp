@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/hand/shape_spec.h"
+#include "handsim/hand/surface.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/task/grip_fit.h"

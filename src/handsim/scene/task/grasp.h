@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "handsim/hand/grip_strength.h"
-#include "handsim/scene/read/task_spec.h"
+#include "handsim/scene/read/task_block.h"
 
 namespace handsim::scene {
 

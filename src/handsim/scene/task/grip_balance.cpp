@@ -6,7 +6,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/task/tasks.h"
 
@@ -126,7 +126,7 @@ GripSpec read_grip(MapReader reader) {
     if (forces.has(name)) out.forces[part] = forces.number(name, {Dimension::force, 0, 1e3});
   if (forces.sound() && out.forces.empty()) forces.problem("", "no finger", "a force of at least one finger");
   forces.finish();
-  if (YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
+  if (const YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
     out.strength = hand::read_grip_table(*table, reader.path_of("strength"), reader.diagnostics());
   out.squeeze = reader.number("squeeze", kSpan, out.squeeze);
   out.friction = reader.maybe_number("friction", {Dimension::none, 1e-3, 100});

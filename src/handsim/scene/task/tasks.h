@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 #include "handsim/scene/task/climb.h"
 #include "handsim/scene/task/grasp.h"
 

@@ -10,7 +10,7 @@
 #include "handsim/engine/engine.h"
 #include "handsim/output/render/draw_list.h"
 #include "handsim/output/render/image.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/read/scene_file.h"
 
 namespace handsim::simulation {
 

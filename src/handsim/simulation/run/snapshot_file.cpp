@@ -16,7 +16,7 @@ constexpr std::string_view kMagic = "HANDSNAP";
 constexpr std::size_t kHashBytes = 8;
 
 template <class Archive, class Print>
-void carry_fingerprint(Archive& archive, Print& fingerprint) {
+void serialize_fingerprint(Archive& archive, Print& fingerprint) {
   for (auto& [name, hash] : fingerprint) {
     archive(name);
     if constexpr (std::same_as<Archive, ArchiveWriter>)
@@ -32,7 +32,7 @@ std::string snapshot_text(const RunSnapshot& snapshot) {
   ArchiveWriter out;
   out.word(kSnapshotVersion);
   out(snapshot.scene->size());
-  carry_fingerprint(out, *snapshot.scene);
+  serialize_fingerprint(out, *snapshot.scene);
   out(snapshot.time, snapshot.bytes);
   std::string text = std::string(kMagic) + out.take();
   ArchiveWriter sum;
@@ -56,7 +56,7 @@ RunSnapshot parse_snapshot(std::string_view text, const std::string& name) {
     throw refuse("a snapshot that is torn or was changed");
   RunSnapshot out;
   Fingerprint scene(in.size());
-  carry_fingerprint(in, scene);
+  serialize_fingerprint(in, scene);
   out.scene = std::make_shared<const Fingerprint>(std::move(scene));
   in(out.time, out.bytes);
   in.finish();

@@ -72,7 +72,6 @@ void add_run(const Simulation& simulation, const RunResult& result, Json& out) {
   for (const char* key : {"convergence", "state_hash"}) out[key] = nullptr;
   if (result.expected_hash) out["expected_hash"] = hash_text(*result.expected_hash);
   if (result.continued_from) out["continued_from_s"] = *result.continued_from;
-  out["steps"] = nullptr;
   out["time"] = {{"simulated_s", result.simulated},
                  {"loop_wall_s", result.wall},
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};

@@ -165,17 +165,17 @@ void ClimbWatch::update(const engine::Engine& engine) {
 }
 
 template <class Archive, class Self>
-void ClimbWatch::carry(Archive& archive, Self& self) {
+void ClimbWatch::serialize(Archive& archive, Self& self) {
   auto& figures = self.figures_;
   archive(figures.failed, figures.carried, figures.carried_time, figures.failure_time, figures.travel,
           self.start_, self.loading_);
   archive.list(self.grips_, [](auto& each, auto& grip) { carry_loaded(each, grip); });
 }
 
-void ClimbWatch::save(ArchiveWriter& out) const { carry(out, *this); }
+void ClimbWatch::save(ArchiveWriter& out) const { serialize(out, *this); }
 
 void ClimbWatch::restore(ArchiveReader& in, double /*time*/) {
-  carry(in, *this);
+  serialize(in, *this);
   figures_.complete = figures_.failed;
   if (loading_ == grips_.empty())
     in.refuse("a climb whose load and grips disagree", "grips once the load has begun");

@@ -76,7 +76,7 @@ class ClimbWatch {
 
  private:
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   LoadedGrip grip(const engine::Engine& engine) const;
   void collect_flexors(const model::Model& model, const hand::BuiltHand& hand);
 

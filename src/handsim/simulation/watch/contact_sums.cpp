@@ -35,7 +35,7 @@ void end_step(Sums& sums, double time, double step) {
 }
 
 template <class Archive, class T>
-void carry_sum(Archive& archive, T& sum) {
+void serialize_sum(Archive& archive, T& sum) {
   archive(sum.contacts, sum.force, sum.normal, sum.friction, sum.normal_time, sum.largest_normal,
           sum.largest_at);
 }
@@ -91,12 +91,12 @@ void ContactSums::save(ArchiveWriter& out) const {
   out(time_, pairs_.size());
   for (const auto& [things, sum] : pairs_) {
     out(things.first, things.second);
-    carry_sum(out, sum);
+    serialize_sum(out, sum);
   }
   out(fingers_.size());
   for (const auto& [thing, sum] : fingers_) {
     out(thing);
-    carry_sum(out, sum);
+    serialize_sum(out, sum);
   }
 }
 
@@ -111,10 +111,10 @@ void ContactSums::restore(ArchiveReader& in, const model::State& /*state*/) {
   pairs_.clear();
   for (std::size_t n = in.size(); n > 0; --n) {
     const std::size_t first = thing(), second = thing();
-    carry_sum(in, pairs_[{first, second}]);
+    serialize_sum(in, pairs_[{first, second}]);
   }
   fingers_.clear();
-  for (std::size_t n = in.size(); n > 0; --n) carry_sum(in, fingers_[thing()]);
+  for (std::size_t n = in.size(); n > 0; --n) serialize_sum(in, fingers_[thing()]);
 }
 
 /// Sums of the points' normal and friction forces, and their vector: on the finger; on the first of a pair.

@@ -1,7 +1,6 @@
 #include "handsim/simulation/watch/convergence.h"
 
 #include <algorithm>
-#include <numeric>
 
 #include <fmt/format.h>
 
@@ -25,7 +24,6 @@ bool Convergence::articulated() const {
 void Convergence::update(Step& step) {
   const engine::StepReport& report = step.report;
   lcp_failures_ += report.lcp_failures;
-  ++rungs_[static_cast<std::size_t>(report.rung)];
   iterative_ += report.iterative ? 1 : 0;
   if (report.contact_sweeps == 0 && !report.residual) return;
   const double time = step.engine.state().time;
@@ -45,16 +43,14 @@ void Convergence::update(Step& step) {
 }
 
 template <class Archive, class Self>
-void Convergence::carry(Archive& archive, Self& self) {
-  archive(self.lcp_failures_);
-  archive.each(self.rungs_);
-  archive(self.iterative_, self.measured_, self.limit_steps_);
-  for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::carry(archive, *peak);
+void Convergence::serialize(Archive& archive, Self& self) {
+  archive(self.lcp_failures_, self.iterative_, self.measured_, self.limit_steps_);
+  for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::serialize(archive, *peak);
 }
 
-void Convergence::save(ArchiveWriter& out) const { carry(out, *this); }
+void Convergence::save(ArchiveWriter& out) const { serialize(out, *this); }
 
-void Convergence::restore(ArchiveReader& in, const model::State& /*state*/) { carry(in, *this); }
+void Convergence::restore(ArchiveReader& in, const model::State& /*state*/) { serialize(in, *this); }
 
 void Convergence::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
   Verdict failures{"lcp_failures", "", static_cast<double>(lcp_failures_)};
@@ -70,10 +66,8 @@ void Convergence::add_warnings(std::vector<std::string>& out) const {
   else if (lcp_failures_ > 0)
     out.push_back(fmt::format(
         "the LCP solver gave up {} times, and what it had not solved was left to move: try a larger "
-        "solver.cfm, a smaller step, or solver.guard",
+        "solver.cfm, a smaller step, or engine articulated",
         lcp_failures_));
-  if (const long lost = rungs_[static_cast<std::size_t>(engine::Rung::unresolved)]; lost > 0)
-    out.push_back(fmt::format("{} steps did not keep to the guard's limits in any way", lost));
   const double worth = solver.step / std::max(solver.erp(), kLeastErp);
   const auto warn = [&](const Peak& peak, double bad, const char* what, const char* unit, const char* gap) {
     if (peak.value * worth > bad)
@@ -104,14 +98,6 @@ void Convergence::add_summary(SummaryJson& out) const {
     solved["steps_by_fixed_friction_limits"] = limit_steps_;
     solved["steps_relaxed"] = iterative_;
   }
-  // What method auto chose, and what the guard tried.
-  const engine::Settings& solver = scene_.spec.solver;
-  const long steps = std::accumulate(rungs_.begin(), rungs_.end(), 0L);
-  if (solver.method() == engine::OdeMethod::automatic)
-    out.json["steps"]["method"] = {{"world_step", steps - iterative_}, {"quick_step", iterative_}};
-  if (solver.engine() != engine::EngineKind::ode || !solver.ode().guard) return;
-  for (std::size_t i = 1; i < engine::kRungNames.size(); ++i)
-    out.json["steps"]["guard"][std::string(engine::kRungNames[i])] = rungs_[i];
 }
 
 }  // namespace handsim::simulation

@@ -17,14 +17,12 @@ class Convergence final : public Watcher {
   void save(ArchiveWriter& out) const override;
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
-  /// A sentence for each problem: LCP failures, steps that the guard could not solve, residuals that would
+  /// A sentence for each problem: LCP failures, residuals that would
   /// open a joint by more than 0.1 mm or 5 mrad or let a contact sink by 0.1 mm (times step over ERP).
   void add_warnings(std::vector<std::string>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
   long lcp_failures() const { return lcp_failures_; }
-  /// Number of steps for each engine::Rung.
-  const std::array<long, engine::kRungNames.size()>& rungs() const { return rungs_; }
   /// Number of steps that quick_step solved, or the articulated engine by relaxation.
   long iterative_steps() const { return iterative_; }
   /// Steps whose residual was measured: of quick_step with contact, with a change of active stops, and every
@@ -37,12 +35,11 @@ class Convergence final : public Watcher {
 
  private:
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   bool articulated() const;
 
   const scene::Scene& scene_;
   long lcp_failures_ = 0, iterative_ = 0;
-  std::array<long, engine::kRungNames.size()> rungs_{};
   long measured_ = 0, limit_steps_ = 0;
   Peak linear_, angular_, contact_;
 };

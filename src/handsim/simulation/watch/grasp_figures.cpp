@@ -23,7 +23,7 @@ void carry_grip(Archive& archive, T& grip) {
 }
 
 template <class Archive, class T>
-void carry_figures(Archive& archive, T& figures) {
+void serialize_figures(Archive& archive, T& figures) {
   archive(figures.complete);
   carry_grip(archive, figures.hold);
   carry_grip(archive, figures.after);
@@ -96,12 +96,12 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
 
 void GraspWatch::save(ArchiveWriter& out) const {
   out(at_slip_start_, at_hold_end_);
-  carry_figures(out, figures_);
+  serialize_figures(out, figures_);
 }
 
 void GraspWatch::restore(ArchiveReader& in, double time) {
   in(at_slip_start_, at_hold_end_);
-  carry_figures(in, figures_);
+  serialize_figures(in, figures_);
   figures_.watched_time = time;
 }
 

@@ -51,7 +51,7 @@ struct PartForces {
     sum.normal += contact.normal_force();
     sum.friction += contact.friction_force().norm();
   }
-  /// Those with contacts.
+  /// The parts of the hand that have contacts.
   std::vector<PartForce> touched() const {
     std::vector<PartForce> out(each.begin(), each.end());
     std::erase_if(out, [](const PartForce& part) { return part.contacts == 0; });

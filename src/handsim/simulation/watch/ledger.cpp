@@ -77,15 +77,15 @@ void Ledger::update(Step& step) {
 }
 
 template <class Archive, class Self>
-void Ledger::carry(Archive& archive, Self& self) {
+void Ledger::serialize(Archive& archive, Self& self) {
   archive(self.timed_, self.steps_, self.contacts_, self.collide_calls_, self.step_ns_, self.check_ns_,
           self.collide_ns_, self.tissue_ns_, self.control_ns_, self.servo_ns_);
   for (auto& count : self.counts_) archive(count.steps, count.rows);
 }
 
-void Ledger::save(ArchiveWriter& out) const { carry(out, *this); }
+void Ledger::save(ArchiveWriter& out) const { serialize(out, *this); }
 
-void Ledger::restore(ArchiveReader& in, const model::State& /*state*/) { carry(in, *this); }
+void Ledger::restore(ArchiveReader& in, const model::State& /*state*/) { serialize(in, *this); }
 
 std::optional<double> Ledger::per_step(double ns) const {
   return timed_ > 0 ? std::optional(ns / static_cast<double>(timed_)) : std::nullopt;

@@ -43,7 +43,7 @@ class Ledger final : public Watcher {
     long rows = 0;   ///< in all
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   model::Effect kind_of(const engine::Contact& contact) const;
   Count& count(model::Effect effect) { return counts_[static_cast<std::size_t>(effect)]; }
   void add_rows(model::Effect effect, long rows);

@@ -95,16 +95,16 @@ void Monitor::update_stops(const model::State& state) {
 }
 
 template <class Archive, class Self>
-void Monitor::carry(Archive& archive, Self& self) {
+void Monitor::serialize(Archive& archive, Self& self) {
   for (auto& stopped : self.stopped_) archive(stopped.overshoot, stopped.allowed);
   archive(self.gap2_, self.gap_time_, self.gap_joint_);
-  simulation::carry(archive, self.excess_);
+  simulation::serialize(archive, self.excess_);
 }
 
-void Monitor::save(ArchiveWriter& out) const { carry(out, *this); }
+void Monitor::save(ArchiveWriter& out) const { serialize(out, *this); }
 
 void Monitor::restore(ArchiveReader& in, const model::State& /*state*/) {
-  carry(in, *this);
+  serialize(in, *this);
   if (gap_joint_ > 0 && gap_joint_ >= model_.joints.size())
     in.refuse("the gap of a joint that is not there", "one of this scene's joints");
 }

@@ -24,7 +24,7 @@ struct Peak {
 
 template <class Archive, class T>
 requires std::same_as<std::remove_const_t<T>, Peak>
-void carry(Archive& archive, T& peak) { archive(peak.value, peak.time, peak.where); }
+void serialize(Archive& archive, T& peak) { archive(peak.value, peak.time, peak.where); }
 
 /// A larger joint gap ends a run [m]; segments of a hand are shorter than this.
 inline constexpr double kLargestGap = 0.1;
@@ -32,7 +32,8 @@ inline constexpr double kLargestGap = 0.1;
 class Monitor final : public Watcher {
  public:
   explicit Monitor(const Watched& watched);
-  /// Without an engine. The model must outlive this. @param step of the engine [s]. @param stops in effect
+  /// Without an engine. The model must outlive this object. @param step of the engine [s]. @param stops in
+  /// effect
   Monitor(const model::Model& model, double step, bool stops);
 
   std::string_view name() const override { return "monitor"; }
@@ -64,7 +65,7 @@ class Monitor final : public Watcher {
     std::string name() const { return joint->name + "." + joint->axes[axis].name; }
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   void update_gaps(const model::State& state);
   void update_stops(const model::State& state);
 

@@ -36,10 +36,10 @@ Json peak_json(const Peak& peak, const char* key) {
 
 Json axis_json(const control::DrivenAxis& axis, const AxisTracking& figures) {
   Json out = {{"name", axis.name}};
-  out["gains"] = {{"proportional_N_m_per_rad", axis.gains.proportional},
-                  {"derivative_N_m_s_per_rad", axis.gains.derivative},
-                  {"integral_N_m_per_rad_s", axis.gains.integral},
-                  {"torque_limit_N_m", axis.gains.torque_limit},
+  out["gains"] = {{"proportional_N_m_per_rad", axis.proportional},
+                  {"derivative_N_m_s_per_rad", axis.derivative},
+                  {"integral_N_m_per_rad_s", axis.integral},
+                  {"torque_limit_N_m", axis.torque_limit},
                   {"effective_inertia_kg_m2", axis.inertia}};
   out["rms_error_rad"] = figures.rms_error;
   out["largest_error"] = {{"rad", figures.largest_error.value}, {"time_s", figures.largest_error.time}};
@@ -84,7 +84,7 @@ Tracking::Tracking(const Watched& watched)
 }
 
 /// A movement goes from where the target stands to its pose.
-void Tracking::begin(Hand& hand) {
+void Tracking::begin_phase(Hand& hand) {
   const control::Phase& phase = hand.trajectory->phases()[hand.phase++];
   std::vector<double> from(hand.trajectory->width()), to(from.size());
   hand.trajectory->at(phase.start - 1e-9, from);
@@ -100,7 +100,7 @@ void Tracking::begin(Hand& hand) {
   hand.window = phase.arrive;
 }
 
-void Tracking::end(Hand& hand, double time) {
+void Tracking::end_phase(Hand& hand, double time) {
   hand.moving = false;
   const control::Phase& phase = hand.trajectory->phases()[hand.phase - 1];
   if (time < phase.arrive + step_) return;
@@ -152,13 +152,13 @@ void Tracking::update(Step& step) {
       axis.at_limit += now.at_limit ? 1 : 0;
     }
     if (hand.moving) follow(hand, time);
-    if (hand.moving && time >= phases[hand.phase - 1].end - 0.5 * step_) end(hand, time);
-    if (hand.phase < phases.size() && time >= phases[hand.phase].start - 0.5 * step_) begin(hand);
+    if (hand.moving && time >= phases[hand.phase - 1].end - 0.5 * step_) end_phase(hand, time);
+    if (hand.phase < phases.size() && time >= phases[hand.phase].start - 0.5 * step_) begin_phase(hand);
   }
 }
 
 template <class Archive, class Self>
-void Tracking::carry(Archive& archive, Self& self) {
+void Tracking::serialize(Archive& archive, Self& self) {
   archive(self.steps_);
   for (auto& axis : self.axes_)
     archive(axis.square_sum, axis.largest, axis.largest_time, axis.torque, axis.from, axis.to,
@@ -167,15 +167,15 @@ void Tracking::carry(Archive& archive, Self& self) {
   // Names are the scene's; what figures() derives is not kept.
   for (auto& figure : self.figures_) {
     for (auto* peak : {&figure.steady_error, &figure.overshoot, &figure.settling_time})
-      simulation::carry(archive, *peak);
+      simulation::serialize(archive, *peak);
     archive(figure.holds, figure.movements, figure.unsettled);
   }
 }
 
-void Tracking::save(ArchiveWriter& out) const { carry(out, *this); }
+void Tracking::save(ArchiveWriter& out) const { serialize(out, *this); }
 
 void Tracking::restore(ArchiveReader& in, const model::State& /*state*/) {
-  carry(in, *this);
+  serialize(in, *this);
   for (const Hand& hand : hands_)
     if (hand.phase > hand.trajectory->phases().size() || (hand.moving && hand.phase == 0))
       in.refuse("a movement that is not in the program", "one of this scene's");
@@ -187,7 +187,7 @@ void Tracking::restore(ArchiveReader& in, const model::State& /*state*/) {
 std::vector<AxisTracking> Tracking::figures() const {
   Tracking closed = *this;
   for (Hand& hand : closed.hands_)
-    if (hand.moving) closed.end(hand, engine_.state().time);
+    if (hand.moving) closed.end_phase(hand, engine_.state().time);
   std::vector<AxisTracking> out = std::move(closed.figures_);
   const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
   for (std::size_t i = 0; i < out.size(); ++i) {

@@ -72,10 +72,10 @@ class Tracking final : public Watcher {
     double window = 0;      ///< start of the present window [s]
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
-  void begin(Hand& hand);
+  static void serialize(Archive& archive, Self& self);
+  void begin_phase(Hand& hand);
   void follow(Hand& hand, double time);
-  void end(Hand& hand, double time);
+  void end_phase(Hand& hand, double time);
 
   const engine::Engine& engine_;
   const control::Controller& controller_;

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/collision/overlap.h"
+#include "handsim/engine/collision/crossing.h"
 #include "handsim/model/shape_extent.h"
 
 namespace handsim::simulation {
@@ -144,19 +144,19 @@ void Tunnelling::add_verdicts(const scene::Criteria& criteria, std::vector<Verdi
 }
 
 template <class Archive, class Self>
-void Tunnelling::carry(Archive& archive, Self& self) {
+void Tunnelling::serialize(Archive& archive, Self& self) {
   archive(self.depth_, self.depth_time_, self.deep_a_, self.deep_b_);
   for (auto& met : self.events_) archive(met.a, met.b, met.time, met.passed, met.depth, met.depth_time);
 }
 
 void Tunnelling::save(ArchiveWriter& out) const {
   out(events_.size());
-  carry(out, *this);
+  serialize(out, *this);
 }
 
 void Tunnelling::restore(ArchiveReader& in, const model::State& state) {
   events_.resize(in.size());
-  carry(in, *this);
+  serialize(in, *this);
   const auto shapes = static_cast<int>(model_.shapes.size());
   if (depth_ > 0 && (deep_a_ >= shapes || deep_b_ >= shapes))
     in.refuse("a contact of a shape that is not there", "one of this scene's shapes");

@@ -39,7 +39,7 @@ class Tunnelling final : public Watcher {
     double depth = 0, depth_time = 0;
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   Event& event(int a, int b, double time);
   std::string names(int a, int b) const;
   std::string warning(const Event& met) const;

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "handsim/core/units.h"
 #include "handsim/model/energy.h"
@@ -262,17 +261,6 @@ Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step
   return job;
 }
 
-/// Runs a task of a row; records a fault of the physics in the row.
-void attempt(AccuracyRow& row, const std::function<void()>& part) {
-  if (row.fault) return;
-  try {
-    part();
-  } catch (const Error& error) {
-    if (!error.fault()) throw;
-    row.fault = error.what();
-  }
-}
-
 /// Compares the rows of one method with the reference, and drops motions that no plot shows.
 void compare_all(const AccuracySpec& spec, std::vector<Job>& jobs, std::size_t first, std::size_t end,
                  const Series& reference) {
@@ -320,7 +308,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   for (std::size_t first = 0, end = 0; first < jobs.size(); first = end) {
     for (end = first; end < jobs.size() && jobs[end].method == jobs[first].method; ++end) {
       Job& job = jobs[end];
-      attempt(job.row, [&] {
+      attempt(job.row, false, [&] {
         Motion motion = record_job(spec, job);
         job.row.series = std::move(motion.series);
         job.row.gap = motion.gap;
@@ -337,7 +325,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   }
   for (int round = 0; round < spec.repeats; ++round)
     for (Job& job : jobs) {
-      attempt(job.row, [&] { job.costs.push_back(cost(job)); });
+      attempt(job.row, false, [&] { job.costs.push_back(cost(job)); });
       report(job, false);
     }
   for (Job& job : jobs) {

@@ -12,52 +12,25 @@ namespace handsim::study {
 
 namespace {
 
-std::string csv(const AccuracyResult& result) {
-  const std::string& unit = result.unit;
-  std::string out = fmt::format(
-      "method,step[s],rate_error_rms[{0}/s],early_rate_error_rms[{0}/"
-      "s],position_error_rms[{0}],joint_gap[m],energy_error,cpu_seconds_per_second,times_real_time,note\n",
-      unit);
-  for (const AccuracyRow& row : result.rows) {
-    if (row.fault) {
-      out += fmt::format("{},{},,,,,,,,{}\n", quoted(row.method), row.step, quoted(*row.fault));
-      continue;
-    }
-    out += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", quoted(row.method), row.step, row.rate_error,
-                       row.early_rate_error, row.position_error, row.gap,
-                       row.energy_error ? fmt::format("{}", *row.energy_error) : "", row.cpu_per_second,
-                       row.times_real_time(),
-                       row.is_reference    ? "its own reference"
-                       : row.own_reference ? "compared with its smallest step"
-                                           : "");
-  }
-  return out;
-}
-
-std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
-  Json rows = Json::array();
-  for (const AccuracyRow& row : result.rows) {
-    Json entry = {{"method", row.method}, {"step_s", row.step}};
-    if (row.fault) {
-      entry["fault"] = *row.fault;
-    } else {
-      entry["rate_error_rms"] = row.rate_error;
-      entry["early_rate_error_rms"] = row.early_rate_error;
-      entry["position_error_rms"] = row.position_error;
-      entry["joint_gap_m"] = row.gap;
-      entry["energy_error"] = row.energy_error ? Json(*row.energy_error) : Json();
-      entry["cpu_seconds_per_second"] = row.cpu_per_second;
-      entry["times_real_time"] = row.times_real_time();
-      entry["own_reference"] = row.own_reference;
-      entry["is_reference"] = row.is_reference;
-    }
-    rows.push_back(std::move(entry));
-  }
-  Json out = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
-  add_origin(out);
-  out["versions"]["engines"] = result.engines;
-  out["rows"] = std::move(rows);
-  return out.dump(2) + "\n";
+Fields fields_of(const AccuracyRow& row) {
+  if (row.fault)
+    return {{"method", "method", row.method}, {"step", "step_s", row.step}, {"note", "fault", *row.fault}};
+  return {{"method", "method", row.method},
+          {"step", "step_s", row.step},
+          {"rate_error_rms", "rate_error_rms", row.rate_error},
+          {"early_rate_error_rms", "early_rate_error_rms", row.early_rate_error},
+          {"position_error_rms", "position_error_rms", row.position_error},
+          {"joint_gap", "joint_gap_m", row.gap},
+          {"energy_error", "energy_error", row.energy_error ? Json(*row.energy_error) : Json()},
+          {"cpu_seconds_per_second", "cpu_seconds_per_second", row.cpu_per_second},
+          {"times_real_time", "times_real_time", row.times_real_time()},
+          {"", "own_reference", row.own_reference},
+          {"", "is_reference", row.is_reference},
+          {"note", "",
+           row.is_reference    ? "its own reference"
+           : row.own_reference ? "compared with its smallest step"
+                               : "",
+           1, "{}"}};
 }
 
 /// A line of a plot: one method, or several with the same AccuracyMethod::line.
@@ -159,7 +132,17 @@ void add_velocity_plot(const AccuracySpec& spec, const AccuracyResult& result, R
 
 Report report_of(const AccuracySpec& spec, const AccuracyResult& result) {
   const std::vector<Line> lines = lines_of(spec, result);
-  Report out{csv(result), json(spec, result), blocks(lines), {}};
+  std::vector<Fields> rows;
+  for (const AccuracyRow& row : result.rows) rows.push_back(fields_of(row));
+  Json json = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
+  add_origin(json);
+  json["versions"]["engines"] = result.engines;
+  json["rows"] = json_table(rows);
+  const std::string head = fmt::format(
+      "method,step[s],rate_error_rms[{0}/s],early_rate_error_rms[{0}/s],position_error_rms[{0}],"
+      "joint_gap[m],energy_error,cpu_seconds_per_second,times_real_time,note",
+      result.unit);
+  Report out{csv_table(head, rows), json.dump(2) + "\n", blocks(lines), {}};
   out.data += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
   const auto add = [&](const char* name, const char* title, const std::string& x, const std::string& y,
                        const char* columns, bool against_step) {

@@ -53,11 +53,10 @@ void add_settings(const scene::Scene& scene, std::vector<Variant>& out) {
     return variant.scene->spec.solver;
   };
   engine::Settings settings = scene.spec.solver;
-  const bool ode = settings.engine() == engine::EngineKind::ode;
-  if (ode && settings.ode().projection) add("projection").ode().projection = false;
+  if (settings.engine() == engine::EngineKind::ode && settings.ode().projection)
+    add("projection").ode().projection = false;
   if (const bool* on = engine::speculative(settings); on && *on && settings.effects.any_contact())
     *engine::speculative(add("speculative")) = false;
-  if (ode && settings.ode().guard) add("guard").ode().guard.reset();
 }
 
 /// One variant for each effect and setting.
@@ -111,16 +110,6 @@ class Comparison {
   long count_ = 0;
 };
 
-/// Runs a task of a row; records an error in the row and skips its later tasks.
-void attempt(EffectRow& row, const std::function<void()>& part) {
-  if (row.fault) return;
-  try {
-    part();
-  } catch (const Error& error) {
-    row.fault = error.what();
-  }
-}
-
 /// Reports steps that are done.
 using Work = std::function<void(double steps)>;
 
@@ -135,13 +124,13 @@ void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, 
   std::vector<Runner> runners;
   for (Variant& variant : variants)
     if (variant.scene)
-      attempt(variant.row, [&] {
+      attempt(variant.row, true, [&] {
         runners.push_back({variant.row, Simulation(*variant.scene), {variant.scene->model, variant.row}});
       });
   for (long i = 0; i < whole.step_count(); ++i) {
     whole.step();
     for (Runner& runner : runners)
-      attempt(runner.row, [&] {
+      attempt(runner.row, true, [&] {
         runner.simulation.step();
         runner.comparison.update(whole.state(), runner.simulation.state());
       });

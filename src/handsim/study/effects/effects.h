@@ -16,7 +16,7 @@ namespace handsim::study {
 
 /// Comparison of the scene without one effect with the complete scene.
 struct EffectRow {
-  /// Name of the effect, or a setting turned off: `solver.projection`, `solver.speculative`, `solver.guard`.
+  /// Name of the effect, or a setting turned off: `solver.projection`, `solver.speculative`.
   std::string name;
   /// Effects that were removed with it because they need it, e.g. friction with the last contact effect.
   std::vector<model::Effect> with = {};

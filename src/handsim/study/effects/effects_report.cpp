@@ -25,29 +25,31 @@ std::string where(const simulation::Peak& peak) {
   return peak.value > 0 ? fmt::format("{} at {:.3g} s", peak.where, peak.time) : "";
 }
 
-std::string csv(const EffectsResult& result) {
-  std::string out =
-      "effect_taken_away,cpu_per_step[ns],saved_per_step[ns],noise[ns],angle_largest[deg],angle_rms[deg],"
-      "displacement_largest[mm],angle_where,displacement_where,note\n";
-  out += fmt::format("none,{},,,,,,,,\n", result.ns_per_step);
-  for (const EffectRow& row : result.rows) {
-    if (row.fault) {
-      out += fmt::format("{},,,,,,,,,{}\n", quoted(label(row)), quoted(*row.fault));
-      continue;
-    }
-    const std::string angles = result.has_angles ? fmt::format("{},{}", kDegreesPerRadian * row.angle.value,
-                                                               kDegreesPerRadian * row.angle_rms)
-                                                 : ",";
-    out += fmt::format("{},{},{},{},{},{},{},{},\n", quoted(label(row)), row.ns_per_step, row.saved_ns,
-                       row.noise_ns, angles, 1e3 * row.displacement.value, quoted(where(row.angle)),
-                       quoted(where(row.displacement)));
-  }
-  return out;
-}
-
 Json peak_json(const simulation::Peak& peak, double value) {
   Json out = {{"value", value}};
   if (peak.value > 0) out.update({{"where", peak.where}, {"time_s", peak.time}});
+  return out;
+}
+
+Fields fields_of(const EffectRow& row, bool has_angles) {
+  Fields out = {{"effect_taken_away", "", label(row)}, {"", "effect", row.name}, {"", "with", Json::array()}};
+  for (const model::Effect effect : row.with) out.back().value.push_back(model::name(effect));
+  if (row.fault) {
+    out.push_back({"note", "fault", *row.fault});
+    return out;
+  }
+  const double angle = kDegreesPerRadian * row.angle.value, moved = 1e3 * row.displacement.value;
+  out.insert(out.end(), {{"cpu_per_step", "cpu_ns_per_step", row.ns_per_step},
+                         {"saved_per_step", "saved_ns_per_step", row.saved_ns},
+                         {"noise", "noise_ns", row.noise_ns}});
+  if (has_angles)
+    out.insert(out.end(), {{"angle_largest", "", angle},
+                           {"", "angle_largest_deg", peak_json(row.angle, angle)},
+                           {"angle_rms", "angle_rms_deg", kDegreesPerRadian * row.angle_rms}});
+  out.insert(out.end(), {{"displacement_largest", "", moved},
+                         {"", "displacement_largest_mm", peak_json(row.displacement, moved)},
+                         {"angle_where", "", where(row.angle)},
+                         {"displacement_where", "", where(row.displacement)}});
   return out;
 }
 
@@ -167,33 +169,25 @@ std::string table(const EffectsResult& result) {
   return out;
 }
 
-std::string json(const scene::Scene& scene, const EffectsResult& result) {
-  Json rows = Json::array();
-  for (const EffectRow& row : result.rows) {
-    Json entry = {{"effect", row.name}, {"with", Json::array()}};
-    for (const model::Effect effect : row.with) entry["with"].push_back(model::name(effect));
-    if (row.fault) {
-      entry["fault"] = *row.fault;
-    } else {
-      entry["cpu_ns_per_step"] = row.ns_per_step;
-      entry["saved_ns_per_step"] = row.saved_ns;
-      entry["noise_ns"] = row.noise_ns;
-      if (result.has_angles) {
-        entry["angle_largest_deg"] = peak_json(row.angle, kDegreesPerRadian * row.angle.value);
-        entry["angle_rms_deg"] = kDegreesPerRadian * row.angle_rms;
-      }
-      entry["displacement_largest_mm"] = peak_json(row.displacement, 1e3 * row.displacement.value);
-    }
-    rows.push_back(std::move(entry));
-  }
-  Json out = {{"title", scene.spec.title},
-              {"cpu_ns_per_step", result.ns_per_step},
-              {"steps", result.steps},
-              {"step_s", scene.spec.solver.step},
-              {"repeats", result.repeats}};
-  add_origin(out);
-  out["rows"] = std::move(rows);
-  return out.dump(2) + "\n";
+/// CSV and JSON. The first row of CSV is the whole scene.
+Report report_of(const scene::Scene& scene, const EffectsResult& result) {
+  std::vector<Fields> rows;
+  for (const EffectRow& row : result.rows) rows.push_back(fields_of(row, result.has_angles));
+  Json json = {{"title", scene.spec.title},
+               {"cpu_ns_per_step", result.ns_per_step},
+               {"steps", result.steps},
+               {"step_s", scene.spec.solver.step},
+               {"repeats", result.repeats}};
+  add_origin(json);
+  json["rows"] = json_table(rows);
+  rows.insert(rows.begin(),
+              {{"effect_taken_away", "", "none", 1, "{}"}, {"cpu_per_step", "", result.ns_per_step}});
+  return {csv_table("effect_taken_away,cpu_per_step[ns],saved_per_step[ns],noise[ns],angle_largest[deg],"
+                    "angle_rms[deg],displacement_largest[mm],angle_where,displacement_where,note",
+                    rows),
+          json.dump(2) + "\n",
+          {},
+          {}};
 }
 
 }  // namespace
@@ -207,7 +201,7 @@ StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const
       fmt::format("{}\nWithout each effect in turn: CPU time of a step, and change of the motion over "
                   "{:g} s. Median of {} rounds; +-: half their interquartile range.\n\n{}\n",
                   scene.spec.title, scene.spec.duration, result.repeats, table(result))};
-  Report report{csv(result), json(scene, result), {}, {}};
+  Report report = report_of(scene, result);
   add_plot(scene, result, report);
   end.plotted = write_report(run.out, "effects", report);
   end.json = std::move(report.json);

@@ -12,7 +12,6 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/rollouts/rollouts.h"
 
 namespace handsim::study {
 
@@ -348,53 +347,11 @@ GraspTables run_grasps(const GraspStudy& study) {
   return tables;
 }
 
-StudyEnd uncertain_grasps(const GraspStudy& study, int count, int threads, const std::atomic<bool>& stop) {
-  if (study.friction || study.friction_search || study.margin || study.confirm || study.pictures ||
-      study.video)
-    throw input_error("--uncertain", "options of one run of each scene",
-                      "--out, --side, --persons, --set, --engine and --report alone");
-  StudyEnd out;
-  std::vector<RefusedGrasp> refused;
-  const std::vector<Work> all = load(study, refused);
-  std::vector<RolloutStudy> studies;
-  std::vector<output::OutputFolder> folders;
-  folders.emplace_back(study.out, std::vector<std::string>{"uncertain.csv", kStudyFile, kPageFile});
-  for (const Work& work : all) {
-    RolloutsSpec spec = uncertain_rollouts(work.file);
-    spec.set = work.overrides;
-    spec.count = count;
-    spec.bands = false;
-    studies.emplace_back(std::move(spec));
-    folders.emplace_back(options_of(study, work).out, rollout_files(),
-                         [&] { return studies.back().files(); });
-  }
-  for (const output::OutputFolder& folder : folders) folder.clear();
-  std::string csv = "scene,side,figure,hands,mean,low,high,variance_of\n", shares;
-  RolloutOptions options;
-  options.threads = threads;
-  options.resume = true;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    const Work& work = all[i];
-    options.out = options_of(study, work).out;
-    if (study.progress)
-      options.progress = [&study, before = static_cast<double>(i), size = static_cast<double>(all.size())](
-                             double done) { study.progress((before + done) / size); };
-    const RolloutsResult result = run_rollouts(studies[i], options, stop);
-    if (result.done < result.size) {
-      out.missing.emplace_back("the rest, which the same command computes");
-      return out;
-    }
-    write_commands(options.out, uncertain_commands(work.file, work.overrides, count));
-    const std::string& side = work.scene.spec.hands[0].placement.name;
-    csv += figure_rows(work.name + "," + side, result.table);
-    shares += fmt::format("{} {}: {}\n", work.name, side, held_text(result.table));
-    if (all.size() == 1) out.text = rollouts_screen(result.table) + "\n";
-    out.plotted = out.plotted && result.plotted;
-  }
-  output::write_file(study.out / "uncertain.csv", csv);
-  for (const RefusedGrasp& grasp : refused)
-    shares += fmt::format("not for this hand: {} {}: {}\n", grasp.scene, grasp.side, grasp.why);
-  out.text += shares;
+std::vector<UncertainGrasp> uncertain_grasps(const GraspStudy& study, std::vector<RefusedGrasp>& refused) {
+  std::vector<UncertainGrasp> out;
+  for (const Work& work : load(study, refused))
+    out.push_back({work.name, work.scene.spec.hands[0].placement.name, work.file, work.overrides,
+                   options_of(study, work).out});
   return out;
 }
 

@@ -2,7 +2,6 @@
 // asked the smallest friction that still holds a grasp is searched for.
 #pragma once
 
-#include <atomic>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -11,7 +10,6 @@
 
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/report.h"
-#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
@@ -87,10 +85,16 @@ void write_grasps(const GraspTables& tables, const std::filesystem::path& out);
 /// @throws Error (input) for what is no scene with grasps or climbs, before anything is run.
 GraspTables run_grasps(const GraspStudy& study);
 
-/// Draws so many hands within what is uncertain for each scene, side and person, runs them on all cores, and
-/// writes a study of rollouts for each and OUT/uncertain.csv. Says in which share each is held.
-/// @param stop ends it once true. @throws Error (input) as run_grasps
-StudyEnd uncertain_grasps(const GraspStudy& study, int count, int threads, const std::atomic<bool>& stop);
+/// A scene, side and person of the study, of which uncertain hands can be drawn: a study of rollouts.
+struct UncertainGrasp {
+  std::string name, side;
+  std::filesystem::path file;
+  std::vector<std::string> overrides;
+  std::filesystem::path out;
+};
+
+/// @param refused what does not fit its hand. @throws Error (input) as run_grasps
+std::vector<UncertainGrasp> uncertain_grasps(const GraspStudy& study, std::vector<RefusedGrasp>& refused);
 
 /// The command that repeats the study, without its `--margin` and other further runs.
 StudyCommands grasp_commands(const GraspStudy& study);

@@ -139,7 +139,7 @@ class Recursion {
         start_(model::initial_state(scene.model)),
         tendons_(scene.model, scene.spec.solver, solved(scene)) {
     place(0, start_);
-    tendons_.start(start_);
+    tendons_.reset(start_);
   }
   /// The motion's state at the start of a step, with its muscles at rest.
   void place(std::size_t n, model::State& state) const {
@@ -156,7 +156,7 @@ class Recursion {
     model::State out = start_;
     if (n == 0) return out;
     place(n, out);
-    tendons_.end(out.q, rates(n), out);
+    tendons_.store_state(out.q, rates(n), out);
     return out;
   }
   /// The motion's first state.
@@ -178,7 +178,7 @@ class Recursion {
       add_tissue(scene_.model, motion_.angles[n], motion_.angles[n + 1], motion_.step, torques);
     if (tendons_.empty()) return;
     const std::vector<double> u = rates(n), next = rates(n + 1);
-    tendons_.begin(motion_.angles[n], u, excitations);
+    tendons_.begin_step(motion_.angles[n], u, excitations);
     for (std::size_t i = 0; i < u.size(); ++i) torques[i] += tendons_.torques()[i];
     for (const engine::Muscles::Slope& each : tendons_.slopes()) {
       const auto a = at(each.row), b = at(each.column);
@@ -190,7 +190,7 @@ class Recursion {
   void activate(std::span<const double> activations) {
     start_.activation.assign(activations.begin(), activations.end());
     model::rest_muscles(scene_.model, start_);
-    tendons_.start(start_);
+    tendons_.reset(start_);
   }
 
   InverseRow row(std::size_t n) {

@@ -12,7 +12,7 @@
 #include "handsim/core/units.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/study/inverse/undone.h"
-#include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/rollouts/rollouts_file.h"
 
 namespace handsim::study {
 

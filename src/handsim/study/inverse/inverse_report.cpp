@@ -57,76 +57,74 @@ Plot torque_plot(const scene::Scene& scene, const InverseResult& result) {
           commands + "  unset multiplot\n"};
 }
 
-/// In degrees; nothing for what was not measured.
-std::string degrees(const std::optional<double>& angle, const char* format, const char* absent) {
-  return angle ? fmt::format(fmt::runtime(format), kDegreesPerRadian * *angle) : absent;
+std::string degrees(const std::optional<double>& angle) {
+  return angle ? fmt::format("{:.3g}", kDegreesPerRadian * *angle) : "not checked";
 }
 
-std::string summary_csv(const InverseResult& result) {
-  std::string out =
-      "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg],largest_reserve[N_m],"
-      "rms_reserve[N_m]\n";
-  const auto number = [](const std::optional<double>& x) { return x ? fmt::format("{}", *x) : ""; };
-  for (const InverseAxis& axis : result.axes)
-    out += fmt::format("{},{},{},{},{},{},{}\n", axis.name, axis.largest_torque, axis.rms_torque,
-                       degrees(axis.rms_error, "{}", ""), degrees(axis.largest_error, "{}", ""),
-                       number(axis.largest_reserve), number(axis.rms_reserve));
+std::vector<Fields> fields_of(const InverseResult& result) {
+  std::vector<Fields> out;
+  for (const InverseAxis& axis : result.axes) {
+    Fields& row = out.emplace_back(Fields{{"axis", "axis", axis.name, 1, "{}"},
+                                          {"largest_torque", "largest_torque_Nm", axis.largest_torque},
+                                          {"rms_torque", "rms_torque_Nm", axis.rms_torque}});
+    if (axis.rms_error && axis.largest_error)
+      row.insert(row.end(),
+                 {{"rms_error", "forward_rms_error_deg", kDegreesPerRadian * *axis.rms_error},
+                  {"largest_error", "forward_largest_error_deg", kDegreesPerRadian * *axis.largest_error}});
+    if (axis.largest_reserve)
+      row.insert(row.end(), {{"largest_reserve", "largest_reserve_Nm", *axis.largest_reserve},
+                             {"rms_reserve", "rms_reserve_Nm", *axis.rms_reserve}});
+  }
   return out;
 }
 
-/// Numbers by step that are neither angles nor read as such.
-void write_rows(const std::filesystem::path& file, const std::string& title, std::vector<std::string> names,
-                const InverseResult& result,
+/// Numbers by step.
+void write_rows(const std::filesystem::path& file, output::MotionHead head, const InverseResult& result,
                 const std::function<void(const InverseRow&, std::vector<double>&)>& add) {
-  output::MotionHead head{title, std::move(names), result.rows.size()};
-  head.degrees = false;
+  head.most_rows = result.rows.size();
   output::MotionTableWriter table(file, head);
   std::vector<double> values;
   for (const InverseRow& row : result.rows) {
     values.clear();
     add(row, values);
+    if (values.empty()) break;
     table.add(row.time, values);
   }
   table.finish();
 }
 
-void write_torques(const scene::Scene& scene, const InverseResult& result, const std::filesystem::path& out) {
+void write_tables(const scene::Scene& scene, const InverseResult& result, bool forward,
+                  const std::filesystem::path& out) {
+  const std::string& title = scene.spec.title;
   std::vector<std::string> names, axes, muscles;
   for (const InverseAxis& axis : result.axes) {
     for (const char* part : {"_total", "_passive", "_active"}) names.push_back(axis.name + part);
     axes.push_back(axis.name);
   }
-  write_rows(out / "torques.sto", scene.spec.title + ": torques about the joint axes [N m]", names, result,
+  write_rows(out / "torques.sto", {title + ": torques about the joint axes [N m]", names, 0, false}, result,
              [&](const InverseRow& row, std::vector<double>& to) {
                for (const InverseAxis& axis : result.axes)
                  to.insert(to.end(), {row.moment[axis.dof], row.passive[axis.dof], row.active(axis.dof)});
              });
+  // The angles whose torques these are, and those of the check, on the same steps.
+  for (const auto& [name, angles] :
+       {std::pair("motion.mot", &InverseRow::q), {"forward.mot", &InverseRow::forward}})
+    if (angles == &InverseRow::q || forward)
+      write_rows(out / name, {title, axes}, result, [&](const InverseRow& row, std::vector<double>& to) {
+        if (!(row.*angles).empty())
+          for (const InverseAxis& axis : result.axes)
+            to.push_back(kDegreesPerRadian * (row.*angles)[axis.dof]);
+      });
   if (result.rows.empty() || result.rows[0].reserve.empty()) return;
   for (const model::Muscle& muscle : scene.model.muscles) muscles.push_back(muscle.name);
   for (const auto& [name, of] :
        {std::pair("activations", &InverseRow::activation), std::pair("excitations", &InverseRow::excitation)})
-    write_rows(out / fmt::format("{}.sto", name), scene.spec.title + ": " + name, muscles, result,
+    write_rows(out / fmt::format("{}.sto", name), {title + ": " + name, muscles, 0, false}, result,
                [of = of](const InverseRow& row, std::vector<double>& to) { to = row.*of; });
-  write_rows(out / "reserves.sto", scene.spec.title + ": torques that the muscles leave undone [N m]", axes,
+  write_rows(out / "reserves.sto", {title + ": torques that the muscles leave undone [N m]", axes, 0, false},
              result, [&](const InverseRow& row, std::vector<double>& to) {
                for (const InverseAxis& axis : result.axes) to.push_back(row.reserve[axis.dof]);
              });
-}
-
-/// The angles whose torques these are, and those of the check, on the same steps.
-void write_motion(const scene::Scene& scene, const InverseResult& result, const char* name,
-                  const std::filesystem::path& out, const std::vector<double> InverseRow::*angles) {
-  output::MotionHead head{scene.spec.title, {}, result.rows.size()};
-  for (const InverseAxis& axis : result.axes) head.names.push_back(axis.name);
-  output::MotionTableWriter table(out / name, head);
-  std::vector<double> values;
-  for (const InverseRow& row : result.rows) {
-    if ((row.*angles).empty()) break;
-    values.clear();
-    for (const InverseAxis& axis : result.axes) values.push_back(kDegreesPerRadian * (row.*angles)[axis.dof]);
-    table.add(row.time, values);
-  }
-  table.finish();
 }
 
 }  // namespace
@@ -155,20 +153,7 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
                      {"faster_than_muscles", result.undone->late},
                      {"other", result.undone->other}};
   add_origin(out);
-  out["axes"] = Json::array();
-  for (const InverseAxis& axis : result.axes) {
-    Json entry = {
-        {"axis", axis.name}, {"largest_torque_Nm", axis.largest_torque}, {"rms_torque_Nm", axis.rms_torque}};
-    if (axis.rms_error && axis.largest_error) {
-      entry["forward_rms_error_deg"] = kDegreesPerRadian * *axis.rms_error;
-      entry["forward_largest_error_deg"] = kDegreesPerRadian * *axis.largest_error;
-    }
-    if (axis.largest_reserve) {
-      entry["largest_reserve_Nm"] = *axis.largest_reserve;
-      entry["rms_reserve_Nm"] = *axis.rms_reserve;
-    }
-    out["axes"].push_back(std::move(entry));
-  }
+  out["axes"] = json_table(fields_of(result));
   out["warnings"] = result.warnings;
   return out.dump(2) + "\n";
 }
@@ -180,8 +165,7 @@ std::string inverse_table(const InverseResult& result) {
                   "largest deg", muscles ? "  reserve N m, largest and RMS" : "");
   for (const InverseAxis& axis : result.axes) {
     out += fmt::format("{:<28} {:>12.4g} {:>12.4g} {:>14} {:>14}", axis.name, axis.largest_torque,
-                       axis.rms_torque, degrees(axis.rms_error, "{:.3g}", "not checked"),
-                       degrees(axis.largest_error, "{:.3g}", "not checked"));
+                       axis.rms_torque, degrees(axis.rms_error), degrees(axis.largest_error));
     out += muscles ? fmt::format(" {:>14.4g} {:>14.4g}\n", *axis.largest_reserve, *axis.rms_reserve) : "\n";
   }
   return out;
@@ -196,10 +180,10 @@ std::vector<std::string> inverse_files() {
 
 bool write_inverse(const scene::Scene& scene, const InverseInput& input, const InverseResult& result,
                    const std::filesystem::path& out) {
-  write_torques(scene, result, out);
-  write_motion(scene, result, "motion.mot", out, &InverseRow::q);
-  if (input.forward) write_motion(scene, result, "forward.mot", out, &InverseRow::forward);
-  Report report{summary_csv(result),
+  write_tables(scene, result, input.forward, out);
+  Report report{csv_table("axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg],"
+                          "largest_reserve[N_m],rms_reserve[N_m]",
+                          fields_of(result)),
                 inverse_json(scene, input, result),
                 "data = 'torques.sto'\nset datafile separator '\\t'\n",
                 {torque_plot(scene, result)}};

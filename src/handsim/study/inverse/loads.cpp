@@ -8,6 +8,7 @@
 #include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
+#include "handsim/output/table/csv_rows.h"
 
 namespace handsim::study {
 
@@ -15,10 +16,6 @@ namespace {
 
 constexpr std::size_t kMostBytes = 1U << 30U;
 constexpr std::string_view kLoadHead = "time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]";
-constexpr std::string_view kContactHead =
-    "time[s],a,b,x[m],y[m],z[m],normal.x,normal.y,normal.z,depth[m],normal_force[N],friction.x[N],friction.y["
-    "N],friction.z[N]";
-
 /// Rows of one file.
 class LoadReader {
  public:
@@ -63,7 +60,7 @@ Loads::Loads(const std::filesystem::path& path, const model::Model& model) : cou
   LoadReader reader(path.string(), model);
   std::string_view rest = text;
   const std::string_view head = rest.empty() ? rest : take_line(rest);
-  contacts_ = head == kContactHead;
+  contacts_ = std::string(head) + "\n" == output::contact_head();
   if (!contacts_ && head != kLoadHead)
     reader.fail("", fmt::format("\"{}\"", printable(head)),
                 fmt::format("the header {}, or that of a contacts.csv", kLoadHead));

@@ -154,23 +154,6 @@ std::vector<double> values_of(const std::vector<Given>& given) {
 
 }  // namespace
 
-const YamlNode* value_at(const YamlNode& root, const std::string& path) {
-  const YamlNode* node = &root;
-  for (std::size_t from = 0; node && from <= path.size();) {
-    const std::size_t dot = std::min(path.find('.', from), path.size());
-    const std::string part = path.substr(from, dot - from);
-    from = dot + 1;
-    if (node->kind == YamlNode::Kind::sequence) {
-      const auto index = parse_number(part);
-      const bool known = index && *index >= 0 && *index < static_cast<double>(node->items.size());
-      node = known ? &node->items[static_cast<std::size_t>(*index)] : nullptr;
-    } else {
-      node = node->find(part);
-    }
-  }
-  return node;
-}
-
 std::optional<double> any_quantity(const std::string& text) {
   for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
     if (const auto value = parse_quantity(text, static_cast<Dimension>(i))) return value;

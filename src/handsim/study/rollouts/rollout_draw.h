@@ -6,15 +6,12 @@
 #include <vector>
 
 #include "handsim/study/rollouts/rollout_table.h"
-#include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/rollouts/rollouts_file.h"
 
 namespace handsim::study {
 
 /// A number with any unit that handsim knows, in SI; nothing for another text.
 std::optional<double> any_quantity(const std::string& text);
-
-/// The value at a dotted path; null where there is none.
-const YamlNode* value_at(const YamlNode& root, const std::string& path);
 
 /// A varied key in one scene.
 struct BoundKey {

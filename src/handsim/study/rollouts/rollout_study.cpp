@@ -348,7 +348,7 @@ std::vector<std::string> RolloutStudy::overrides(long rollout) const { return ch
 scene::Scene RolloutStudy::scene(long rollout) const { return compile(overrides(rollout)); }
 
 std::optional<RolloutRow> RolloutStudy::run(long rollout, const std::atomic<bool>& stop) const {
-  Choice choice = choose(rollout);
+  const Choice choice = choose(rollout);
   RolloutRow row;
   row.rollout = rollout;
   if (rollout < spec_.trajectories) row.trajectory.emplace();
@@ -373,11 +373,24 @@ std::optional<RolloutRow> RolloutStudy::run(long rollout, const std::atomic<bool
     outcome.cells = {{"ended", "refused"}, {"error", on_one_line(error.what())}};
   }
   if (outcome.stopped) return std::nullopt;
-  row.cells.emplace_back(static_cast<double>(rollout));
-  row.cells.insert(row.cells.end(), choice.cells.begin(), choice.cells.end());
-  for (std::size_t i = row.cells.size(); i < head_.columns.size(); ++i)
-    row.cells.push_back(std::move(outcome.cells[head_.columns[i].name]));
+  row.cells = cells_of(rollout, choice, std::move(outcome.cells));
   return row;
+}
+
+RolloutRow RolloutStudy::ended_row(long rollout, const std::string& ended, const std::string& error) const {
+  RolloutRow row;
+  row.rollout = rollout;
+  row.cells = cells_of(rollout, choose(rollout), {{"ended", ended}, {"error", on_one_line(error)}});
+  return row;
+}
+
+std::vector<Cell> RolloutStudy::cells_of(long rollout, const Choice& choice,
+                                         std::map<std::string, Cell> outcome) const {
+  std::vector<Cell> out = {static_cast<double>(rollout)};
+  out.insert(out.end(), choice.cells.begin(), choice.cells.end());
+  for (std::size_t i = out.size(); i < head_.columns.size(); ++i)
+    out.push_back(std::move(outcome[head_.columns[i].name]));
+  return out;
 }
 
 }  // namespace handsim::study

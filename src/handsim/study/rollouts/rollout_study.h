@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -11,7 +12,7 @@
 #include "handsim/scene/compile/scene.h"
 #include "handsim/study/rollouts/rollout_draw.h"
 #include "handsim/study/rollouts/rollout_table.h"
-#include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/rollouts/rollouts_file.h"
 
 namespace handsim::study {
 
@@ -39,6 +40,8 @@ class RolloutStudy {
   /// Runs one. A scene that is refused and a run that diverges are rows with their reasons.
   /// @return nothing where `stop` has become true.
   std::optional<RolloutRow> run(long rollout, const std::atomic<bool>& stop) const;
+  /// The row of one that was not run to its end. @param ended why, in a word
+  RolloutRow ended_row(long rollout, const std::string& ended, const std::string& error) const;
 
  private:
   struct Choice {
@@ -46,6 +49,7 @@ class RolloutStudy {
     std::vector<Cell> cells;
   };
   Choice choose(long rollout) const;
+  std::vector<Cell> cells_of(long rollout, const Choice& choice, std::map<std::string, Cell> outcome) const;
   scene::Scene compile(const std::vector<std::string>& overrides) const;
   void add_at_set(const Error& error, const std::string& path, Diagnostics& diagnostics) const;
   void check_paths(Diagnostics& diagnostics) const;

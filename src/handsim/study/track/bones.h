@@ -1,7 +1,7 @@
 // Estimates the size of a hand from keypoints: its length and breadth, and the length of each bone.
 #pragma once
 
-#include "handsim/hand/hand_spec.h"
+#include "handsim/hand/hand_file.h"
 #include "handsim/study/track/recording.h"
 
 namespace handsim::study {

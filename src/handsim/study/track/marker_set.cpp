@@ -25,7 +25,7 @@ MarkerSpec read_marker(MapReader reader, Feature::Kind kind) {
 
 }  // namespace
 
-MarkerSet read_marker_set(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+MarkerSet read_marker_set(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MarkerSet out;
   MapReader reader(node, path, diagnostics);
   reader.text("title", "untitled");

@@ -24,7 +24,7 @@ struct MarkerSet {
 };
 
 /// Reads a marker set; every defect goes into the diagnostics.
-MarkerSet read_marker_set(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+MarkerSet read_marker_set(const YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 /// The features of one hand. @throws Error (input) for unknown segments.
 std::vector<Feature> features_of(const MarkerSet& set, const hand::HandSpec& spec, model::Side side);
 

@@ -1,7 +1,6 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"

@@ -145,7 +145,7 @@ struct ValidateResult {
 
 /// Reads a file of measurements. @throws Error (input) with every problem
 ValidateSpec load_validate(const std::filesystem::path& path);
-void read_validate(YamlNode& root, Diagnostics& diagnostics);
+void read_validate(const YamlNode& root, Diagnostics& diagnostics);
 /// @param runs folder for the files of simulations; absent: these rows are not measured
 /// @param uncertain hands drawn of each person, for rows that are no simulations
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {},

@@ -112,8 +112,8 @@ TEST(ContactProblem, WithABrokenRuleEndsADebugBuild) {
   Solver solver;
   PairProblem(1).solve(solver, true);
   check(solver.problem);
-  const Problem sound = solver.problem;
-  Problem bounds = sound, rows = sound, pattern = sound;
+  const ContactProblem sound = solver.problem;
+  ContactProblem bounds = sound, rows = sound, pattern = sound;
   bounds.limits[3] = {.low = 1, .high = 0};
   EXPECT_DEBUG_DEATH(check(bounds), "low > ");
   rows.contacts[0].discs[1].row = 2;

@@ -86,7 +86,7 @@ void ContactDynamics::order_dofs() {
   system_.assign(first, workspace());
   inverse_inertia_.resize(at(n));
   change_.resize(at(n));
-  involved_.resize(at(n));
+  constrained_.resize(at(n));
   for (int dof = 0; dof < n; ++dof)
     root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[at(space_.parent_dof(dof))]);
   carriers_.resize(topology.nodes.size());
@@ -100,7 +100,7 @@ void ContactDynamics::order_dofs() {
 void ContactDynamics::select_dofs() {
   chosen_.clear();
   for (int i = 0; i < space_.size(); ++i)
-    if (involved(order_[at(i)])) chosen_.push_back(i);
+    if (is_constrained(order_[at(i)])) chosen_.push_back(i);
   if (!system_.chosen.choose(system_.all, chosen_)) return;
   dof_of_.clear();
   std::ranges::fill(place_, kNoDof);
@@ -116,7 +116,7 @@ void ContactDynamics::select_dofs() {
 }
 
 template <class Archive, class T>
-void ContactDynamics::carry(Archive& archive, T& point) {
+void ContactDynamics::serialize(Archive& archive, T& point) {
   archive(point.shape_a, point.shape_b, point.index, point.impulse, point.moment, point.open);
   for (auto& tangent_stiffness : point.tangent_stiffness) archive(tangent_stiffness);
 }
@@ -124,7 +124,7 @@ void ContactDynamics::carry(Archive& archive, T& point) {
 void ContactDynamics::save(ArchiveWriter& out) const {
   collider_.save(out);
   out(memory_.points.size());
-  for (const ContactMemory::Point& each : memory_.points) carry(out, each);
+  for (const ContactMemory::Point& each : memory_.points) serialize(out, each);
   out(memory_.change);
   system_.save(out);
 }
@@ -133,7 +133,7 @@ void ContactDynamics::restore(ArchiveReader& in) {
   collider_.restore(in);
   memory_.points.resize(in.size());
   for (ContactMemory::Point& each : memory_.points) {
-    carry(in, each);
+    serialize(in, each);
     for (const double tangent_stiffness : each.tangent_stiffness)
       if (!(tangent_stiffness >= 0))
         in.refuse(fmt::format("a friction of {:g} over its speed", tangent_stiffness), "0 or more");
@@ -144,14 +144,14 @@ void ContactDynamics::restore(ArchiveReader& in) {
   system_.restore(in);
 }
 
-int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
+int ContactDynamics::collide(const model::State& state, const StepForecast& prospect) {
   enter_ode();
   collider_.place(state);
   return collider_.collide(state, prospect);
 }
 
 /// How a body moves; a base during the step.
-ContactDynamics::Motion ContactDynamics::motion_of(int shape) const {
+ContactDynamics::BodyVelocity ContactDynamics::velocity_of(int shape) const {
   const int node = node_of(shape);
   if (node == kNoNode) {
     const BaseMotion& base = mechanism_.base(body_of(shape));
@@ -206,37 +206,37 @@ bool ContactDynamics::free_step_holds(std::size_t single, double step) const {
 
 /// Finds the trees that contacts, loops, stops or torque limits keep from the free step.
 void ContactDynamics::choose_trees(double step) {
-  std::fill(involved_.begin(), involved_.end(), loops_ != nullptr);
+  std::fill(constrained_.begin(), constrained_.end(), loops_ != nullptr);
   for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
     for (const int node : {node_of(any.shape_a), node_of(any.shape_b)})
-      if (node != kNoNode) involved_[at(root_of_[at(space_.first_dof(node))])] = true;
+      if (node != kNoNode) constrained_[at(root_of_[at(space_.first_dof(node))])] = true;
   }
   for (std::size_t i = 0; i < singles_.size(); ++i)
     if (const auto root = at(root_of_[at(space_.first_dof(singles_[i]))]);
-        !involved_[root] && !free_step_holds(i, step))
-      involved_[root] = true;
+        !constrained_[root] && !free_step_holds(i, step))
+      constrained_[root] = true;
   select_dofs();
 }
 
 /// The solver's A and g from the step without contacts and stops, of the trees that are involved.
-void ContactDynamics::compute_free(Problem& p, double step) {
+void ContactDynamics::compute_free(ContactProblem& p, double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
   if (muscles_) muscles_->correct(step);
   choose_trees(step);
-  p.begin(system_.chosen);
-  space_.compute_inertia([&](int dof) { return involved(dof); });
+  p.reset(system_.chosen);
+  space_.compute_inertia([&](int dof) { return is_constrained(dof); });
   for (const int single : singles_)
-    if (const int dof = space_.first_dof(single); involved(dof))
+    if (const int dof = space_.first_dof(single); is_constrained(dof))
       space_.add_to_diagonal(dof, *mechanism_.view(at(single)).weight);
-  if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return involved(dof); });
+  if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return is_constrained(dof); });
   // A, and g = A x of the free step.
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
   for (int dof = 0; dof < n; ++dof) {
-    if (!involved(dof)) continue;
+    if (!is_constrained(dof)) continue;
     const int i = place_[at(dof)];
     const double* S = space_.axis_data(dof);
     double* motion = p.motion(i);
@@ -265,7 +265,7 @@ double ContactDynamics::stop_target(double room, double step) const {
 }
 
 /// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
-void ContactDynamics::bound_axes(Problem& p, double step) {
+void ContactDynamics::bound_axes(ContactProblem& p, double step) {
   for (std::size_t i = 0; i < singles_.size(); ++i) {
     const int place = place_of(singles_[i]);
     if (place == kNoDof) continue;
@@ -289,7 +289,7 @@ void ContactDynamics::bound_axes(Problem& p, double step) {
 }
 
 /// Bounds of stops that are hit, with their restitution: true where one changed.
-bool ContactDynamics::apply_restitution(Problem& p) {
+bool ContactDynamics::apply_restitution(ContactProblem& p) {
   bool any = false;
   for (const int single : singles_) {
     const int place = place_of(single);
@@ -313,7 +313,7 @@ bool ContactDynamics::apply_restitution(Problem& p) {
 }
 
 /// Makes contacts of light pairs stiffer that yield too fast: true where one changed.
-bool ContactDynamics::stiffen(Problem& p) {
+bool ContactDynamics::stiffen(ContactProblem& p) {
   bool any = false;
   for (const std::size_t i : light_) {
     ContactRows& rows = p.contacts[i];
@@ -329,7 +329,7 @@ bool ContactDynamics::stiffen(Problem& p) {
 
 NewtonReport ContactDynamics::solve(double step) {
   Workspace& w = workspace();
-  Problem& p = w.problem;
+  ContactProblem& p = w.problem;
   // Stops are bounds here, and not locks.
   for (std::size_t i = 0; i < singles_.size(); ++i)
     sides_[i] = side_of(std::exchange(*mechanism_.view(at(singles_[i])).side, 0.0));
@@ -345,12 +345,12 @@ NewtonReport ContactDynamics::solve(double step) {
     report.iterations += before.iterations;
     report.limit_updates += before.limit_updates;
   }
-  take_over(p, step);
+  store_solution(p, step);
   return report;
 }
 
 /// The solution: accelerations, what is in force, and the warm start of the next step.
-void ContactDynamics::take_over(const Problem& p, double step) {
+void ContactDynamics::store_solution(const ContactProblem& p, double step) {
   const std::span<double> du = mechanism_.du();
   memory_.change.assign(at(space_.size()), 0.0);
   for (std::size_t i = 0; i < dof_of_.size(); ++i) {

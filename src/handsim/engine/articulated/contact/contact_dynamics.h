@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/islands.h"
 #include "handsim/engine/articulated/dynamics/loops.h"
 #include "handsim/engine/articulated/dynamics/muscle_coupling.h"
 #include "handsim/engine/collision/collider.h"
@@ -28,12 +28,14 @@ struct ContactMemory {
   std::vector<double> change;  ///< of each dof's rate; empty: not known
 };
 
+/// The contacts of an engine: finds them, makes the problem of a step, and solves it.
 class ContactDynamics {
  public:
-  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws OdeFault
+  /// All arguments must outlive this object. @param loops of the mechanism, null where it has none. @throws
+  /// OdeFault
   ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
-  /// Tendons that couple coordinates, or null; they must outlive this.
+  /// Sets the tendons that couple coordinates, or null; they must outlive this object.
   void couple(MuscleCoupling* muscles) { muscles_ = muscles; }
   void refresh();
   /// Forgets the impulses of the last step.
@@ -42,11 +44,11 @@ class ContactDynamics {
     memory_.change.clear();
     system_.forget();
   }
-  /// Contacts of the last step and their impulses, the warm start of the next.
+  /// Writes the contacts of the last step and their impulses, the warm start of the next step.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws OdeFault
-  int collide(const model::State& state, const Prospect& prospect);
+  int collide(const model::State& state, const StepForecast& prospect);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
   /// Calls f(node a, node b, point, impulse on a [N s], moment on a [N m s]) for each contact of the last
   /// `solve`; world axes; kNoNode for what cannot move.
@@ -54,22 +56,23 @@ class ContactDynamics {
   void each_impulse(const F& f) const {
     auto point = memory_.points.begin();
     for (const Touch& touch : collider_.touches())
-      for (int index = 0; matters(touch) && index < touch.count; ++index, ++point)
+      for (int index = 0; touches_constrained(touch) && index < touch.count; ++index, ++point)
         f(node_of(point->shape_a), node_of(point->shape_b), contacts()[touch.first + at(index)].position,
           point->impulse, point->moment);
   }
 
-  /// Accelerations, into Mechanism::du(), of a step [s] that ends with contacts, stops and torque limits
-  /// kept; `kinematics` and the bases' motion have to be found. Leaves which stops and limits are in force.
+  /// Computes accelerations, into Mechanism::du(), of a step [s] at whose end contacts, stops and torque
+  /// limits are kept; `kinematics` was called, and the bases have their motion. Stores in the mechanism which
+  /// stops and torque limits are in force.
   NewtonReport solve(double step);
 
  private:
   friend class ContactSlopes;  ///< of the solution, while the thread solves no other problem
   static Workspace& workspace();
-  void take_over(const Problem& p, double step);
+  void store_solution(const ContactProblem& p, double step);
   /// One body of a contact: its velocity at an origin, of the mechanism's island (Topology) where it is a
   /// node.
-  struct Motion {
+  struct BodyVelocity {
     Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
     Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
   };
@@ -79,7 +82,7 @@ class ContactDynamics {
   };
   /// Two bodies that touch; mobilities added.
   struct TouchingPair {
-    Motion a, b;
+    BodyVelocity a, b;
     Mobility mobility;
   };
   /// The unknowns that move one of two nodes and not the other; sign 1: body a, -1: body b.
@@ -90,30 +93,30 @@ class ContactDynamics {
   };
 
   template <class Archive, class T>
-  static void carry(Archive& archive, T& point);
+  static void serialize(Archive& archive, T& point);
   void order_dofs();
   void select_dofs();
-  void compute_free(Problem& p, double step);
+  void compute_free(ContactProblem& p, double step);
   bool free_step_holds(std::size_t single, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
-  bool involved(int dof) const { return involved_[at(root_of_[at(dof)])]; }
-  bool matters(const Touch& touch) const;
-  void add_contacts(Problem& p, double step);
-  void add_contact(Problem& p, const Contact& contact, const model::Material& surface, double share,
+  bool is_constrained(int dof) const { return constrained_[at(root_of_[at(dof)])]; }
+  bool touches_constrained(const Touch& touch) const;
+  void add_contacts(ContactProblem& p, double step);
+  void add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface, double share,
                    double step);
-  void compute_pair(Problem& p, std::size_t index, int shape_a, int shape_b);
+  void compute_pair(ContactProblem& p, std::size_t index, int shape_a, int shape_b);
   void collect_moving_dofs(MovingDofs& of) const;
-  Motion motion_of(int shape) const;
-  double mobility_across(Problem& p, const Contact& contact, double enough);
+  BodyVelocity velocity_of(int shape) const;
+  double mobility_across(ContactProblem& p, const Contact& contact, double enough);
   double compute_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
                         double share, double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
-  void store_warm_start(const Problem& p, double step);
-  void add_loop_rows(Problem& p);
-  void bound_axes(Problem& p, double step);
-  bool apply_restitution(Problem& p);
-  bool stiffen(Problem& p);
+  void store_warm_start(const ContactProblem& p, double step);
+  void add_loop_rows(ContactProblem& p);
+  void bound_axes(ContactProblem& p, double step);
+  bool apply_restitution(ContactProblem& p);
+  bool stiffen(ContactProblem& p);
   int body_of(int shape) const { return model_.shapes[at(shape)].body; }
   /// In the solver, or kNoDof. @param single a node of one rate
   int place_of(int single) const { return place_[at(space_.first_dof(single))]; }
@@ -136,7 +139,7 @@ class ContactDynamics {
   std::vector<int> place_, dof_of_;  ///< in the solver, of each dof that is involved, and back
   std::vector<int> root_of_;         ///< of each dof
   /// By roots: whether contacts, stops or torque limits change the free step of the tree.
-  std::vector<char> involved_;
+  std::vector<char> constrained_;
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
   std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, with servos, by place
   std::vector<double> change_;              ///< of each dof's rate in the free step

@@ -11,15 +11,15 @@
 namespace handsim::engine::articulated {
 
 /// Whether the step moves the bodies against each other; contacts of two bases would have no finite impulse.
-bool ContactDynamics::matters(const Touch& touch) const {
+bool ContactDynamics::touches_constrained(const Touch& touch) const {
   const Contact& any = collider_.contacts()[touch.first];
   return node_of(any.shape_a) != node_of(any.shape_b);
 }
 
 /// The bodies of a pair that touches, and the unknowns that move one against the other.
-void ContactDynamics::compute_pair(Problem& p, std::size_t index, int shape_a, int shape_b) {
-  pair_.a = motion_of(shape_a);
-  pair_.b = motion_of(shape_b);
+void ContactDynamics::compute_pair(ContactProblem& p, std::size_t index, int shape_a, int shape_b) {
+  pair_.a = velocity_of(shape_a);
+  pair_.b = velocity_of(shape_b);
   const Mobility a = mobility_of(shape_a), b = mobility_of(shape_b);
   pair_.mobility = {a.linear + b.linear, a.angular + b.angular};
   const int node_a = node_of(shape_a), node_b = node_of(shape_b);
@@ -36,7 +36,7 @@ void ContactDynamics::compute_pair(Problem& p, std::size_t index, int shape_a, i
 }
 
 /// Mobility across a contact's normal by the inertia's diagonal, both directions [1/kg]; or a lower bound.
-double ContactDynamics::mobility_across(Problem& p, const Contact& contact, double enough) {
+double ContactDynamics::mobility_across(ContactProblem& p, const Contact& contact, double enough) {
   double sum = 0;
   const Vec3 r_a = contact.position - pair_.a.origin, r_b = contact.position - pair_.b.origin;
   for (std::size_t k = 0; k < moving_->dofs.size(); ++k) {
@@ -74,7 +74,7 @@ double ContactDynamics::compute_target(ContactRows& rows, const Contact& contact
 }
 
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(Problem& p, const Contact& contact, const model::Material& surface,
+void ContactDynamics::add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface,
                                   double share, double step) {
   // No friction between crossed bodies: normals on both sides of a finger would jam it.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
@@ -133,7 +133,7 @@ void ContactDynamics::add_contact(Problem& p, const Contact& contact, const mode
   }
 }
 
-void ContactDynamics::add_contacts(Problem& p, double step) {
+void ContactDynamics::add_contacts(ContactProblem& p, double step) {
   frames_.clear();
   light_.clear();
   warm_started_ = 0;
@@ -141,7 +141,7 @@ void ContactDynamics::add_contacts(Problem& p, double step) {
   std::size_t pairs = 0;
   std::pair<int, int> bodies;
   for (const Touch& touch : collider_.touches()) {
-    if (!matters(touch)) continue;
+    if (!touches_constrained(touch)) continue;
     const Contact& any = collider_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
@@ -156,7 +156,7 @@ void ContactDynamics::add_contacts(Problem& p, double step) {
   }
 }
 
-void ContactDynamics::add_loop_rows(Problem& p) {
+void ContactDynamics::add_loop_rows(ContactProblem& p) {
   if (!loops_) return;
   const std::size_t n = at(space_.size());
   const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
@@ -211,11 +211,11 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
   }
 }
 
-void ContactDynamics::store_warm_start(const Problem& p, double step) {
+void ContactDynamics::store_warm_start(const ContactProblem& p, double step) {
   memory_.points.clear();
   std::size_t i = 0;
   for (const Touch& touch : collider_.touches()) {
-    if (!matters(touch)) continue;
+    if (!touches_constrained(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + at(index)];
       const ContactRows& rows = p.contacts[i];

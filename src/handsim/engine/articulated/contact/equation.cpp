@@ -14,12 +14,12 @@ namespace {
 /// A residual below this share of the sum of its terms' magnitudes is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 
-double* motion_of(const Problem& p, Workspace& w, int body) {
+double* motion_of(const ContactProblem& p, Workspace& w, int body) {
   return w.carried.data() + kSpatial * at(body == kNone ? p.size() : body);
 }
 
 /// Motion of body a relative to b at a's origin: angular velocity, 0, velocity, 0.
-void compute_relative_motion(const Problem& p, Workspace& w, const Pair& pair, double* out) {
+void compute_relative_motion(const ContactProblem& p, Workspace& w, const Pair& pair, double* out) {
   const double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
   const Vec3 turn(b[0], b[1], b[2]), v = Vec3(b[4], b[5], b[6]) + turn.cross(pair.apart);
   for (std::size_t k = 0; k < 3; ++k) {
@@ -30,7 +30,7 @@ void compute_relative_motion(const Problem& p, Workspace& w, const Pair& pair, d
 }
 
 /// A wrench on body a at its origin, and the opposite one on b.
-void add_pair_wrench(const Problem& p, Workspace& w, const Pair& pair, const double* wrench) {
+void add_pair_wrench(const ContactProblem& p, Workspace& w, const Pair& pair, const double* wrench) {
   double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
   const Vec3 f(wrench[4], wrench[5], wrench[6]),
       m = Vec3(wrench[0], wrench[1], wrench[2]) + pair.apart.cross(f);
@@ -43,7 +43,7 @@ void add_pair_wrench(const Problem& p, Workspace& w, const Pair& pair, const dou
 }
 
 /// r = r0 + J x.
-void compute_row_velocities(Problem& p, Workspace& w, bool still, bool whole_step) {
+void compute_row_velocities(ContactProblem& p, Workspace& w, bool still, bool whole_step) {
   w.r.resize(kMostRows * p.contacts.size());
   if (!still && !whole_step) multiply_rows(p, w, p.x.data(), w.r.data());
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
@@ -55,7 +55,7 @@ void compute_row_velocities(Problem& p, Workspace& w, bool still, bool whole_ste
 }
 
 /// -J^T p, into F.
-void add_contact_impulses(Problem& p, Workspace& w) {
+void add_contact_impulses(ContactProblem& p, Workspace& w) {
   std::ranges::fill(w.carried, 0.0);
   std::array<double, kSpatial> wrench{};
   int pair = kNone;
@@ -97,7 +97,7 @@ void Workspace::reserve(const Unknowns& most) {
   links.reserve(n * (n / 64 + 1));
 }
 
-void Workspace::resize(const Problem& of) {
+void Workspace::resize(const ContactProblem& of) {
   for (std::vector<double>* each : {&F, &rounding, &d, &Ad, &smooth}) each->resize(at(of.size()));
   carried.resize(kSpatial * at(of.size() + 1));
 }
@@ -148,9 +148,9 @@ void apply_law(ContactRows& contact, const double* r, Law law) {
   }
 }
 
-double stop_compliance(const Problem& p, int i) { return kTuning.stop_compliance / p.inertia(i); }
+double stop_compliance(const ContactProblem& p, int i) { return kTuning.stop_compliance / p.inertia(i); }
 
-void multiply_rows(Problem& p, Workspace& w, const double* x, double* out) {
+void multiply_rows(ContactProblem& p, Workspace& w, const double* x, double* out) {
   if (!p.pairs.empty())
     w.kernel.compute_motions(p.motions.data(), p.unknowns->parent.data(), p.size(), x, w.carried.data());
   std::array<double, kSpatial> motion;
@@ -167,7 +167,7 @@ void multiply_rows(Problem& p, Workspace& w, const double* x, double* out) {
   }
 }
 
-void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
+void evaluate(ContactProblem& p, Workspace& w, Law law, bool whole_step) {
   w.law = law;
   w.rounding_known = false;
   const int n = p.size();
@@ -192,7 +192,7 @@ void evaluate(Problem& p, Workspace& w, Law law, bool whole_step) {
   add_contact_impulses(p, w);
 }
 
-void compute_rounding(Problem& p, Workspace& w) {
+void compute_rounding(ContactProblem& p, Workspace& w) {
   if (std::exchange(w.rounding_known, true)) return;
   p.compute_jacobians(w.kernel);
   for (int i = 0; i < p.size(); ++i) {
@@ -219,7 +219,7 @@ void compute_rounding(Problem& p, Workspace& w) {
   }
 }
 
-double largest_residual(const Problem& p, const Workspace& w) {
+double largest_residual(const ContactProblem& p, const Workspace& w) {
   double most = 0;
   for (int i = 0; i < p.size(); ++i) {
     // A bound holds it.
@@ -231,14 +231,14 @@ double largest_residual(const Problem& p, const Workspace& w) {
   return most;
 }
 
-double residual(Problem& p, Workspace& w, double tolerance) {
+double residual(ContactProblem& p, Workspace& w, double tolerance) {
   const double most = largest_residual(p, w);
   if (most <= tolerance || w.rounding_known) return most;
   compute_rounding(p, w);
   return largest_residual(p, w);
 }
 
-bool release_bounds(Problem& p, Workspace& w) {
+bool release_bounds(ContactProblem& p, Workspace& w) {
   bool any = false;
   for (int i = 0; i < p.size(); ++i) {
     Limits& bound = p.limits[at(i)];

@@ -16,15 +16,15 @@ enum class Law {
   fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
 };
 
-/// What problems need while they are solved: one for each thread, however many engines there are.
+/// Memory in which problems are solved: one for each thread, however many engines there are.
 struct Workspace {
-  /// @param of_rows must outlive this.
+  /// @param of_rows must outlive this object.
   explicit Workspace(const RowKernel& of_rows = row_kernel()) : kernel(of_rows) {}
   void reserve(const Unknowns& most);
-  void resize(const Problem& problem);
+  void resize(const ContactProblem& problem);
 
   const RowKernel& kernel;
-  Problem problem, island;  ///< the engine's, and an island of it
+  ContactProblem problem, island;  ///< the engine's, and an island of it
 
   // The residual.
   Law law = Law::coulomb;        ///< of the last evaluation: says what a step and a factor are
@@ -37,7 +37,7 @@ struct Workspace {
   std::vector<double> d, s;        ///< step, and J d
   std::vector<double> Ad, smooth;  ///< A d, and A x - g
 
-  /// What a step changes of a contact: two fifths of its numbers.
+  /// The numbers of a contact that a step changes: two fifths of all.
   struct Outcome {
     std::array<double, kMostRows> impulse{};
     std::array<Sliding, 3> discs;
@@ -62,21 +62,21 @@ inline std::array<double, 3> stiffness(const Disc& disc) {
           -0.5 * disc.tangent_stiffness * (disc.force_x * disc.slip_y + disc.force_y * disc.slip_x),
           disc.tangent_stiffness * (1 - disc.force_y * disc.slip_y)};
 }
-/// Impulses at row velocities r. The active set is found, but with Law::active_set kept.
+/// Computes the impulses of a contact at row velocities r, and its active set, which Law::active_set keeps.
 void apply_law(ContactRows& contact, const double* r, Law law);
-/// Compliance of a stop as a penalty.
-double stop_compliance(const Problem& p, int i);
+/// The compliance of an unknown's stop where stops are penalties.
+double stop_compliance(const ContactProblem& p, int i);
 /// out = J x, kMostRows a contact.
-void multiply_rows(Problem& p, Workspace& w, const double* x, double* out);
-/// Impulses at x, and the residual. @param whole_step x is that of the last evaluation plus d
-void evaluate(Problem& p, Workspace& w, Law law, bool whole_step = false);
-/// The sums of the magnitudes of the residual's terms, where they are not known.
-void compute_rounding(Problem& p, Workspace& w);
+void multiply_rows(ContactProblem& p, Workspace& w, const double* x, double* out);
+/// Computes the impulses at x, and the residual. @param whole_step x is that of the last evaluation plus d
+void evaluate(ContactProblem& p, Workspace& w, Law law, bool whole_step = false);
+/// Computes the sums of the magnitudes of the residual's terms, unless they are known.
+void compute_rounding(ContactProblem& p, Workspace& w);
 /// Largest entry of F as a rate, without rounding where that is known.
-double largest_residual(const Problem& p, const Workspace& w);
+double largest_residual(const ContactProblem& p, const Workspace& w);
 /// largest_residual(); where it exceeds the tolerance, the rounding is computed and subtracted.
-double residual(Problem& p, Workspace& w, double tolerance);
-/// Takes bounds whose multiplier has the wrong sign out of the active set. @returns whether there are any
-bool release_bounds(Problem& p, Workspace& w);
+double residual(ContactProblem& p, Workspace& w, double tolerance);
+/// Removes bounds whose multiplier has the wrong sign from the active set. @returns whether there were any
+bool release_bounds(ContactProblem& p, Workspace& w);
 
 }  // namespace handsim::engine::articulated

@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/fixed_limits.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -28,7 +28,7 @@ void each_disc(std::vector<ContactRows>& contacts, const F& f) {
 }
 
 /// Derivatives of the energy along d at x + share d.
-Slope energy_slope(const Problem& p, const Workspace& w, double share) {
+Slope energy_slope(const ContactProblem& p, const Workspace& w, double share) {
   Slope out;
   for (int i = 0; i < p.size(); ++i) {
     const double d = w.d[at(i)], x = p.x[at(i)] + share * d;
@@ -66,7 +66,7 @@ Slope energy_slope(const Problem& p, const Workspace& w, double share) {
 
 /// Step length along d, at most 1, that nearly minimises the energy: Newton's method with bisection as
 /// safeguard.
-double line_search(const Problem& p, Workspace& w) {
+double line_search(const ContactProblem& p, Workspace& w) {
   for (int i = 0; i < p.size(); ++i) {
     w.Ad[at(i)] = 0;
     w.smooth[at(i)] = -p.g[at(i)];
@@ -99,7 +99,7 @@ double line_search(const Problem& p, Workspace& w) {
 }
 
 /// Minimises the energy with fixed limits, from x, to the tolerance or for `fixed_steps`.
-void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+void minimise(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
   evaluate(p, w, Law::fixed_limits);
   for (int i = 0; i < kTuning.fixed_steps && !(residual(p, w, tolerance) <= tolerance); ++i) {
     factor.factor(p, w);
@@ -110,7 +110,7 @@ void minimise(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, 
 
 /// Aitken's relaxation of the limits (Irons and Tuck 1969), faster while updates grow, careful at a start.
 /// @returns its factor
-double update_limits(Problem& p, double relaxation, double most) {
+double update_limits(ContactProblem& p, double relaxation, double most) {
   double product = 0, square = 0;
   each_disc(p.contacts, [&](const ContactRows& contact, Disc& disc) {
     const double change = disc.coefficient * std::max(contact.impulse[0], 0.0) - disc.limit;
@@ -132,7 +132,7 @@ double update_limits(Problem& p, double relaxation, double most) {
 }
 
 /// Moves the limits of the latest solution towards those that a Newton step for Coulomb's law predicts.
-void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
+void predict_limits(ContactProblem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
   factor.factor(p, w);
   compute_step(p, factor, w, report);
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
@@ -147,7 +147,7 @@ void predict_limits(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport
   }
 }
 
-void restart_limits(Problem& p, double multiple) {
+void restart_limits(ContactProblem& p, double multiple) {
   double largest = 0;
   for (const ContactRows& contact : p.contacts) largest = std::max(largest, contact.impulse[0]);
   each_disc(p.contacts, [&](const ContactRows&, Disc& disc) {
@@ -158,7 +158,7 @@ void restart_limits(Problem& p, double multiple) {
 
 }  // namespace
 
-void solve_fixed_limits(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
+void solve_fixed_limits(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance,
                         NewtonReport& report) {
   std::ranges::fill(p.x, 0.0);
   restart_limits(p, 0);

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/gauss_seidel.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -23,7 +23,7 @@ struct Block {
 
 class Sweeps {
  public:
-  Sweeps(Problem& p, SparseFactor& factor, Workspace& w) : p_(p), factor_(factor), w_(w) {
+  Sweeps(ContactProblem& p, SparseFactor& factor, Workspace& w) : p_(p), factor_(factor), w_(w) {
     p.compute_jacobians(w.kernel);
     factor.factor_inertia(p, w);
     std::ranges::fill(w.d, 0.0);
@@ -187,7 +187,7 @@ class Sweeps {
     return change;
   }
 
-  Problem& p_;
+  ContactProblem& p_;
   SparseFactor& factor_;
   Workspace& w_;
   std::vector<Block> blocks_;
@@ -197,7 +197,7 @@ class Sweeps {
 
 }  // namespace
 
-void solve_gauss_seidel(Problem& p, SparseFactor& factor, Workspace& w, double tolerance,
+void solve_gauss_seidel(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance,
                         NewtonReport& report) {
   report.iterative = true;
   Sweeps sweeps(p, factor, w);

@@ -3,23 +3,25 @@
 #include <numeric>
 #include <utility>
 
-#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/fixed_limits.h"
+#include "handsim/engine/articulated/contact/gauss_seidel.h"
+#include "handsim/engine/articulated/contact/islands.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
 
 namespace {
 
-std::size_t island_of(const Problem& p, const Workspace& w, int unknown) {
+std::size_t island_of(const ContactProblem& p, const Workspace& w, int unknown) {
   return at(w.island_of_tree[at(p.unknowns->tree_of[at(unknown)])]);
 }
 
-std::size_t island_of(const Problem& p, const Workspace& w, const ContactRows& contact) {
+std::size_t island_of(const ContactProblem& p, const Workspace& w, const ContactRows& contact) {
   return island_of(p, w, p.dofs[contact.first_dof]);
 }
 
 /// Numbers the islands in the order of their first unknowns. @returns how many there are
-int find_islands(const Problem& p, Workspace& w) {
+int find_islands(const ContactProblem& p, Workspace& w) {
   // Union-find of trees.
   std::vector<int>& island = w.island_of_tree;
   const std::vector<int>& tree_of = p.unknowns->tree_of;
@@ -62,7 +64,8 @@ std::span<const int> part(const std::vector<int>& items, const std::vector<int>&
   return {items.data() + first[at(island)], items.data() + first[at(island) + 1]};
 }
 
-void load_dofs(const Problem& whole, const Workspace& w, const Dofs& from, Dofs& to, Problem& island) {
+void load_dofs(const ContactProblem& whole, const Workspace& w, const Dofs& from, Dofs& to,
+               ContactProblem& island) {
   to = {island.dofs.size(), from.dof_count, island.runs.size(), from.run_count};
   for (const int dof : whole.dofs_of(from)) island.dofs.push_back(w.place[at(dof)]);
   for (const Run& run : whole.runs_of(from)) {
@@ -71,8 +74,9 @@ void load_dofs(const Problem& whole, const Workspace& w, const Dofs& from, Dofs&
   }
 }
 
-void load(const Workspace& w, std::span<const int> members, std::span<const int> touching, Problem& to) {
-  const Problem& whole = w.problem;
+void load(const Workspace& w, std::span<const int> members, std::span<const int> touching,
+          ContactProblem& to) {
+  const ContactProblem& whole = w.problem;
   const auto copy = [](const std::vector<double>& from, std::size_t first, std::size_t count,
                        std::vector<double>& out, std::size_t place) {
     std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(first), count,
@@ -119,8 +123,8 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
 }
 
 /// Copies its solution back.
-void store(const Problem& island, std::span<const int> members, std::span<const int> touching,
-           Problem& whole) {
+void store(const ContactProblem& island, std::span<const int> members, std::span<const int> touching,
+           ContactProblem& whole) {
   for (std::size_t i = 0; i < members.size(); ++i) {
     const std::size_t to = at(members[i]);
     whole.x[to] = island.x[i];
@@ -136,7 +140,7 @@ void store(const Problem& island, std::span<const int> members, std::span<const 
   }
 }
 
-NewtonReport solve_island(Problem& p, SparseFactor& factor, Workspace& w, double tolerance) {
+NewtonReport solve_island(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance) {
   check(p);
   w.resize(p);
   factor.update_pattern(p, w);
@@ -187,7 +191,7 @@ void ContactSystem::restore(ArchiveReader& in) {
 }
 
 NewtonReport solve(ContactSystem& system, Workspace& w, double tolerance) {
-  Problem& p = w.problem;
+  ContactProblem& p = w.problem;
   const int islands = find_islands(p, w);
   if (islands == 1) return solve_island(p, system.factor, w, tolerance);
   const auto island_of_unknown = [&](int i) { return island_of(p, w, i); };
@@ -202,7 +206,7 @@ NewtonReport solve(ContactSystem& system, Workspace& w, double tolerance) {
                                touching = part(w.touching, w.first_touching, island);
     for (std::size_t i = 0; i < members.size(); ++i) w.place[at(members[i])] = static_cast<int>(i);
     system.island.choose(*p.unknowns, members);
-    w.island.begin(system.island);
+    w.island.reset(system.island);
     load(w, members, touching, w.island);
     const NewtonReport part = solve_island(w.island, system.part_factor, w, tolerance);
     store(w.island, members, touching, p);

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/engine/articulated/contact/solvers.h"
+#include "handsim/engine/articulated/contact/newton.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -11,7 +11,7 @@ namespace {
 constexpr double kBeyond = 1e-12;  ///< A bound is passed by more than rounding [m/s, rad/s].
 
 /// Friction's direction at the end of the step d, by the linearised law.
-void update_directions(Problem& p, const Workspace& w) {
+void update_directions(ContactProblem& p, const Workspace& w) {
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     ContactRows& contact = p.contacts[c];
     const double* s = w.s.data() + kMostRows * c;
@@ -39,14 +39,15 @@ void update_directions(Problem& p, const Workspace& w) {
 }
 
 /// A step with the factor for Coulomb's law.
-bool take_step(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+bool take_step(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance,
+               NewtonReport& report) {
   compute_step(p, factor, w, report);
   update_directions(p, w);
   evaluate(p, w, Law::coulomb, advance(p, w, 1));
   return solved(p, w, tolerance, report);
 }
 
-void keep_start(const Problem& p, Workspace& w) {
+void save_iterate(const ContactProblem& p, Workspace& w) {
   w.before.x = p.x;
   w.before.limits = p.limits;
   w.contacts_before.resize(p.contacts.size());
@@ -60,7 +61,7 @@ void keep_start(const Problem& p, Workspace& w) {
 }
 
 /// Back to the start, evaluated with its active set.
-void restart(Problem& p, Workspace& w) {
+void restart(ContactProblem& p, Workspace& w) {
   p.x = w.before.x;
   p.limits = w.before.limits;
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
@@ -74,7 +75,7 @@ void restart(Problem& p, Workspace& w) {
   evaluate(p, w, Law::active_set);
 }
 
-bool keeps_active_set(const Problem& p, const Workspace& w) {
+bool keeps_active_set(const ContactProblem& p, const Workspace& w) {
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
     const ContactRows& contact = p.contacts[c];
     const Workspace::Outcome& before = w.contacts_before[c];
@@ -86,7 +87,7 @@ bool keeps_active_set(const Problem& p, const Workspace& w) {
 }
 
 /// Whether the start passes no stop, which steps are projected on.
-bool keeps_bounds(const Problem& p) {
+bool keeps_bounds(const ContactProblem& p) {
   for (int i = 0; i < p.size(); ++i)
     if (const Limits& bound = p.limits[at(i)];
         bound.side == LimitSide::within &&
@@ -97,9 +98,9 @@ bool keeps_bounds(const Problem& p) {
 
 /// Evaluates the start; by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip bends
 /// along the cone, away from the active set's straight continuation. @returns whether it solves the problem
-bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
+bool starts_solved(ContactProblem& p, Workspace& w, double tolerance, NewtonReport& report) {
   const double enough = kTuning.at_rest * tolerance;
-  keep_start(p, w);
+  save_iterate(p, w);
   evaluate(p, w, Law::coulomb);
   if (largest_residual(p, w) <= enough && keeps_bounds(p) && solved(p, w, enough, report)) return true;
   if (!keeps_active_set(p, w)) restart(p, w);
@@ -108,8 +109,9 @@ bool starts_solved(Problem& p, Workspace& w, double tolerance, NewtonReport& rep
 
 /// Steps with the factor of an earlier problem, from an evaluated x, while the next may be the last: true
 /// where it was. Else x has a smaller residual than it had, or is the start again.
-bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
-  keep_start(p, w);
+bool reuse_factor(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance,
+                  NewtonReport& report) {
+  save_iterate(p, w);
   double last = largest_residual(p, w);
   for (int i = 0; i < kTuning.reused_steps; ++i) {
     if (take_step(p, factor, w, tolerance, report)) return true;
@@ -123,7 +125,7 @@ bool reuse_factor(Problem& p, SparseFactor& factor, Workspace& w, double toleran
 
 }  // namespace
 
-void compute_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
+void compute_step(ContactProblem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
   const auto kept = [&](int i) {
     return w.law != Law::fixed_limits && p.limits[at(i)].side != LimitSide::within;
   };
@@ -137,7 +139,7 @@ void compute_step(Problem& p, SparseFactor& factor, Workspace& w, NewtonReport& 
   ++report.iterations;
 }
 
-bool advance(Problem& p, const Workspace& w, double share) {
+bool advance(ContactProblem& p, const Workspace& w, double share) {
   bool whole = share == 1;
   for (int i = 0; i < p.size(); ++i) {
     double& x = p.x[at(i)];
@@ -155,13 +157,13 @@ bool advance(Problem& p, const Workspace& w, double share) {
   return whole;
 }
 
-bool solved(Problem& p, Workspace& w, double tolerance, NewtonReport& report) {
+bool solved(ContactProblem& p, Workspace& w, double tolerance, NewtonReport& report) {
   report.residual = residual(p, w, tolerance);
   report.solved = report.residual <= tolerance && !release_bounds(p, w);
   return report.solved;
 }
 
-void newton_steps(Problem& p, SparseFactor& factor, Workspace& w, int most, double tolerance,
+void newton_steps(ContactProblem& p, SparseFactor& factor, Workspace& w, int most, double tolerance,
                   NewtonReport& report) {
   for (int i = 0; i < most && !report.solved; ++i) {
     factor.factor(p, w);
@@ -169,7 +171,8 @@ void newton_steps(Problem& p, SparseFactor& factor, Workspace& w, int most, doub
   }
 }
 
-void solve_newton(Problem& p, SparseFactor& factor, Workspace& w, double tolerance, NewtonReport& report) {
+void solve_newton(ContactProblem& p, SparseFactor& factor, Workspace& w, double tolerance,
+                  NewtonReport& report) {
   if (starts_solved(p, w, tolerance, report)) return;
   if (factor.begin_trial(p, w)) {
     factor.end_trial(reuse_factor(p, factor, w, tolerance, report));

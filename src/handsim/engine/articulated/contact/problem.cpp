@@ -7,7 +7,7 @@
 
 namespace handsim::engine::articulated {
 
-void Problem::reserve(const Unknowns& most) {
+void ContactProblem::reserve(const Unknowns& most) {
   const std::size_t n = at(most.size()), widest = most.widest();
   A.reserve(most.entries);
   Iterate::reserve(n);
@@ -20,7 +20,7 @@ void Problem::reserve(const Unknowns& most) {
   J.reserve(kUsualContacts * kMostRows * widest);
 }
 
-void Problem::begin(const Unknowns& of) {
+void ContactProblem::reset(const Unknowns& of) {
   unknowns = &of;
   const std::size_t n = at(of.size());
   A.assign(of.entries, 0.0);
@@ -39,7 +39,7 @@ void Problem::begin(const Unknowns& of) {
   with_jacobians = false;
 }
 
-void Problem::list(Dofs& out, std::span<const int> of) {
+void ContactProblem::list(Dofs& out, std::span<const int> of) {
   out = {dofs.size(), of.size(), runs.size(), 0};
   dofs.insert(dofs.end(), of.begin(), of.end());
   for (std::size_t k = 0; k < of.size(); ++k) {
@@ -51,7 +51,7 @@ void Problem::list(Dofs& out, std::span<const int> of) {
   out.run_count = runs.size() - out.first_run;
 }
 
-ContactRows& Problem::add(std::span<const int> of, std::size_t rows) {
+ContactRows& ContactProblem::add(std::span<const int> of, std::size_t rows) {
   ContactRows& out = contacts.emplace_back();
   // Rows of the same unknowns share them.
   const std::size_t last = contacts.size() < 2 ? 0 : contacts.size() - 2;
@@ -67,7 +67,7 @@ ContactRows& Problem::add(std::span<const int> of, std::size_t rows) {
   return out;
 }
 
-void Problem::add_pair(int a, int b, const Vec3& apart, std::span<const int> of) {
+void ContactProblem::add_pair(int a, int b, const Vec3& apart, std::span<const int> of) {
   Pair& pair = pairs.emplace_back();
   pair.a = a;
   pair.b = b;
@@ -75,7 +75,7 @@ void Problem::add_pair(int a, int b, const Vec3& apart, std::span<const int> of)
   list(pair, of);
 }
 
-ContactRows& Problem::add_contact(std::size_t rows) {
+ContactRows& ContactProblem::add_contact(std::size_t rows) {
   // Copied: a third of the time that its default values take one by one.
   static const ContactRows kEmpty;
   const Pair& pair = pairs.back();
@@ -91,7 +91,7 @@ ContactRows& Problem::add_contact(std::size_t rows) {
   return out;
 }
 
-void Problem::compute_jacobians(const RowKernel& kernel) {
+void ContactProblem::compute_jacobians(const RowKernel& kernel) {
   if (std::exchange(with_jacobians, true)) return;
   if (J.size() < entries) J.resize(entries);
   std::array<double, kMostRows> column;
@@ -117,7 +117,7 @@ void Problem::compute_jacobians(const RowKernel& kernel) {
   }
 }
 
-void check([[maybe_unused]] const Problem& p) {
+void check([[maybe_unused]] const ContactProblem& p) {
 #ifndef NDEBUG
   const Unknowns& u = *p.unknowns;
   const int n = p.size();

@@ -8,7 +8,7 @@
 // (the primal formulation of Todorov 2014, "Convex and analytically-invertible dynamics with contacts and
 // constraints", ICRA, and of Castro, Permenter and Han 2022, "An unconstrained convex formulation of
 // compliant contact", IEEE T-RO). Unlike theirs the law is Coulomb's own, not its convex relaxation: a
-// sliding contact does not lift off. solvers.h says how it is solved.
+// sliding contact does not lift off. islands.h says how it is solved.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ namespace handsim::engine::articulated {
 inline constexpr std::size_t kUsualContacts = 16, kUsualRows = 4, kUsualSliding = 6;
 inline constexpr std::size_t kMostRows = 6;  ///< of a contact
 
-/// Where a value is that has two limits.
+/// The position of a value against its two limits.
 enum class LimitSide : signed char { low = -1, within = 0, high = 1 };
 constexpr int sign(LimitSide side) { return static_cast<int>(side); }
 /// @param sign -1, 0 or 1
@@ -52,7 +52,7 @@ struct Disc : Sliding {
 
 inline constexpr int kNone = -1;  ///< No unknown, or no pair of bodies.
 
-/// The unknowns that rows depend on, in Problem::dofs, and the same as runs, in Problem::runs.
+/// The unknowns that rows depend on, in ContactProblem::dofs, and the same as runs, in ContactProblem::runs.
 struct Dofs {
   std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
 };
@@ -67,11 +67,12 @@ struct ContactRows : Dofs {
   bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
   bool bilateral = false;
   int pair = kNone;                               ///< of the bodies that touch
-  std::size_t first_entry = 0, first_wrench = 0;  ///< in Problem::J and Problem::wrenches
+  std::size_t first_entry = 0, first_wrench = 0;  ///< in ContactProblem::J and ContactProblem::wrenches
 };
 
-/// What limits an unknown: bounds, and a servo that adds offset - slope x, clamped to +-limit, to the right
-/// side; none without a limit.
+/// The limits of an unknown: its bounds; and the servo that acts on it, which adds offset - slope x, clamped
+/// to
+/// +-limit, to the right side of the equation. There is no servo where `limit` is 0.
 struct Limits {
   double low, high;                         ///< bounds
   LimitSide side = LimitSide::within;       ///< in: it starts on the bound; out: the bound holds it
@@ -91,7 +92,7 @@ struct Pair : Dofs {
   Vec3 apart = Vec3::Zero();  ///< from b's origin to a's [m]
 };
 
-/// What a solution changes: x, and impulses, sides and limits in force.
+/// The part of a problem that a solution changes: x, the impulses, and the active set.
 struct Iterate {
   std::vector<double> x;
   std::vector<ContactRows> contacts;
@@ -103,21 +104,22 @@ struct Iterate {
 };
 
 /// The numbers of a problem and of its solution.
-struct Problem : Iterate {
+struct ContactProblem : Iterate {
   const Unknowns* unknowns = nullptr;
   std::vector<double> A, g;
   std::vector<double> start;  ///< where the iteration starts; zero where nothing better is known
   std::vector<int> dofs;
   std::vector<Run> runs;
   std::vector<Pair> pairs;
-  /// How an unknown moves what it carries, at its tree's origin; wrenches on a at a's origin. kSpatial each.
+  /// Motion of all that an unknown carries at a rate of 1, at its tree's origin; wrenches of rows on body a,
+  /// at a's origin. kSpatial numbers each.
   std::vector<double> motions, wrenches;
   std::vector<double> J;    ///< rows by unknowns; of pairs only where `with_jacobians`
   std::size_t entries = 0;  ///< of J
   bool with_jacobians = false;
 
   /// Starts a new problem: A and g zero, no contacts, bounds or servos.
-  void begin(const Unknowns& of);
+  void reset(const Unknowns& of);
   void reserve(const Unknowns& most);
   int size() const { return unknowns->size(); }
   Iterate& iterate() { return *this; }
@@ -154,6 +156,6 @@ struct Problem : Iterate {
 };
 
 /// Asserts what solvers rely on: sizes, A's pattern, order of unknowns, rows and limits. Nothing with NDEBUG.
-void check(const Problem& p);
+void check(const ContactProblem& p);
 
 }  // namespace handsim::engine::articulated

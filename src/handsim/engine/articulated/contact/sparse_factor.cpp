@@ -11,7 +11,7 @@ namespace handsim::engine::articulated {
 namespace {
 
 /// The active set as numbers of 0 or more: of each contact, then of each unknown.
-void list_active_set(const Problem& p, std::vector<int>& out) {
+void list_active_set(const ContactProblem& p, std::vector<int>& out) {
   out.clear();
   for (const ContactRows& contact : p.contacts) {
     int code = contact.open ? 1 : 0;
@@ -40,7 +40,7 @@ void SparseFactor::reserve(const Unknowns& most) {
   active_.reserve(n + kUsualContacts);
 }
 
-void SparseFactor::update_pattern(const Problem& p, Workspace& w) {
+void SparseFactor::update_pattern(const ContactProblem& p, Workspace& w) {
   w.layout.assign(p.unknowns->ids.begin(), p.unknowns->ids.end());
   for (const ContactRows& contact : p.contacts) {
     w.layout.push_back(static_cast<int>(contact.first_dof));
@@ -57,7 +57,8 @@ void SparseFactor::update_pattern(const Problem& p, Workspace& w) {
 }
 
 /// The pattern of the factor of A and of what contacts add.
-void SparseFactor::compute_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts) {
+void SparseFactor::compute_pattern(const ContactProblem& p, Workspace& w,
+                                   std::span<const ContactRows> contacts) {
   const Unknowns& unknowns = *p.unknowns;
   const int n = p.size();
   const std::vector<std::size_t>& chain_of = unknowns.chain_of;
@@ -118,7 +119,7 @@ double SparseFactor::work() const {
 }
 
 /// Adds the symmetric part of a contact's -J^T (dp/dr) J.
-void SparseFactor::add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact) {
+void SparseFactor::add_stiffness(const ContactProblem& p, const Workspace& w, const ContactRows& contact) {
   const Triangle M = view().M;
   const double normal = contact.open ? 0 : 1 / contact.regularization;
   std::size_t k = 0;
@@ -133,7 +134,7 @@ void SparseFactor::add_stiffness(const Problem& p, const Workspace& w, const Con
 }
 
 /// The columns of C and G: one for each disc that slides.
-void SparseFactor::list_columns(const Problem& p) {
+void SparseFactor::list_columns(const ContactProblem& p) {
   columns_.clear();
   column_range_.assign(chains_.size(), {});
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
@@ -154,7 +155,7 @@ void SparseFactor::list_columns(const Problem& p) {
   h_.resize(columns_.size());
 }
 
-void SparseFactor::add_coupling(const Problem& p) {
+void SparseFactor::add_coupling(const ContactProblem& p) {
   list_columns(p);
   const std::size_t m = columns_.size(), n = at(p.size());
   C_.resize(n * m);
@@ -181,7 +182,7 @@ void SparseFactor::add_coupling(const Problem& p) {
   }
 }
 
-void SparseFactor::assemble(Problem& p, Workspace& w) {
+void SparseFactor::assemble(ContactProblem& p, Workspace& w) {
   p.compute_jacobians(w.kernel);
   M_.resize(entries_);
   const Unknowns& unknowns = *p.unknowns;
@@ -210,7 +211,7 @@ void SparseFactor::assemble(Problem& p, Workspace& w) {
   }
 }
 
-void SparseFactor::factor(Problem& p, Workspace& w) {
+void SparseFactor::factor(ContactProblem& p, Workspace& w) {
   assemble(p, w);
   w.kernel.factor(view());
   const std::size_t m = columns_.size();
@@ -225,7 +226,7 @@ void SparseFactor::factor(Problem& p, Workspace& w) {
   if (w.law != Law::fixed_limits) list_active_set(p, active_);
 }
 
-void SparseFactor::factor_inertia(const Problem& p, Workspace& w) {
+void SparseFactor::factor_inertia(const ContactProblem& p, Workspace& w) {
   compute_pattern(p, w, {});
   known_ = false;
   active_.clear();
@@ -246,7 +247,7 @@ void SparseFactor::solve_tree(const Workspace& w, double* x, const Unknowns& unk
   w.kernel.substitute_back(view(), x, first, end);
 }
 
-bool SparseFactor::begin_trial(const Problem& p, Workspace& w) {
+bool SparseFactor::begin_trial(const ContactProblem& p, Workspace& w) {
   if (active_.empty()) return false;
   list_active_set(p, w.active);
   if (w.active != active_) return false;

@@ -10,26 +10,27 @@
 
 namespace handsim::engine::articulated {
 
+/// The factor of a problem's derivative, and its pattern.
 class SparseFactor {
  public:
   void reserve(const Unknowns& most);
-  /// Finds the pattern, where unknowns or contacts are not those of the last problem.
-  void update_pattern(const Problem& p, Workspace& w);
-  /// Multiplications of a factorisation that knows of no gaps in a row.
+  /// Computes the pattern, unless unknowns and contacts are those of the last problem.
+  void update_pattern(const ContactProblem& p, Workspace& w);
+  /// The number of multiplications of a factorisation, with rows counted as full.
   double work() const;
   /// Factors the derivative of the residual that the workspace has.
-  void factor(Problem& p, Workspace& w);
+  void factor(ContactProblem& p, Workspace& w);
   /// Factors A alone: the contacts' factor is lost.
-  void factor_inertia(const Problem& p, Workspace& w);
+  void factor_inertia(const ContactProblem& p, Workspace& w);
   /// x becomes the solution for the right side x. @param w for its kernel
   void solve(const Workspace& w, double* x);
-  /// As solve(), but for the unknowns of one tree that no entry couples to other trees.
+  /// Solves for the unknowns of one tree that no entry couples to other trees, and leaves all others.
   void solve_tree(const Workspace& w, double* x, const Unknowns& unknowns, const Run& tree);
 
-  /// Whether the factor is of the same unknowns, contacts and active set, and may be tried: where it fails
-  /// again and again, as in fast motion, ever more problems pass before that.
-  bool begin_trial(const Problem& p, Workspace& w);
-  /// Whether the trial solved the problem.
+  /// @returns whether the factor is of the same unknowns, contacts and active set as the problem, and is to
+  /// be tried. After repeated failures, as in fast motion, more and more problems pass between two trials.
+  bool begin_trial(const ContactProblem& p, Workspace& w);
+  /// Reports whether the trial solved the problem.
   void end_trial(bool solved);
   void forget();
   void save(ArchiveWriter& out) const;
@@ -41,11 +42,11 @@ class SparseFactor {
     std::size_t contact = 0, disc = 0;
   };
 
-  void compute_pattern(const Problem& p, Workspace& w, std::span<const ContactRows> contacts);
-  void assemble(Problem& p, Workspace& w);
-  void add_stiffness(const Problem& p, const Workspace& w, const ContactRows& contact);
-  void list_columns(const Problem& p);
-  void add_coupling(const Problem& p);
+  void compute_pattern(const ContactProblem& p, Workspace& w, std::span<const ContactRows> contacts);
+  void assemble(ContactProblem& p, Workspace& w);
+  void add_stiffness(const ContactProblem& p, const Workspace& w, const ContactRows& contact);
+  void list_columns(const ContactProblem& p);
+  void add_coupling(const ContactProblem& p);
   double& entry(int i, int j) { return M_[row_start_[at(i)] + at(j)]; }
   Factor view() { return {{M_.data(), row_start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
   Coupling coupling() {
@@ -58,7 +59,7 @@ class SparseFactor {
   std::vector<int> last_;  ///< last column of each row
   std::vector<std::size_t> row_start_;
   std::size_t entries_ = 0;
-  /// What it depends on: unknowns and contacts of the last problem; and whether it is that pattern.
+  /// Unknowns and contacts that the pattern was computed for; and whether it was computed.
   std::vector<int> layout_;
   bool known_ = false;
 

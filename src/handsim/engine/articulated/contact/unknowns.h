@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/articulated/kernels/row_kernel.h"
+#include "handsim/engine/articulated/kernels/kernels.h"
 
 namespace handsim::engine::articulated {
 
-/// Children stand before parents, a tree's unknowns together, its root last.
+/// The unknowns of a problem: children stand before parents, a tree's unknowns together, its root last.
 struct Unknowns {
   std::vector<int> ids;                ///< in the numbers of the largest set that these were chosen from
   std::vector<int> first, last;        ///< of each: first unknown below it; last unknown above it
@@ -27,16 +27,19 @@ struct Unknowns {
   void reserve(std::size_t n);
   /// @param first_of for every unknown i the least j <= i with a matrix entry (i, j), whatever the state
   void assign(std::span<const int> first_of);
-  /// Takes unknowns of whole trees, ascending. @returns false where nothing changes
+  /// Becomes the chosen unknowns, those of whole trees in ascending order. @returns false where nothing
+  /// changes
   bool choose(const Unknowns& from, std::span<const int> chosen);
-  /// Most unknowns that can move two bodies against each other.
+  /// The largest number of unknowns that can move two bodies against each other.
   std::size_t widest() const;
 
  private:
   void lay_out();
 };
 
-/// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
+/// Computes the indices at which the rows of an upper triangle start, each from its diagonal to its last
+/// entry.
+/// @returns the number of all entries
 std::size_t place_rows(std::span<const int> last, std::vector<std::size_t>& row_start);
 
 /// Makes room in vectors.

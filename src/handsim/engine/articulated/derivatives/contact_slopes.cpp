@@ -70,7 +70,7 @@ ContactSlopes::Law6 ContactSlopes::law_of(const ContactRows& rows) {
 
 void ContactSlopes::add_stiffness(Eigen::MatrixXd& K) {
   Workspace& w = ContactDynamics::workspace();
-  Problem& p = w.problem;
+  ContactProblem& p = w.problem;
   p.compute_jacobians(w.kernel);
   for (const ContactRows& rows : p.contacts) {
     if (rows.open) continue;
@@ -94,7 +94,7 @@ void ContactSlopes::add_stiffness(Eigen::MatrixXd& K) {
 
 /// The factor of K at x, without what bounds hold.
 void ContactSlopes::factor(const Eigen::MatrixXd& inertia) {
-  const Problem& p = ContactDynamics::workspace().problem;
+  const ContactProblem& p = ContactDynamics::workspace().problem;
   K_ = inertia;
   add_stiffness(K_);
   Eigen::MatrixXd K = K_(contact_.dof_of_, contact_.dof_of_);
@@ -111,7 +111,7 @@ void ContactSlopes::factor(const Eigen::MatrixXd& inertia) {
 
 bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
   Workspace& w = ContactDynamics::workspace();
-  Problem& p = w.problem;
+  ContactProblem& p = w.problem;
   w.resize(p);
   Eigen::VectorXd d(p.size());
   double last = 0;
@@ -131,7 +131,7 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
     for (Eigen::Index k = 0; k < d.size(); ++k) p.x[at(k)] += d[k];
   }
   evaluate(p, w, Law::coulomb);
-  contact_.take_over(p, step);
+  contact_.store_solution(p, step);
   return done;
 }
 
@@ -151,7 +151,7 @@ void ContactSlopes::compute_velocities() {
 ContactSlopes::Partner ContactSlopes::partner_of(int shape) const {
   Partner out;
   out.node = contact_.node_of(shape);
-  const ContactDynamics::Motion motion = contact_.motion_of(shape);
+  const ContactDynamics::BodyVelocity motion = contact_.velocity_of(shape);
   out.origin = motion.origin;
   out.start << motion.w, motion.v;
   out.end = out.node == kNoNode ? out.start : end_[at(out.node)];
@@ -329,7 +329,7 @@ void ContactSlopes::note_sides(const Point& point, double largest) {
 void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::MatrixXd& by_q,
                                Eigen::MatrixXd& by_u) {
   Workspace& w = ContactDynamics::workspace();
-  const Problem& p = w.problem;
+  const ContactProblem& p = w.problem;
   notes_.clear();
   compute_velocities();
   double largest = 0;
@@ -337,7 +337,7 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
   std::size_t i = 0;
   std::optional<std::pair<int, int>> bodies;
   for (const Touch& touch : contact_.collider_.touches()) {
-    if (!contact_.matters(touch)) continue;
+    if (!contact_.touches_constrained(touch)) continue;
     const Contact& any = contact_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(contact_.body_of(any.shape_a), contact_.body_of(any.shape_b));

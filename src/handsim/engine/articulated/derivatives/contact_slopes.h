@@ -13,16 +13,17 @@
 
 namespace handsim::engine::articulated {
 
-/// How a contact's place, normal and depth change with a twist of shape a against b, as at a point: angular
-/// part first.
+/// Derivatives of a contact's place, normal, depth and share of the pair's stiffness by a twist of shape a
+/// against shape b about a point; the angular part comes first.
 struct ContactResponse {
   Eigen::Matrix<double, 3, 6> place = Eigen::Matrix<double, 3, 6>::Zero(), normal = place;
   Eigen::Matrix<double, 1, 6> depth = Eigen::Matrix<double, 1, 6>::Zero(), share = depth;
 };
 
+/// The derivatives of the contacts of a step that was solved.
 class ContactSlopes {
  public:
-  /// All must outlive this.
+  /// All arguments must outlive this object.
   ContactSlopes(const model::Model& model, Mechanism& mechanism, ContactDynamics& contact,
                 const DynamicsSlopes& tree);
 
@@ -55,8 +56,9 @@ class ContactSlopes {
     Vec3 origin = Vec3::Zero();
     Spatial end = Spatial::Zero(), start = Spatial::Zero();
   };
-  /// How a contact changes with a column: velocities of a against b there, place, normal, depth, share of the
-  /// pair's stiffness (relative).
+  /// Derivatives of a contact by the rate of a column: velocities of a against b at the contact at the end
+  /// and the start of the step, place, normal, depth, and relative change of its share of the pair's
+  /// stiffness.
   struct Change {
     Spatial end = Spatial::Zero(), start = Spatial::Zero();
     Vec3 place = Vec3::Zero(), normal = Vec3::Zero();

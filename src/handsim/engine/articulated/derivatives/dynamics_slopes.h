@@ -36,7 +36,7 @@ inline Spatial at_point(const Spatial& v, const Vec3& r) {
 
 class DynamicsSlopes {
  public:
-  /// @param mechanism must outlive this. Rates are in the order of the nodes, as JointSpace has them.
+  /// @param mechanism must outlive this object. Rates are in the order of the nodes, as JointSpace has them.
   explicit DynamicsSlopes(const Mechanism& mechanism);
 
   int size() const { return static_cast<int>(node_.size()); }
@@ -48,7 +48,8 @@ class DynamicsSlopes {
   const Eigen::MatrixXd& by_rate() const { return by_u_; }
   const Eigen::MatrixXd& inertia() const { return H_; }
 
-  /// How the weight of what a dof carries acts on it, by gravity: d(-tau)/dg [kg m or kg].
+  /// Derivative by gravity of the generalised force that a dof needs for the weight of the bodies that it
+  /// carries: d(-tau)/dg [kg m or kg].
   Vec3 carried(int dof) const {
     const Body& of = bodies_[at(node(dof))];
     return of.times(axis(dof)).tail<3>();
@@ -61,9 +62,9 @@ class DynamicsSlopes {
   int parent_node(int node) const { return parent_node_[at(node)]; }
   NodeKind kind(int node) const { return kind_[static_cast<std::size_t>(node)]; }
   const Spatial& axis(int dof) const { return dofs_[at(dof)].S; }
-  /// Whether position j moves the axis of rate i, of two on one branch.
+  /// @returns whether a change of position j moves the axis of rate i; both are of one branch
   bool moves_axis(int j, int i) const { return node(i) != node(j) ? j < i : is_shift(j) && !is_shift(i); }
-  /// A free body's position, and not its turn.
+  /// @returns whether a dof is a coordinate of a free body's position, and not of its turn
   bool is_shift(int dof) const {
     return kind(node(dof)) == NodeKind::free && dof - first_dof(node(dof)) >= 3;
   }
@@ -79,8 +80,8 @@ class DynamicsSlopes {
     Spatial times(const Spatial& x) const;
     Spatial times_B(const Spatial& x) const;
   };
-  /// How velocities and accelerations beyond a rate change with its position (Psi, its derivative) and
-  /// itself.
+  /// The axis S of a rate; derivatives of the velocities and accelerations of all that it carries by its
+  /// position (Psi and its time derivative), and by the rate.
   struct Dof {
     Spatial S, turned, turned_rate, driven;
   };

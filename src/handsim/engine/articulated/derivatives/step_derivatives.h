@@ -10,17 +10,18 @@
 
 namespace handsim::engine::articulated {
 
-/// How a controller's drive of each coordinate, torque or servo, changes with the state; by
-/// Model::dof_count() or empty. Derivatives of a servo's stiffness x error + feed.
+/// Derivatives by the state of what a controller drives each coordinate with: of a torque, or of a servo's
+/// stiffness x error + feed. Vectors have the size Model::dof_count(), or are empty.
 struct Feedback {
   std::vector<double> by_q;
   std::vector<char> compensated;  ///< coordinates whose drive carries the weight
   Vec3 gravity = Vec3::Zero();    ///< that it carries
 };
 
-/// What is asked for, and the answer. Rows and columns are coordinates: those of joints, as
-/// Model::dof_count(), then of each free body the turn (3) and the shift (3) in world axes. Turns of balls
-/// and free bodies are rotation vectors added before: q' = exp(turn) q, for balls in the parent's axes.
+/// A request for the derivatives of a step, and its answer. Rows and columns are coordinates: those of
+/// joints, as Model::dof_count(), then of each free body the turn (3) and the shift (3) in world axes. Turns
+/// of balls and free bodies are rotation vectors added before: q' = exp(turn) q, for balls in the parent's
+/// axes.
 struct StepDerivatives {
   Feedback feedback;
   std::vector<int> forced;  ///< bodies of Model, for `by_force`
@@ -37,11 +38,5 @@ struct StepDerivatives {
   std::vector<char> driven;        ///< of each coordinate: no servo of its is at its limit
   std::vector<std::string> notes;  ///< derivatives that hold to one side, or without a part
 };
-
-/// Steps of an engine fill these in until null is given, with contacts solved to rounding; the caller keeps
-/// them. Such a step throws Error (input), and is made by half, where there are no derivatives: a method for
-/// smooth motion, loops, free hands, elastic tendons, contacts that Newton's method does not solve.
-/// @returns false for another engine than the articulated one
-bool derive(const Engine& engine, StepDerivatives* out);
 
 }  // namespace handsim::engine::articulated

@@ -95,7 +95,7 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
   by_q_ = h * tree_.by_position();
   by_u_ = h * tree_.by_rate();
   for (int node = 0; node < static_cast<int>(mechanism_.topology().nodes.size()); ++node)
-    if (mechanism_.is_lone(at(node))) add_lone(node);
+    if (mechanism_.is_single_body(at(node))) add_lone(node);
   add_singles(out);
   for (const Single& each : singles_)
     if (load.size() > 0 && out.feedback.compensated[each.coordinate] && out.driven[each.coordinate])

@@ -17,7 +17,7 @@ namespace handsim::engine::articulated {
 
 class StepSlopes {
  public:
-  /// All must outlive this. @param muscles, contact null: none
+  /// All arguments must outlive this object. @param muscles, contact null where the engine has none
   StepSlopes(const model::Model& model, const Settings& settings, Mechanism& mechanism,
              MuscleCoupling* muscles, ContactDynamics* contact);
 

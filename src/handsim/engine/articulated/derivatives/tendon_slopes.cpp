@@ -26,7 +26,7 @@ void difference(double size, const F& f) {
 
 /// By dof of the tree, from q_ and u_.
 Eigen::VectorXd StepSlopes::tendon_torques(const StepInput& input) {
-  const std::span<const double> given = muscles_->begin(q_, u_, input);
+  const std::span<const double> given = muscles_->begin_step(q_, u_, input);
   Eigen::VectorXd out = Eigen::VectorXd::Zero(tree_.size());
   for (const Single& each : singles_) out[each.dof] = given[each.coordinate];
   muscles_->each_slope([&](int i, int j, double slope) {
@@ -43,7 +43,7 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
   }
   const double h = settings_.step;
   const auto torques = [&] {
-    muscles_->start(start);
+    muscles_->reset(start);
     return tendon_torques(input);
   };
   const Eigen::VectorXd here = torques();
@@ -71,8 +71,8 @@ void StepSlopes::add_muscles(const StepInput& input, const model::State& start, 
   }
   differentiate_activations(input, start, out);
   // The step goes on.
-  muscles_->start(start);
-  muscles_->begin(q_, u_, input);
+  muscles_->reset(start);
+  muscles_->begin_step(q_, u_, input);
 }
 
 /// Each muscle has an activation of its own: those of all at once, then what each pulls.
@@ -89,9 +89,9 @@ void StepSlopes::differentiate_activations(const StepInput& input, const model::
   StepInput changed = input;
   changed.excitations = excitations;
   const auto add_end = [&](double weight, Eigen::VectorXd& to) {
-    muscles_->start(state);
-    muscles_->begin(q_, u_, changed);
-    muscles_->give(end);
+    muscles_->reset(state);
+    muscles_->begin_step(q_, u_, changed);
+    muscles_->store_state(end);
     for (std::size_t i = 0; i < count; ++i) to[static_cast<Eigen::Index>(i)] += weight * end.activation[i];
   };
   difference(kActivation, [&](double offset, double weight) {
@@ -108,7 +108,7 @@ void StepSlopes::differentiate_activations(const StepInput& input, const model::
     const double slope = out.activation_by_activation[static_cast<Eigen::Index>(i)];
     difference(kActivation, [&](double offset, double weight) {
       state.activation[i] = start.activation[i] + offset;
-      muscles_->start(state);
+      muscles_->reset(state);
       by_activation_.col(static_cast<Eigen::Index>(i)) -=
           settings_.step * weight / slope * tendon_torques(changed);
     });

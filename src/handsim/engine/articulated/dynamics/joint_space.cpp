@@ -10,8 +10,8 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
     parent_node_.push_back(node.parent ? *node.parent : kNoNode);
-    lone_.push_back(node.kind == NodeKind::free);
-    if (node.parent) lone_[at(*node.parent)] = false;
+    single_body_.push_back(node.kind == NodeKind::free);
+    if (node.parent) single_body_[at(*node.parent)] = false;
     first_.push_back(n_);
     last_.push_back(n_ + rate_count(node.kind) - 1);
     for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
@@ -97,7 +97,7 @@ void JointSpace::compute_node_inertia(std::size_t node) {
 }
 
 /// By the world's axes through the centre of mass.
-void JointSpace::compute_lone_inertia(std::size_t node) {
+void JointSpace::compute_body_inertia(std::size_t node) {
   const Mat3 I = read_symmetric(views_[node].I, stride_);
   const int first = first_[node];
   for (int i = 0; i < 3; ++i)

@@ -32,59 +32,64 @@ inline Mat3 read_symmetric(const double* x, std::size_t s) {
 
 inline constexpr int kNoDof = -1;  ///< The parent of a dof that no other one carries.
 
+/// Dynamics of a mechanism in its joint coordinates, at the positions, rates and motions of the bases that
+/// its `kinematics` last found. Rates are in the order of the nodes; with one lane that is the order of
+/// Mechanism::u().
 class JointSpace {
  public:
-  /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
-  ///        and its bases' motion. Rates are in the order of the nodes; with one lane that of Mechanism::u().
-  /// Whether H is asked for, too, and where it is: its own, or one of the thread that lasts until the next
-  /// `compute_inertia` of any such space there.
+  /// Memory of the inertia matrix H: no H, one of this object, or one of the thread, which lasts until
+  /// another space of the thread calls `compute_inertia`.
   enum class Inertia { none, own, of_thread };
+  /// @param mechanism must outlive this object.
   explicit JointSpace(Mechanism& mechanism, Inertia inertia = Inertia::own);
   JointSpace(const JointSpace&) = delete;  ///< H_ points into it
   JointSpace& operator=(const JointSpace&) = delete;
 
   int size() const { return n_; }
-  /// Where Mechanism::u() and du() have a dof.
+  /// The index of a dof's rate in Mechanism::u() and Mechanism::du().
   std::size_t rate_index(int dof) const { return rate_[at(dof)]; }
   int first_dof(int node) const { return first_[at(node)]; }
   int last_dof(int node) const { return last_[at(node)]; }
-  /// The dof that carries another, or kNoDof.
+  /// The dof that carries this one, or kNoDof.
   int parent_dof(int dof) const { return parent_dof_[at(dof)]; }
-  /// S of a dof.
+  /// The motion axis S of a dof.
   Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
-  /// S of a dof in the mechanism's memory: every Mechanism::stride()'th number.
+  /// The motion axis of a dof in the mechanism's memory: every Mechanism::stride()'th number.
   const double* axis_data(int dof) const { return axes_[at(dof)]; }
 
-  /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
-  /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
+  /// Generalised forces tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3,
+  /// Table 5.1, p. 96). Gravity and the bases' accelerations included; leaves each node's acceleration for
+  /// `acceleration`.
   void inverse_dynamics(std::span<const double> du, std::span<double> tau);
-  /// H by the composite-rigid-body algorithm (Table 6.2, p. 107), into `inertia()`. @param of dofs, by trees
+  /// Computes H by the composite-rigid-body algorithm (Table 6.2, p. 107). @param of says of a dof whether
+  /// its tree is to be computed
   template <class Of>
   void compute_inertia(const Of& of) {
     place_inertia();
     for (std::size_t i = 0; i < views_.size(); ++i)
-      if (!lone_[i] && of(first_[i])) start_composite(i);
+      if (!single_body_[i] && of(first_[i])) start_composite(i);
     for (std::size_t i = views_.size(); i-- > 0;)
-      if (of(first_[i])) lone_[i] ? compute_lone_inertia(i) : compute_node_inertia(i);
+      if (of(first_[i])) single_body_[i] ? compute_body_inertia(i) : compute_node_inertia(i);
   }
   void compute_inertia() {
     compute_inertia([](int) { return true; });
   }
-  /// Entry (i, j), j <= i; zero where neither dof carries the other.
+  /// Entry (i, j) of H, j <= i; zero where neither dof carries the other.
   double inertia(int i, int j) const { return H_[index(i, j)]; }
   void add_to_diagonal(int i, double weight) { H_[index(i, i)] += weight; }
-  /// Adds to entry (i, j), j <= i; j carries i.
+  /// Adds to entry (i, j) of H, j <= i, where j carries i.
   void add(int i, int j, double value) { H_[index(i, j)] += value; }
-  /// H = L^T L in place, without fill-in outside the branches (section 6.5, Table 6.3, p. 114).
+  /// Factors H = L^T L in place, without fill-in outside the branches (section 6.5, Table 6.3, p. 114).
   void factor();
-  /// x = L^-T x, then x = L^-1 x: together H^-1.
+  /// x = L^-T x. Followed by `solve_factor`, x = H^-1 x.
   void solve_transposed(std::span<double> x) const;
+  /// x = L^-1 x.
   void solve_factor(std::span<double> x) const;
 
-  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for dofs that carry it.
+  /// Adds the generalised forces of a wrench on a node: out[i] += sign * S_i . wrench for dofs that carry it.
   void add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const;
-  /// What the square of that row, by the inverse inertia, could come to, over that of the wrench; after
-  /// `factor`. A row far below it is zero but for rounding.
+  /// A bound, after `factor`, of r H^-1 r^T of the row r that `add_row` makes, over the square of its wrench.
+  /// A row far below the bound is zero but for rounding.
   double row_scale(int node) const;
   Spatial velocity(int node) const { return read6(views_[at(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
@@ -94,14 +99,14 @@ class JointSpace {
   void place_inertia();
   void start_composite(std::size_t node);
   void compute_node_inertia(std::size_t node);
-  void compute_lone_inertia(std::size_t node);
+  void compute_body_inertia(std::size_t node);
   std::size_t index(int i, int j) const { return at(i) * at(n_) + at(j); }
 
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
   std::vector<int> parent_dof_;    ///< lambda of each dof, or kNoDof
   std::vector<int> parent_node_;
-  std::vector<char> lone_;  ///< of each node: a free body that carries nothing
+  std::vector<char> single_body_;  ///< of each node: a free body that carries nothing
   std::vector<std::size_t> rate_;
   std::span<const NodeView> views_;
   std::vector<const double*> axes_;  ///< S of each dof

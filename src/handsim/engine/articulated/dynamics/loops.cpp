@@ -229,14 +229,14 @@ void Loops::correct(std::span<double> wanted, std::span<double> out) {
 }
 
 void Loops::solve(std::optional<double> step) {
-  const TreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
+  const LaneTreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
   const std::size_t n = at(space_.size());
   const std::span<double> du = mechanism_.du();
   space_.inverse_dynamics(zero_, bias_);
   space_.compute_inertia();
   locked_.clear();
   for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = tree.batch[i];
+    const NodeBatch<1>& b = tree.batch[i];
     for (int k = 0; k < rate_count(b.kind); ++k) {
       const std::size_t dof = at(b.u + k);
       const Axis<1>* axis = rate_count(b.kind) == 1 ? tree.axis + b.axis : nullptr;
@@ -263,13 +263,13 @@ void Loops::solve(std::optional<double> step) {
 }
 
 Axis<1>& Loops::axis_of(int dof) const {
-  const TreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
+  const LaneTreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
   for (int i = 0;; ++i)
     if (tree.batch[i].u == dof) return tree.axis[tree.batch[i].axis];
 }
 
 double Loops::close() {
-  const Tree& tree = mechanism_.tree();
+  const LaneTree& tree = mechanism_.tree();
   const Kernel& kernel = mechanism_.kernel();
   const std::size_t n = at(space_.size());
   locked_.clear();

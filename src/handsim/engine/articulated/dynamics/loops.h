@@ -14,7 +14,7 @@ inline constexpr double kOpen = 1e-8;  ///< Loops further apart than this after 
 
 class Loops {
  public:
-  /// @param mechanism of one lane. Both must outlive this.
+  /// @param mechanism of one lane. Both must outlive this object.
   Loops(const model::Model& model, Mechanism& mechanism);
 
   /// The rows' rates as the mechanism moves [m/s, 1/s], and their Jacobian: rows by dofs of the joint space.

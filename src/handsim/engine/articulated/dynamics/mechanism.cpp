@@ -15,7 +15,7 @@ namespace {
 
 /// Lanes without a node: a unit inertia at rest.
 template <int W>
-void empty(Batch<W>& b) {
+void empty(NodeBatch<W>& b) {
   for (int lane = 0; lane < W; ++lane) {
     put4<W>(b.before, lane, Quat::Identity());
     put4<W>(b.turned, lane, Quat(0, 0, 0, 1));
@@ -26,7 +26,7 @@ void empty(Batch<W>& b) {
 }
 
 template <int W>
-void fill(Batch<W>& b, int lane, const Node& node) {
+void fill(NodeBatch<W>& b, int lane, const Node& node) {
   put4<W>(b.before, lane, node.before);
   put4<W>(b.turned, lane, node.turned);
   put3<W>(b.direction, lane, node.axis);
@@ -73,9 +73,9 @@ const Kernel& fitting(const Topology& topology) {
 }  // namespace
 
 NodeView Mechanism::find_view(std::size_t node) const {
-  return in_lanes([&]<int W>(const TreeOf<W>& tree) {
+  return in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     const LaneSlot& slot = slots_[node];
-    const Batch<W>& b = tree.batch[slot.batch];
+    const NodeBatch<W>& b = tree.batch[slot.batch];
     const auto lane = [&](auto& first) { return &first[0] + slot.lane; };
     NodeView out;
     out.h = lane(b.h[0]);
@@ -135,7 +135,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
     if (const Node& node = topology_.nodes[i];
         node.kind == NodeKind::free && !parents[i] && node.inertia.maxCoeff() != node.inertia.minCoeff())
-      lone_.push_back(static_cast<int>(i));
+      single_bodies_.push_back(static_cast<int>(i));
   std::vector<bool> inside(model.joints.size(), false);
   for (const Node& node : topology_.nodes)
     if (node.joint) inside[at(*node.joint)] = true;
@@ -180,14 +180,14 @@ void Mechanism::make_tree(const Settings& settings) {
     sizes.positions += at(position_count(first.kind)) * W;
     sizes.rates += at(rate_count(first.kind)) * W;
   }
-  auto tree = std::make_shared<TreeMemory<W>>(sizes);
+  auto tree = std::make_shared<LaneTreeMemory<W>>(sizes);
   tree->erp = settings.erp();
   tree->max_speed = kMaxSpeed;
   tree->max_turn = kMaxAngularSpeed;
   tree_ = tree;
   int base = 0;
   for (std::size_t i = 0; i < chunks_.size(); ++i) {
-    Batch<W>& b = tree->batch[i];
+    NodeBatch<W>& b = tree->batch[i];
     const LaneSlot& slot = slots_[at(chunks_[i][0])];
     empty(b);
     b.kind = topology_.nodes[at(chunks_[i][0])].kind;
@@ -202,7 +202,7 @@ void Mechanism::make_tree(const Settings& settings) {
 
 /// A batch of the given nodes, but for what differs from lane to lane.
 template <int W>
-void Mechanism::make_batch(const TreeOf<W>& tree, Batch<W>& b, const std::vector<int>& nodes) {
+void Mechanism::make_batch(const LaneTreeOf<W>& tree, NodeBatch<W>& b, const std::vector<int>& nodes) {
   const Node& first = topology_.nodes[at(nodes[0])];
   b.used = static_cast<int>(nodes.size());
   b.massless =
@@ -240,7 +240,7 @@ void Mechanism::make_batch(const TreeOf<W>& tree, Batch<W>& b, const std::vector
 }
 
 template <int W>
-void Mechanism::fill_lane(const TreeOf<W>& tree, int index, const Settings& settings) {
+void Mechanism::fill_lane(const LaneTreeOf<W>& tree, int index, const Settings& settings) {
   const Node& node = topology_.nodes[at(index)];
   const LaneSlot& slot = slots_[at(index)];
   fill(tree.batch[slot.batch], slot.lane, node);
@@ -308,7 +308,7 @@ void Mechanism::refresh(const Settings& settings) {
   update_bases();
 }
 
-void Mechanism::take_node(const Node& node, const LaneSlot& slot, const model::State& state) {
+void Mechanism::load_node(const Node& node, const LaneSlot& slot, const model::State& state) {
   const std::size_t n = stride();
   double *q = tree_->q + slot.q, *u = tree_->u + slot.u;
   if (node.kind == NodeKind::free) {
@@ -340,16 +340,16 @@ void Mechanism::take_node(const Node& node, const LaneSlot& slot, const model::S
   for (std::size_t k = 0; k < 3; ++k) u[k * n] = w[static_cast<Eigen::Index>(k)];
 }
 
-void Mechanism::take(const model::State& state) {
+void Mechanism::load_state(const model::State& state) {
   for (std::size_t i = 0; i < bases_.size(); ++i)
     if (model_.bodies[i].kinematic)
       bases_[i] = {state.bodies[i].pose(), state.bodies[i].v, state.bodies[i].w, Vec3::Zero(), Vec3::Zero()};
-  for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], slots_[i], state);
-  take_torques(state);
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i) load_node(topology_.nodes[i], slots_[i], state);
+  load_torques(state);
   update_bases();
 }
 
-void Mechanism::take_torques(const model::State& state) {
+void Mechanism::load_torques(const model::State& state) {
   for (const int single : singles_) {
     const LaneSlot& slot = slots_[at(single)];
     tree_->tau[slot.u] = state.tau[slot.dof];
@@ -361,7 +361,7 @@ void Mechanism::take_torques(const model::State& state) {
   }
 }
 
-void Mechanism::give_coordinates(model::State& state) const {
+void Mechanism::store_coordinates(model::State& state) const {
   state.q.resize(state.tau.size());
   state.u.resize(state.tau.size());
   for (const int single : singles_) {
@@ -397,7 +397,7 @@ void Mechanism::give_coordinates(model::State& state) const {
   }
 }
 
-void Mechanism::give(model::State& state) const {
+void Mechanism::store_state(model::State& state) const {
   in_lanes([&](const auto& in) {
     int island = kNoNode;
     Vec3 of_island = Vec3::Zero();

@@ -13,14 +13,14 @@
 
 namespace handsim::engine::articulated {
 
-/// How a kinematic body moves at a moment: world axes.
+/// Pose, velocity and acceleration of a kinematic body at a moment, in world axes.
 struct BaseMotion {
   Pose pose;
   Vec3 v = Vec3::Zero(), w = Vec3::Zero();    ///< [m/s], [rad/s]
   Vec3 dv = Vec3::Zero(), dw = Vec3::Zero();  ///< accelerations [m/s^2], [rad/s^2]
 };
 
-/// Where a node stands among the lanes.
+/// The place of a node in the arrays of the tree: its batch, its lane, and indices of its numbers.
 struct LaneSlot {
   int batch = 0, lane = 0;
   std::size_t q = 0, u = 0;  ///< of its first position and rate; the next are `stride` further on
@@ -28,7 +28,7 @@ struct LaneSlot {
   std::size_t dof = 0;       ///< first coordinate in Model, of a node with a joint
 };
 
-/// Where a node's lane of the tree's arrays stands: entry k of a quantity is at [k * stride].
+/// Pointers to a node's numbers in the arrays of the tree: entry k of a quantity is at [k * stride].
 struct NodeView {
   const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
   const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
@@ -36,7 +36,7 @@ struct NodeView {
   const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
   const double* tau = nullptr;     ///< nodes of several rates
   const double *q = nullptr, *u = nullptr, *du = nullptr;
-  // Nodes of one rate: their lane of an Axis, as batch.h has it.
+  // Nodes of one rate: their lane of an Axis (lane_tree.h).
   const double *low = nullptr, *high = nullptr, *restitution = nullptr, *weight = nullptr, *work = nullptr;
   const double *servo_stiffness = nullptr, *servo_damping = nullptr, *servo_error = nullptr,
                *servo_feed = nullptr, *servo_limit = nullptr;
@@ -44,9 +44,10 @@ struct NodeView {
   ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }
 };
 
+/// The moving bodies of a model, their joints and bases.
 class Mechanism {
  public:
-  /// The model must outlive this. @param kernel null: the fastest for the model.
+  /// The model must outlive this object. @param kernel null: the fastest one for the model
   Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
   Mechanism(const Mechanism&) = delete;  ///< views_ point into tree_
   Mechanism& operator=(const Mechanism&) = delete;
@@ -54,7 +55,7 @@ class Mechanism {
   const Vec3& gravity() const { return gravity_; }  ///< zero without the effect [m/s^2]
   const Topology& topology() const { return topology_; }
   const Kernel& kernel() const { return *kernel_; }
-  const Tree& tree() const { return *tree_; }
+  const LaneTree& tree() const { return *tree_; }
   const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
   const NodeView& view(std::size_t node) const { return views_[node]; }
   std::span<const NodeView> views() const { return views_; }
@@ -68,15 +69,17 @@ class Mechanism {
   /// Torques of the last step, in the order of u(), then the servos' part of them.
   std::span<double> torques() { return {tree_->tau, 2 * at(tree_->rates)}; }
 
-  /// Takes positions, rates, torques, and places and velocities of the bases from a state.
-  void take(const model::State& state);
-  void take_torques(const model::State& state);
-  /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
-  void give(model::State& state) const;
-  /// Writes coordinates, rates and torques of all joints. @param state with all bodies as `give` has them
-  void give_coordinates(model::State& state) const;
+  /// Sets positions, rates, torques, and places and velocities of the bases to those of a state.
+  void load_state(const model::State& state);
+  /// Sets the torques of the last step to those of a state.
+  void load_torques(const model::State& state);
+  /// Writes poses and velocities of all moving bodies, which `kinematics` last found, into a state.
+  void store_state(model::State& state) const;
+  /// Writes coordinates, rates and torques of all joints. @param state with all bodies as `store_state` has
+  /// them
+  void store_coordinates(model::State& state) const;
 
-  /// How a kinematic body moves; `update_bases` brings it to the tree.
+  /// The motion of a kinematic body; `update_bases` writes a changed one into the tree.
   BaseMotion& base(int body) { return bases_[at(body)]; }
   const BaseMotion& base(int body) const { return bases_[at(body)]; }
   void update_bases();
@@ -84,7 +87,7 @@ class Mechanism {
   void update_gyroscopic_torques(double step);
   /// Adds forces from outside to those of the step; after `update_gyroscopic_torques`.
   void add_forces(std::span<const BodyForce> forces);
-  /// Takes over the model's masses, inertias and gravity; `kinematics` is to be found again.
+  /// Reads masses, inertias and gravity of the model again; `kinematics` has to be called after it.
   void refresh(const Settings& settings);
   /// An island's origin in the world; of a free one, where its positions have it.
   Vec3 origin(int island) const;
@@ -102,13 +105,14 @@ class Mechanism {
   void restore(ArchiveReader& in);
   /// Forgets which stops and torque limits were in force.
   void forget_contacts();
-  /// True for a node that `update_gyroscopic_torques` speaks of.
-  bool is_lone(std::size_t node) const {
-    return std::ranges::find(lone_, static_cast<int>(node)) != lone_.end();
+  /// @returns whether a node is a free body without children, which has a gyroscopic torque of an implicit
+  /// step
+  bool is_single_body(std::size_t node) const {
+    return std::ranges::find(single_bodies_, static_cast<int>(node)) != single_bodies_.end();
   }
 
  private:
-  /// Calls f with the tree as TreeOf its width.
+  /// Calls f with the tree as LaneTreeOf its width.
   template <class F>
   decltype(auto) in_lanes(const F& f) const;
 
@@ -118,33 +122,34 @@ class Mechanism {
     Quat q_LB = Quat::Identity();
   };
   template <class Archive, class Self>
-  static void carry(Archive& archive, Self& self);
+  static void serialize(Archive& archive, Self& self);
   void place_nodes();
   template <int W>
   void make_tree(const Settings& settings);
   NodeView find_view(std::size_t node) const;
   template <int W>
-  void make_batch(const TreeOf<W>& tree, Batch<W>& b, const std::vector<int>& nodes);
+  void make_batch(const LaneTreeOf<W>& tree, NodeBatch<W>& b, const std::vector<int>& nodes);
   template <int W>
-  void fill_lane(const TreeOf<W>& tree, int index, const Settings& settings);
-  void take_node(const Node& node, const LaneSlot& slot, const model::State& state);
+  void fill_lane(const LaneTreeOf<W>& tree, int index, const Settings& settings);
+  void load_node(const Node& node, const LaneSlot& slot, const model::State& state);
 
   const model::Model& model_;
   Vec3 gravity_;
   Topology topology_;
   const Kernel* kernel_;
-  std::shared_ptr<Tree> tree_;            ///< a TreeMemory
+  std::shared_ptr<LaneTree> tree_;        ///< a LaneTreeMemory
   std::vector<std::vector<int>> chunks_;  ///< nodes of each batch
   std::vector<LaneSlot> slots_;
   std::vector<NodeView> views_;  ///< of each node
   std::vector<Carried> carried_;
-  std::vector<int> singles_;       ///< nodes of one rate, whose coordinate a torque or servo may act on
-  std::vector<int> balls_;         ///< nodes
-  std::vector<int> outside_;       ///< joints that are no node's
-  std::vector<int> lone_;          ///< nodes of free bodies without children
-  std::vector<BaseMotion> bases_;  ///< as Model::bodies
-  std::vector<Vec3> origins_;      ///< of the islands that are not free
-  bool servos_at_rest_ = true;
+  std::vector<int> singles_;        ///< nodes of one rate, whose coordinate a torque or servo may act on
+  std::vector<int> balls_;          ///< nodes
+  std::vector<int> outside_;        ///< joints that are no node's
+  std::vector<int> single_bodies_;  ///< nodes of free bodies without children
+  std::vector<BaseMotion> bases_;   ///< as Model::bodies
+  std::vector<Vec3> origins_;       ///< of the islands that are not free
+  bool torques_at_rest_ = true;     ///< no coordinate has a torque from the last `set_torques`
+  bool servos_at_rest_ = true;      ///< no coordinate has a servo from the last `set_servos`
 };
 
 }  // namespace handsim::engine::articulated

@@ -9,6 +9,8 @@
 namespace handsim::engine::articulated {
 
 void Mechanism::set_torques(std::span<const double> torques) {
+  if (torques.empty() && torques_at_rest_ && balls_.empty()) return;
+  torques_at_rest_ = torques.empty();
   in_lanes([&](const auto& in) {
     for (const int single : singles_) {
       const LaneSlot& slot = slots_[at(single)];
@@ -77,7 +79,7 @@ void Mechanism::add_forces(std::span<const BodyForce> forces) {
 
 void Mechanism::update_gyroscopic_torques(double step) {
   const std::size_t n = stride();
-  for (const int index : lone_) {
+  for (const int index : single_bodies_) {
     const Node& node = topology_.nodes[at(index)];
     const LaneSlot& slot = slots_[at(index)];
     const double *q = tree_->q + slot.q + 3 * n, *u = tree_->u + slot.u;
@@ -97,7 +99,7 @@ int Mechanism::stops_in_force() const {
 }
 
 void Mechanism::forget_contacts() {
-  in_lanes([&]<int W>(const TreeOf<W>& tree) {
+  in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : singles_)
       Axis<W>::each_kept(
           [&](auto field) { (tree.axis[slots_[at(single)].axis].*field)[slots_[at(single)].lane] = 0; });
@@ -105,7 +107,7 @@ void Mechanism::forget_contacts() {
 }
 
 template <class Archive, class Self>
-void Mechanism::carry(Archive& archive, Self& self) {
+void Mechanism::serialize(Archive& archive, Self& self) {
   const std::size_t n = self.stride();
   for (std::size_t i = 0; i < self.slots_.size(); ++i) {
     const LaneSlot& slot = self.slots_[i];
@@ -117,7 +119,7 @@ void Mechanism::carry(Archive& archive, Self& self) {
     archive(base.pose.p, base.pose.q);
     for (auto* v : {&base.v, &base.w, &base.dv, &base.dw}) archive(*v);
   }
-  self.in_lanes([&]<int W>(const TreeOf<W>& tree) {
+  self.in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : self.singles_)
       Axis<W>::each_kept([&](auto field) {
         archive((tree.axis[self.slots_[at(single)].axis].*field)[self.slots_[at(single)].lane]);
@@ -125,12 +127,12 @@ void Mechanism::carry(Archive& archive, Self& self) {
   });
 }
 
-void Mechanism::save(ArchiveWriter& out) const { carry(out, *this); }
+void Mechanism::save(ArchiveWriter& out) const { serialize(out, *this); }
 
 void Mechanism::restore(ArchiveReader& in) {
-  carry(in, *this);
+  serialize(in, *this);
   // Values that no solution leaves would never be put right.
-  in_lanes([&]<int W>(const TreeOf<W>& tree) {
+  in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : singles_)
       Axis<W>::each_kept([&](auto field) {
         const double value = (tree.axis[slots_[at(single)].axis].*field)[slots_[at(single)].lane];
@@ -138,7 +140,8 @@ void Mechanism::restore(ArchiveReader& in) {
       });
   });
   update_bases();
-  servos_at_rest_ = false;  // The tree holds what it was last told, not what the next step is told.
+  // The tree has the torques and servos of another state's last step.
+  torques_at_rest_ = servos_at_rest_ = false;
 }
 
 }  // namespace handsim::engine::articulated

@@ -50,8 +50,8 @@ struct TreeSizes {
 
 /// A tree with its memory, all zero.
 template <int W>
-struct TreeMemory : TreeOf<W> {
-  explicit TreeMemory(const TreeSizes& of)
+struct LaneTreeMemory : LaneTreeOf<W> {
+  explicit LaneTreeMemory(const TreeSizes& of)
       : batches_(of.batches), axes_(of.axes), joints3_(of.joints3), bases_(of.bases) {
     this->batches = static_cast<int>(of.batches);
     this->positions = static_cast<int>(of.positions);
@@ -73,7 +73,7 @@ struct TreeMemory : TreeOf<W> {
   struct alignas(64) Line {
     double x[8];
   };
-  std::vector<Batch<W>> batches_;
+  std::vector<NodeBatch<W>> batches_;
   std::vector<Axis<W>> axes_;
   std::vector<Joint3<W>> joints3_;
   std::vector<Frame<W>> bases_;

@@ -138,19 +138,19 @@ void MuscleCoupling::collect_sources() {
   for (auto* numbers : {&x_, &b_, &inverse_}) numbers->resize(rows_.size());
 }
 
-std::span<const double> MuscleCoupling::begin(const StepInput& input) {
+std::span<const double> MuscleCoupling::begin_step(const StepInput& input) {
   for (std::size_t i = 0; i < q_at_.size(); ++i) {
     if (!q_at_[i]) continue;
     q_[i] = *q_at_[i];
     u_[i] = *u_at_[i];
   }
-  return begin(q_, u_, input);
+  return begin_step(q_, u_, input);
 }
 
-std::span<const double> MuscleCoupling::begin(std::span<const double> q, std::span<const double> u,
-                                              const StepInput& input) {
+std::span<const double> MuscleCoupling::begin_step(std::span<const double> q, std::span<const double> u,
+                                                   const StepInput& input) {
   have_inertia_ = false;
-  muscles_.begin(q, u, input.excitations);
+  muscles_.begin_step(q, u, input.excitations);
   const std::span<const double> own = muscles_.torques();
   for (std::size_t i = 0; i < given_.size(); ++i)
     given_[i] = own[i] + (input.torques.empty() ? 0 : input.torques[i]);

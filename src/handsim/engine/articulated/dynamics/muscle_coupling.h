@@ -12,21 +12,24 @@
 
 namespace handsim::engine::articulated {
 
+/// The tendons of a mechanism: their torques, and their stiffness B, which joins the inertia.
 class MuscleCoupling {
  public:
-  /// All must outlive this.
+  /// All arguments must outlive this object.
   MuscleCoupling(const model::Model& model, const Settings& settings, Mechanism& mechanism);
 
   bool empty() const { return muscles_.empty(); }
-  void start(const model::State& state) { muscles_.start(state); }
-  /// Tensions of the step from where `kinematics` last found the mechanism.
+  void reset(const model::State& state) { muscles_.reset(state); }
+  /// Computes the tensions of a step that starts where `kinematics` last found the mechanism.
   /// @return the step's plain torques and those of the tendons at its start, by Model::dof_count()
-  std::span<const double> begin(const StepInput& input);
-  /// As above, but from coordinates and rates, each of size Model::dof_count().
-  std::span<const double> begin(std::span<const double> q, std::span<const double> u, const StepInput& input);
-  /// Takes the last `begin` back, once: its step was not made.
-  void go_back() { muscles_.go_back(); }
-  /// Changes the accelerations that the kernel found, and the reactions of its locks, to those with h B.
+  std::span<const double> begin_step(const StepInput& input);
+  /// The same for given coordinates and rates, each of size Model::dof_count().
+  std::span<const double> begin_step(std::span<const double> q, std::span<const double> u,
+                                     const StepInput& input);
+  /// Undoes the last `begin_step`, at most once, where its step was not made.
+  void restore_step() { muscles_.restore_step(); }
+  /// Changes the accelerations that the kernel found, and the reactions of its locked coordinates, to those
+  /// of an inertia with h B.
   void correct(double step);
   /// Adds h B to an inertia of the same mechanism.
   template <class Of>
@@ -42,12 +45,12 @@ class MuscleCoupling {
     for (std::size_t k = 0; k < entries_.size(); ++k)
       f(space_dofs_[k].first, space_dofs_[k].second, slope_[k]);
   }
-  /// Whether a tendon crosses a coordinate of the model.
+  /// @returns whether a tendon crosses a coordinate of the model
   bool pulls(std::size_t dof) const;
   /// Removes h B du from the torques that `compute_torques` wrote.
   void compute_torques(double step);
   /// Writes activations, fibre lengths and tensions.
-  void give(model::State& state) const { muscles_.end(state.q, state.u, state); }
+  void store_state(model::State& state) const { muscles_.store_state(state.q, state.u, state); }
 
  private:
   /// A coordinate of a tree with tendons. Its row of H has the coordinates that carry it, from the tree's

@@ -9,7 +9,7 @@ namespace handsim::engine::articulated {
 
 class Smooth {
  public:
-  /// @param loops null where there is none. All must outlive this.
+  /// @param loops null where there is none. All must outlive this object.
   Smooth(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
   /// Carries positions, rates and driven bases from one time to another [s] under the forces last set; leaves

@@ -16,13 +16,14 @@ namespace handsim::engine::articulated {
 /// @returns nothing where Newton's method finds none: a turn of about a radian in a step.
 std::optional<Vec3> spun(const Vec3& moments, const Vec3& spin, double step);
 
-/// How that W changes with w: a matrix in principal axes. @param end W
+/// The derivative of W by w, a matrix in principal axes. @param end W
 Mat3 spun_slope(const Vec3& moments, const Vec3& end, double step);
 
 /// Left Jacobian of the rotation by a vector: how its exponential turns when the vector changes.
 Mat3 left_jacobian(const Vec3& turn);
 
-/// Gyroscopic torque of such a step [N m] at w [rad/s], world axes. @returns nothing at rest, or as spun
+/// The gyroscopic torque [N m] that makes such a step from w [rad/s], in world axes. @returns nothing at
+/// rest, or where `spun` returns nothing
 std::optional<Vec3> gyroscopic_torque(const Vec3& moments, const Quat& q_WL, const Vec3& w, double step);
 
 }  // namespace handsim::engine::articulated

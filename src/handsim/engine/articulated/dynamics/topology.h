@@ -7,7 +7,7 @@
 #include <optional>
 #include <vector>
 
-#include "handsim/engine/articulated/kernels/batch.h"
+#include "handsim/engine/articulated/kernels/lane_tree.h"
 #include "handsim/engine/engine.h"
 
 namespace handsim::engine::articulated {

@@ -8,7 +8,7 @@ namespace handsim::engine::articulated {
 
 template <class V>
 constexpr Kernel make_kernel(const char* name) {
-  using M = Motion<V>;
+  using M = TreeMotion<V>;
   using F = Forces<V>;
   using S = ArticulatedBodies<V>;
   return {.name = name,

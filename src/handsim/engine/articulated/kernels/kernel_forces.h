@@ -13,7 +13,7 @@ struct Forces : Lanes<V> {
 
   /// A spring-damper evaluated at the end of the step, F = F0 - k h u' - d u' with u' = u + h du, is
   /// F0 - (h k + d) u on the right and h (h k + d) on the joint-space inertia's diagonal.
-  [[gnu::always_inline]] static void prepare_axis(const Tree& tree, const Batches& b, double step) {
+  [[gnu::always_inline]] static void prepare_axis(const LaneTree& tree, const Batches& b, double step) {
     const V h = step;
     Axes& a = axis(tree, b);
     const V q = load(tree.q + b.q), u = load(tree.u + b.u);
@@ -29,19 +29,19 @@ struct Forces : Lanes<V> {
     lock_at_stops(tree, b, a, step);
   }
 
-  static void prepare(const Tree& tree, double step) {
+  static void prepare(const LaneTree& tree, double step) {
     for (int i = 0; i < tree.batches; ++i)
       if (const Batches& b = batches(tree)[i]; single(b)) prepare_axis(tree, b, step);
   }
 
-  static void compute_torque(const Tree& tree, const Batches& b, double step) {
+  static void compute_torque(const LaneTree& tree, const Batches& b, double step) {
     const V h = step;
     const V u = load(tree.u + b.u) + h * load(tree.du + b.u);
     store_torque(tree, b, load(tree.q + b.q) + h * u, u, h * u);
   }
 
   /// tau and tau_servo of a position and a rate. @param moved since the servo's error was found
-  static V store_torque(const Tree& tree, const Batches& b, const V& q, const V& u, const V& moved) {
+  static V store_torque(const LaneTree& tree, const Batches& b, const V& q, const V& u, const V& moved) {
     const Axes& a = axis(tree, b);
     const V limit = load(a.servo_limit), least = V(0.0) - limit;
     V pull = servo_law(a).pull(moved, u);
@@ -53,12 +53,12 @@ struct Forces : Lanes<V> {
     return tau;
   }
 
-  static void compute_torques(const Tree& tree, double step) {
+  static void compute_torques(const LaneTree& tree, double step) {
     for (int i = 0; i < tree.batches; ++i)
       if (const Batches& b = batches(tree)[i]; single(b)) compute_torque(tree, b, step);
   }
 
-  static void prepare_smooth(const Tree& tree) {
+  static void prepare_smooth(const LaneTree& tree) {
     const V zero = 0.0;
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
@@ -72,7 +72,7 @@ struct Forces : Lanes<V> {
     }
   }
 
-  static void work(const Tree& tree, double step) {
+  static void work(const LaneTree& tree, double step) {
     const V h = step, half = 0.5 * step;
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
@@ -85,7 +85,7 @@ struct Forces : Lanes<V> {
   }
 
   /// Compares an axis with its assumed stop and limit. True where nothing was wrong.
-  static bool correct(const Tree& tree, const Batches& b, double step, bool only_first) {
+  static bool correct(const LaneTree& tree, const Batches& b, double step, bool only_first) {
     const V h = step, one = 1.0, zero = 0.0;
     const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
     Axes& a = axis(tree, b);
@@ -115,7 +115,7 @@ struct Forces : Lanes<V> {
     return false;
   }
 
-  static bool update_active_set(const Tree& tree, double step, bool only_first) {
+  static bool update_active_set(const LaneTree& tree, double step, bool only_first) {
     bool sound = true;
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
@@ -141,7 +141,7 @@ struct Forces : Lanes<V> {
   }
 
   /// Locks what is on a stop: to land on it, to come back into the range, or to bounce off.
-  static void lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step) {
+  static void lock_at_stops(const LaneTree& tree, const Batches& b, Axes& a, double step) {
     const V zero = 0.0, h = step;
     const V side = load(a.side), q = load(tree.q + b.q), u = load(tree.u + b.u);
     const auto on = side * side > zero;

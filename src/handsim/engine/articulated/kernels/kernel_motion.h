@@ -7,7 +7,7 @@
 namespace handsim::engine::articulated {
 
 template <class V>
-struct Motion : Lanes<V> {
+struct TreeMotion : Lanes<V> {
   using L = Lanes<V>;
   using L::W, L::load, L::store, L::store_loose, L::load3, L::load6, L::load4, L::load_sym, L::load_mat,
       L::store3, L::store6, L::store4, L::store_sym, L::store_mat, L::batches, L::joint3, L::single,
@@ -15,7 +15,7 @@ struct Motion : Lanes<V> {
   using typename L::Batches, typename L::Joints3, typename L::Frames;
 
   /// Apart from `place`, whose steps wait for each other: these follow closely.
-  static void turn(const Tree& tree, Batches& b) {
+  static void turn(const LaneTree& tree, Batches& b) {
     if (b.kind != NodeKind::revolute) return;
     V s, c;
     sine_cosine(V(load(tree.q + b.q) * 0.5), s, c);
@@ -23,7 +23,7 @@ struct Motion : Lanes<V> {
     store(b.cosine, c);
   }
 
-  static void place(const Tree& tree, Batches& b) {
+  static void place(const LaneTree& tree, Batches& b) {
     Frames scratch;
     const Frames& from = parent(tree, b, scratch);
     const double* q = tree.q + b.q;
@@ -99,7 +99,7 @@ struct Motion : Lanes<V> {
   }
 
   /// v, c = v x S qdot and v x* I v of a batch. False where a link is too fast.
-  static bool update_velocity(const Tree& tree, Batches& b) {
+  static bool update_velocity(const LaneTree& tree, Batches& b) {
     Frames scratch;
     const V6<V> from = load6(parent(tree, b, scratch).v);
     const double* u = tree.u + b.u;
@@ -137,7 +137,7 @@ struct Motion : Lanes<V> {
     return !any(bad);
   }
 
-  static bool kinematics(const Tree& tree) {
+  static bool kinematics(const LaneTree& tree) {
     bool sound = true;
     store(tree.spin, V(0.0));
     for (int i = 0; i < tree.batches; ++i) turn(tree, batches(tree)[i]);
@@ -149,14 +149,14 @@ struct Motion : Lanes<V> {
     return sound;
   }
 
-  static bool velocities(const Tree& tree) {
+  static bool velocities(const LaneTree& tree) {
     bool sound = true;
     store(tree.spin, V(0.0));
     for (int i = 0; i < tree.batches; ++i) sound = update_velocity(tree, batches(tree)[i]) && sound;
     return sound;
   }
 
-  static void momenta(const Tree& tree) {
+  static void momenta(const LaneTree& tree) {
     for (int i = 0; i < tree.batches; ++i) {
       Batches& b = batches(tree)[i];
       if (b.massless) continue;
@@ -166,7 +166,7 @@ struct Motion : Lanes<V> {
     }
   }
 
-  static void move(const Tree& tree, const Batches& b, double step) {
+  static void move(const LaneTree& tree, const Batches& b, double step) {
     const V h = step;
     double *u = tree.u + b.u, *q = tree.q + b.q;
     for (int k = 0; k < rate_count(b.kind); ++k)
@@ -188,11 +188,11 @@ struct Motion : Lanes<V> {
     }
   }
 
-  static void integrate(const Tree& tree, double step) {
+  static void integrate(const LaneTree& tree, double step) {
     for (int i = 0; i < tree.batches; ++i) move(tree, batches(tree)[i], step);
   }
 
-  static bool advance(const Tree& tree, double step) {
+  static bool advance(const LaneTree& tree, double step) {
     bool sound = true;
     store(tree.spin, V(0.0));
     for (int i = 0; i < tree.batches; ++i) {
@@ -230,7 +230,7 @@ struct Motion : Lanes<V> {
     store(q + 3 * W, out.w);
   }
 
-  static void position_rates(const Tree& tree, double* out) {
+  static void position_rates(const LaneTree& tree, double* out) {
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
       const double *u = tree.u + b.u, *q = tree.q + b.q;
@@ -254,7 +254,7 @@ struct Motion : Lanes<V> {
     }
   }
 
-  static void normalise(const Tree& tree) {
+  static void normalise(const LaneTree& tree) {
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
       double* q = tree.q + b.q;

@@ -80,7 +80,7 @@ struct ArticulatedBodies : Lanes<V> {
     }
   }
 
-  static void inward_any(const Tree& tree, Works works, int batch) {
+  static void inward_any(const LaneTree& tree, Works works, int batch) {
     Batches& b = batches(tree)[batch];
     if (single(b))
       inward(tree, b, works, works[batch]);
@@ -92,7 +92,7 @@ struct ArticulatedBodies : Lanes<V> {
       inward_many<6>(tree, b, works, works[batch]);
   }
 
-  static void outward_any(const Tree& tree, Works works, int batch) {
+  static void outward_any(const LaneTree& tree, Works works, int batch) {
     Batches& b = batches(tree)[batch];
     if (single(b))
       outward(tree, b, works[batch]);
@@ -104,7 +104,7 @@ struct ArticulatedBodies : Lanes<V> {
       outward_many<6>(tree, b);
   }
 
-  static void solve(const Tree& tree) {
+  static void solve(const LaneTree& tree) {
     const Works works = cleared(tree);
     for (int i = tree.batches - 1; i >= 0; --i) inward_any(tree, works, i);
     for (int i = 0; i < tree.batches; ++i) outward_any(tree, works, i);
@@ -112,7 +112,7 @@ struct ArticulatedBodies : Lanes<V> {
 
   /// Inertia of each node with all that it carries, as its rotational part in A and its mass and the moment
   /// of that in p, and the force U = I S of a unit acceleration of the node (Featherstone 2008, section 6.2).
-  static Works find_composites(const Tree& tree) {
+  static Works find_composites(const LaneTree& tree) {
     const Works works = works_of(tree);
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
@@ -150,7 +150,7 @@ struct ArticulatedBodies : Lanes<V> {
     return works;
   }
 
-  static void inertia(const Tree& tree, double* out) {
+  static void inertia(const LaneTree& tree, double* out) {
     const Works works = find_composites(tree);
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
@@ -187,7 +187,7 @@ struct ArticulatedBodies : Lanes<V> {
     }
   }
 
-  static bool accelerate(const Tree& tree, double step) {
+  static bool accelerate(const LaneTree& tree, double step) {
     const Works works = cleared(tree);
     for (int i = tree.batches - 1; i >= 0; --i) {
       const Batches& b = batches(tree)[i];
@@ -203,9 +203,11 @@ struct ArticulatedBodies : Lanes<V> {
     return sound;
   }
 
-  static Works works_of(const Tree& tree) { return thread_work<W>(static_cast<std::size_t>(tree.batches)); }
+  static Works works_of(const LaneTree& tree) {
+    return thread_work<W>(static_cast<std::size_t>(tree.batches));
+  }
 
-  static Works cleared(const Tree& tree) {
+  static Works cleared(const LaneTree& tree) {
     const Works works = works_of(tree);
     const V zero = 0.0;
     for (int i = 0; i < tree.batches; ++i) {
@@ -218,7 +220,7 @@ struct ArticulatedBodies : Lanes<V> {
     return works;
   }
 
-  static void inward(const Tree& tree, Batches& b, Works works, Work<W>& w) {
+  static void inward(const LaneTree& tree, Batches& b, Works works, Work<W>& w) {
     const Axes& a = axis(tree, b);
     const Inertia<V> I = inertia(b, w);
     const V6<V> S = load6(b.S), p = bias(b, w);
@@ -240,7 +242,7 @@ struct ArticulatedBodies : Lanes<V> {
     add_to_parent(b, works, handed, p + handed * c + rate * U);
   }
 
-  static void outward(const Tree& tree, Batches& b, const Work<W>& w) {
+  static void outward(const LaneTree& tree, Batches& b, const Work<W>& w) {
     Frames scratch;
     const V6<V> a = load6(parent(tree, b, scratch).a) + load6(b.c);
     const V carried = dot(load6(w.U), a);
@@ -281,7 +283,7 @@ struct ArticulatedBodies : Lanes<V> {
   }
 
   template <int N>
-  static void inward_many(const Tree& tree, Batches& b, Works works, const Work<W>& w) {
+  static void inward_many(const LaneTree& tree, Batches& b, Works works, const Work<W>& w) {
     const Joints3& joint = joint3(tree, b);
     Work3<W>& w3 = work3(b);
     Inertia<V> I = inertia(b, w);
@@ -312,7 +314,7 @@ struct ArticulatedBodies : Lanes<V> {
 
   /// A free body that carries nothing. Its axes are the world's through its centre of mass, where turning and
   /// shifting are apart: the same as by 6 x 6 blocks, to the bit, without their zeros.
-  static void inward_lone(const Tree& tree, Batches& b) {
+  static void inward_lone(const LaneTree& tree, Batches& b) {
     const Joints3& joint = joint3(tree, b);
     Work3<W>& w = work3(b);
     const Sym3<V> I = load_sym(b.I);
@@ -328,7 +330,7 @@ struct ArticulatedBodies : Lanes<V> {
     store6(w.rate, {{u[0], u[1], u[2]}, {f.x * firm * firm, f.y * firm * firm, f.z * firm * firm}});
   }
 
-  static void outward_lone(const Tree& tree, Batches& b) {
+  static void outward_lone(const LaneTree& tree, Batches& b) {
     const Work3<W>& w = work3(b);
     Frames scratch;
     const V6<V> a = load6(parent(tree, b, scratch).a) + load6(b.c), rate = load6(w.rate);
@@ -345,7 +347,7 @@ struct ArticulatedBodies : Lanes<V> {
   }
 
   template <int N>
-  static void outward_many(const Tree& tree, Batches& b) {
+  static void outward_many(const LaneTree& tree, Batches& b) {
     const Joints3& joint = joint3(tree, b);
     const Work3<W>& w3 = work3(b);
     Frames scratch;

@@ -1,7 +1,7 @@
 // The kernels of this build, each in a file of its own instruction set.
 #pragma once
 
-#include "handsim/engine/articulated/kernels/batch.h"
+#include "handsim/engine/articulated/kernels/lane_tree.h"
 #include "handsim/engine/articulated/kernels/row_kernel.h"
 
 namespace handsim::engine::articulated {

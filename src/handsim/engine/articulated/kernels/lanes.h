@@ -6,14 +6,14 @@
 #include <cstddef>
 #include <type_traits>
 
-#include "handsim/engine/articulated/kernels/batch.h"
+#include "handsim/engine/articulated/kernels/lane_tree.h"
 #include "handsim/engine/articulated/kernels/spatial.h"
 
 namespace handsim::engine::articulated {
 
 template <class V>
 struct Lanes {
-  // Wide, as it multiplies pointer offsets; named as in batch.h.
+  // Wide, as it multiplies pointer offsets; named as in lane_tree.h.
   // NOLINTNEXTLINE(readability-identifier-naming)
   static constexpr std::ptrdiff_t W = [] {
     if constexpr (std::is_same_v<V, double>)
@@ -21,7 +21,7 @@ struct Lanes {
     else
       return static_cast<int>(V::size());
   }();
-  using Batches = Batch<W>;
+  using Batches = NodeBatch<W>;
   using Axes = Axis<W>;
   using Joints3 = Joint3<W>;
   using Frames = Frame<W>;
@@ -38,7 +38,7 @@ struct Lanes {
     else
       v.copy_to(x, stdx::vector_aligned);
   }
-  /// Where nothing is known of the alignment.
+  /// Loads numbers of any alignment.
   static void store_loose(double* x, const V& v) {
     if constexpr (std::is_same_v<V, double>)
       *x = v;
@@ -78,9 +78,9 @@ struct Lanes {
   }
   static void add(double* x, const V& v) { store(x, load(x) + v); }
 
-  static Batches* batches(const Tree& tree) { return lanes_of<W>(tree).batch; }
-  static Axes& axis(const Tree& tree, const Batches& b) { return lanes_of<W>(tree).axis[b.axis]; }
-  static Joints3& joint3(const Tree& tree, const Batches& b) { return lanes_of<W>(tree).joint3[b.axis]; }
+  static Batches* batches(const LaneTree& tree) { return lanes_of<W>(tree).batch; }
+  static Axes& axis(const LaneTree& tree, const Batches& b) { return lanes_of<W>(tree).axis[b.axis]; }
+  static Joints3& joint3(const LaneTree& tree, const Batches& b) { return lanes_of<W>(tree).joint3[b.axis]; }
   static ServoLaw<V> servo_law(const Axes& a) {
     return {load(a.servo_stiffness), load(a.servo_damping), load(a.servo_error), load(a.servo_feed)};
   }
@@ -89,13 +89,13 @@ struct Lanes {
   }
 
   /// The parents' frame; `scratch` is filled where each lane has its own.
-  static const Frames& parent(const Tree& tree, const Batches& b, Frames& scratch) {
+  static const Frames& parent(const LaneTree& tree, const Batches& b, Frames& scratch) {
     if (b.link == ParentLink::base) return lanes_of<W>(tree).base[b.parent];
     if (b.link == ParentLink::aligned) return batches(tree)[b.parent].frame;
     gather(tree, b, scratch);
     return scratch;
   }
-  static void gather(const Tree& tree, const Batches& b, Frames& scratch) {
+  static void gather(const LaneTree& tree, const Batches& b, Frames& scratch) {
     for (int lane = 0; lane < W; ++lane) {
       const Frames& from = batches(tree)[b.parent_batch[lane]].frame;
       const int from_lane = b.parent_lane[lane];

@@ -86,9 +86,4 @@ struct RowKernel {
   void (*add_wrenches)(const double* G, std::size_t rows, const double* p, double* W);
 };
 
-/// The fastest that this processor runs.
-const RowKernel& row_kernel();
-/// All that this processor runs.
-std::vector<const RowKernel*> row_kernels();
-
 }  // namespace handsim::engine::articulated

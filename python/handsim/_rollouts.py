@@ -1,0 +1,529 @@
+"""Who computes which rows of a study of rollouts, and how they are kept until all are there.
+
+The one unit of work is `rows_of`: rows [first, last) as a pure function of study, seed and range. Threads call it on this
+machine, the workers of a Dask cluster on many, and whatever else has ``submit`` as the executors of concurrent.futures.
+"""
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import queue
+import threading
+import time
+import zlib
+from collections import deque
+from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Callable, Iterator, NamedTuple, Optional
+
+import numpy as np
+
+from . import _core
+from ._errors import Error, Problem, input_error
+from ._files import PathText
+
+Series = tuple[list[str], Any]
+"""Curves of one rollout: names with units, and numbers row by row."""
+Range = tuple[int, int]
+
+PARTS = "rollouts.part"
+"""The file of the rows that are there, while a study runs."""
+MARK = b"\n#handsim-rows "
+SECONDS = 1.0
+"""Work of a chunk of rows: a crash costs so much, and a scheduler at 1 ms a task feeds a thousand cores."""
+MOST_ROWS = 20_000
+"""Of a chunk."""
+TRIES = 2
+"""Of a row that ends its worker."""
+MOST_DAMAGED = 1 << 30
+"""Bytes in a row that are no record: more is a file of something else."""
+STUDIES = 4
+"""That a worker keeps in memory."""
+CRASHES = {"KilledWorker", "WorkerCrashedError", "LocalRayletDiedError", "NodeDiedError", "OutOfMemoryError"}
+"""What executors raise for work whose process has ended."""
+
+
+class Asked(NamedTuple):
+    """A study as a command names it."""
+
+    file: PathText
+    uncertain: bool = False
+    """The file is a scene, whose uncertain hands are drawn."""
+    overrides: tuple[str, ...] = ()
+    count: Optional[int] = None
+    seed: Optional[int] = None
+    bands: bool = True
+    inverse: Optional[tuple[Any, ...]] = None
+    """Motion, names, loads, cut-off, clamp and least activation of `handsim inverse`."""
+
+
+class Work(NamedTuple):
+    """A study that travels to any machine: what is asked, and all that it reads."""
+
+    asked: Asked
+    folder: str
+    """From which its paths go."""
+    files: dict[str, bytes]
+    """Contents by absolute path."""
+    origin: list[str]
+    """What rows depend on: study, scene, build, mathematics library."""
+    key: str
+    """The hash of all these."""
+
+    def __repr__(self) -> str:
+        return f"<{self.asked.file}, {self.key}>"
+
+
+class Rows(NamedTuple):
+    """Rows [first, last) of a study."""
+
+    first: int
+    last: int
+    csv: bytes
+    trajectories: dict[int, Series]
+    curves: list[Series]
+    seconds: float
+    """That they took."""
+
+
+def open_study(asked: Asked, folder: str, files: dict[str, bytes]) -> Any:
+    """:raises Error: of kind input with the problems of the study"""
+    return _core.rollouts(Path(asked.file), asked.uncertain, list(asked.overrides), asked.count, asked.seed, asked.bands, asked.inverse,
+                          Path(folder), files)
+
+
+@lru_cache(maxsize=1)
+def _own_build() -> list[str]:
+    """What a commit does not say: a module that was built from changed sources."""
+    if "dirty" not in _core.commit:
+        return []
+    return [f"module {hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()[:16]}"]
+
+
+def work_of(asked: Asked, study: Any, folder: str) -> Work:
+    parts = (asked._replace(file=str(asked.file)), folder, study.carried, study.head["origin"] + _own_build())
+    return Work(*parts, key=hashlib.sha256(repr(parts).encode()).hexdigest()[:24])
+
+
+_lock = threading.Lock()
+_studies: dict[str, Any] = {}
+
+
+def _place() -> str:
+    """The name of this worker."""
+    try:
+        from distributed import get_worker
+
+        return str(get_worker().address)
+    except (ImportError, ValueError):
+        import socket
+
+        return f"{socket.gethostname()}, process {os.getpid()}"
+
+
+def _study_of(work: Work) -> Any:
+    """The study in this process, read once. :raises Error: of kind input where its rows would be others here"""
+    with _lock:
+        found = _studies.get(work.key)
+        if found is None:
+            try:
+                found = open_study(work.asked, work.folder, work.files)
+            except Error as error:
+                raise Error(f"worker {_place()}: {error}", error.kind, error.problems) from None
+            own = found.head["origin"] + _own_build()
+            has, needs = ([part for part in mine if part not in other] for mine, other in ((own, work.origin), (work.origin, own)))
+            if has or needs:
+                raise input_error(f"worker {_place()}", ", ".join(has), ", ".join(needs) + ", as where the study was begun")
+            while len(_studies) >= STUDIES:
+                del _studies[next(iter(_studies))]
+            _studies[work.key] = found
+    return found
+
+
+_never = _core.stop()
+
+
+def rows_of(work: Work, first: int, last: int, stop: Any = None) -> Rows:
+    """Rows [first, last): a pure function, which any thread, process or machine may call.
+
+    :param stop: ends it early, with the rows that are done; of this process
+    :raises Error: of kind input where build, data or mathematics library differ from those of the study's beginning
+    """
+    study = _study_of(work)
+    begin = time.perf_counter()
+    end, csv, trajectories, curves = study.rows(first, last, _never if stop is None else stop)
+    return Rows(first, end, csv, trajectories, curves, time.perf_counter() - begin)
+
+
+def keep_study(work: Work, study: Any) -> None:
+    """What was read for the command serves its threads, too."""
+    with _lock:
+        _studies[work.key] = study
+
+
+class Executor:
+    """Any executor in the manner of concurrent.futures: Ray's, those of mpi4py and of the standard library."""
+
+    def __init__(self, executor: Any, slots: Optional[int] = None) -> None:
+        self._executor = executor
+        self._slots = slots or getattr(executor, "_max_workers", None) or os.cpu_count() or 1
+
+    def slots(self) -> int:
+        """How many chunks are computed at the same time."""
+        return int(self._slots)
+
+    def submit(self, work: Work, first: int, last: int) -> Any:
+        return self._executor.submit(rows_of, work, first, last)
+
+    def check(self) -> None:
+        """:raises Error: of kind output where nobody computes any more"""
+
+    def close(self) -> None:
+        pass
+
+
+class Threads(Executor):
+    """The cores of this machine."""
+
+    def __init__(self, threads: int) -> None:
+        count = threads or len(os.sched_getaffinity(0))
+        super().__init__(ThreadPoolExecutor(count, "rollouts"), count)
+        self._stop = _core.stop()
+
+    def submit(self, work: Work, first: int, last: int) -> Any:
+        return self._executor.submit(rows_of, work, first, last, self._stop)
+
+    def close(self) -> None:
+        self._stop.set()
+        self._executor.shutdown(cancel_futures=True)
+
+
+class Dask(Executor):
+    """The workers of a Dask cluster, of which some may come and go."""
+
+    def __init__(self, client: Any, own: bool = False) -> None:
+        """:param own: the client was made for this study"""
+        self._client, self._own = client, own
+        self._study: Optional[Any] = None
+        self._asked, self._count = -np.inf, 0
+
+    @property
+    def page(self) -> str:
+        """The address of Dask's own page; empty where the scheduler has none."""
+        return str(self._client.dashboard_link) if "dashboard" in self._client.scheduler_info()["services"] else ""
+
+    def slots(self) -> int:
+        if time.monotonic() - self._asked > 2:
+            try:
+                self._count = sum(self._client.nthreads().values())
+            except OSError:
+                raise _gone() from None
+            self._asked = time.monotonic()
+        return max(1, self._count)
+
+    def submit(self, work: Work, first: int, last: int) -> Any:
+        # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
+        if self._study is None or self._study.cancelled():
+            self._study = self._client.submit(_itself, work, key=f"handsim-study-{work.key}")
+        return self._client.submit(rows_of, self._study, first, last, pure=False)
+
+    def check(self) -> None:
+        if self._client.status not in ("running", "connecting"):
+            raise _gone()
+
+    def close(self) -> None:
+        self._study = None
+        if self._own:
+            self._client.close()
+
+
+def _gone() -> Error:
+    return Error("the Dask scheduler cannot be reached any more; the same command with --resume goes on", "output")
+
+
+def _itself(work: Work) -> Work:
+    return work
+
+
+def dask_at(address: str) -> Dask:
+    """:param address: ``dask://HOST:PORT`` of a scheduler. :raises Error: of kind input"""
+    host = address.removeprefix("dask://")
+    if host == address or not host.rpartition(":")[2].isdigit():
+        raise input_error("--on", address, "dask://HOST:PORT of a Dask scheduler")
+    try:
+        from distributed import Client
+    except ImportError:
+        raise input_error("--on", "no package distributed", "pip install distributed, or apt install python3-distributed") from None
+    try:
+        return Dask(Client(f"tcp://{host}", timeout=20, set_as_default=False), own=True)
+    except (OSError, TimeoutError) as error:
+        raise input_error("--on", f"{address}, where no scheduler answers ({str(error)[:200]})", "that of dask scheduler") from None
+
+
+def executor_of(client: Any, threads: int) -> Executor:
+    """:param client: a client or cluster of Dask, an executor, or None: this machine"""
+    if client is None:
+        return Threads(threads)
+    if hasattr(client, "nthreads") and hasattr(client, "scatter"):
+        return Dask(client)
+    if not callable(getattr(client, "submit", None)):
+        raise input_error("client", type(client).__name__, "a distributed.Client, or an executor with submit as in concurrent.futures")
+    return Executor(client)
+
+
+def _is_crash(error: BaseException) -> bool:
+    return any(each.__name__ in CRASHES for each in type(error).__mro__)
+
+
+class _Queue:
+    """Ranges that nobody computes yet, in chunks of about a second."""
+
+    def __init__(self, missing: list[Range]) -> None:
+        self._ranges = deque(missing)
+        self.left = sum(last - first for first, last in missing)
+        self._seconds: Optional[float] = None
+
+    def measured(self, rows: Rows) -> None:
+        each = rows.seconds / max(1, rows.last - rows.first)
+        self._seconds = each if self._seconds is None else 0.7 * self._seconds + 0.3 * each
+
+    def next(self, slots: int) -> Optional[Range]:
+        """Towards the end chunks are smaller, so that all workers end together."""
+        if not self._ranges:
+            return None
+        size = 1 if self._seconds is None else int(min(MOST_ROWS, max(1, SECONDS / max(self._seconds, 1e-9)), self.left / (2 * slots) + 1))
+        first, last = self._ranges.popleft()
+        end = min(last, first + size)
+        if end < last:
+            self._ranges.appendleft((end, last))
+        self.left -= end - first
+        return first, end
+
+    def again(self, *ranges: Range) -> None:
+        self._ranges.extendleft(reversed(ranges))
+        self.left += sum(last - first for first, last in ranges)
+
+
+def collect(work: Work, study: Any, executor: Executor, missing: list[Range], keep: Callable[[Rows], None], wait: Callable[[], None]) -> None:
+    """Has all of the missing ranges computed, in any order.
+
+    :param keep: gets the rows as they come
+    :param wait: is called now and then; may raise, which ends the work
+    :raises Error: that of a worker; of kind output where no worker is left
+    """
+    waiting, done = _Queue(missing), queue.SimpleQueue[Any]()
+    flying: dict[Any, Range] = {}
+    tries: dict[int, int] = {}
+    try:
+        while waiting.left or flying:
+            slots = executor.slots()
+            while len(flying) < 2 * slots + 1 and (chunk := waiting.next(slots)):
+                future = executor.submit(work, *chunk)
+                flying[future] = chunk
+                future.add_done_callback(done.put)
+            try:
+                future = done.get(timeout=0.2)
+            except queue.Empty:
+                wait()
+                executor.check()
+                continue
+            first, last = flying.pop(future)
+            try:
+                rows = future.result()
+            except CancelledError:
+                executor.check()
+                waiting.again((first, last))
+            except BrokenExecutor as error:
+                raise Error(f"the executor has broken ({error}); with --resume the study goes on", "output") from None
+            except Exception as error:
+                if not _is_crash(error):
+                    raise
+                _after_crash(study, waiting, tries, (first, last), error, keep)
+            else:
+                keep(rows)
+                waiting.measured(rows)
+                if rows.last < last:
+                    waiting.again((rows.last, last))
+            wait()
+    finally:
+        for future in flying:
+            future.cancel()
+
+
+def _after_crash(study: Any, waiting: _Queue, tries: dict[int, int], chunk: Range, error: Exception, keep: Callable[[Rows], None]) -> None:
+    """The halves of a chunk are tried again, and a single row once more; then it is a row that says so."""
+    first, last = chunk
+    if last - first > 1:
+        middle = (first + last) // 2
+        waiting.again((first, middle), (middle, last))
+        return
+    tries[first] = tries.get(first, 0) + 1
+    if tries[first] < TRIES:
+        waiting.again(chunk)
+    else:
+        text = f"ended the worker that computed it, {TRIES} times ({type(error).__name__})"
+        keep(Rows(first, last, study.crashed(first, text), {}, [], 0))
+
+
+class Parts:
+    """The rows that are there, as a file: records in the order in which they came. Files one after the other are such a file,
+    too, and a record that is torn or damaged is left out.
+    """
+
+    def __init__(self, path: Path, head: dict[str, Any]) -> None:
+        self.path = path
+        self.id = hashlib.sha256(repr([head["origin"], head["csv"]]).encode()).hexdigest()[:16]
+        self._told = {"seed": head["seed"], "size": head["size"], "origin": head["origin"]}
+        self._found: list[tuple[int, int, int, list[Any]]] = []
+        self._file: Any = None
+        self._synced = 0.0
+
+    def read(self) -> None:
+        """Finds what is there. :raises Error: of kind input for a file that is none, or of another study or build"""
+        strangers: Optional[dict[str, Any]] = None
+        with open(self.path, "rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if file.read(len(MARK)) != MARK:
+                raise input_error(str(self.path), "a file that is none", "rows of handsim rollouts")
+            place = 0
+            while place < size:
+                record = self._record(file, place, size)
+                if record is None:
+                    whole, place = place, _next_mark(file, place + 1, size)
+                    if place - whole > MOST_DAMAGED:
+                        raise input_error(str(self.path), f"{place - whole} bytes after the last whole record, which ends at byte {whole}", "rows of handsim rollouts")
+                    continue
+                head, begin, end = record
+                if head["id"] == self.id:
+                    self._found.append((head["first"], head["last"], begin, head["parts"]))
+                else:
+                    strangers = strangers or head
+                place = end
+        if strangers:
+            has, needs = parts_beyond(strangers, self._told), parts_beyond(self._told, strangers)
+            raise input_error(str(self.path), f"one of another study or build ({has})", f"one of this study, by this build ({needs})")
+        self._found.sort(key=lambda each: each[:3])
+
+    @staticmethod
+    def _record(file: Any, place: int, size: int) -> Optional[tuple[dict[str, Any], int, int]]:
+        file.seek(place)
+        line = file.readline(1 << 20)
+        if line == b"\n":
+            line += file.readline(1 << 20)
+        try:
+            if not line.startswith(MARK):
+                return None
+            told, _, text = line[len(MARK):].partition(b" ")
+            head = json.loads(text)
+            begin, length = place + len(line), sum(part[0] for part in head["parts"])
+            if begin + length > size:
+                return None
+            crc, left = zlib.crc32(text), length
+            while left:
+                block = file.read(min(left, 1 << 20))
+                crc, left = zlib.crc32(block, crc), left - len(block)
+            return (head, begin, begin + length) if crc == int(told, 16) and head["first"] < head["last"] <= head["size"] else None
+        except (ValueError, KeyError, TypeError):
+            return None
+
+    def missing(self, first: int, last: int) -> list[Range]:
+        """Of [first, last)."""
+        out, at = [], first
+        for begin, end, *_ in self._found:
+            if begin > at and at < last:
+                out.append((at, min(begin, last)))
+            at = max(at, end)
+        if at < last:
+            out.append((at, last))
+        return out
+
+    def __len__(self) -> int:
+        """Bytes that are there."""
+        return self.path.stat().st_size if self.path.exists() else 0
+
+    def add(self, rows: Rows) -> None:
+        """:raises Error: of kind output on a full disk; what was there before stays"""
+        if rows.first == rows.last:
+            return
+        arrays = [(*trajectory, number) for number, trajectory in rows.trajectories.items()] + [(*curves, None) for curves in rows.curves]
+        parts: list[list[Any]] = [[len(rows.csv)], *([values.nbytes, values.shape[0], names, number] for names, values, number in arrays)]
+        content = b"".join([rows.csv, *(values.tobytes() for _, values, _ in arrays)])
+        head = {"first": rows.first, "last": rows.last, "id": self.id, "parts": parts, **self._told}
+        try:
+            if self._file is None:
+                self._file = open(self.path, "ab", buffering=0)
+            text = json.dumps(head).encode() + b"\n"
+            record = MARK + b"%08x " % zlib.crc32(content, zlib.crc32(text)) + text + content
+            begin = self._file.tell()
+            if self._file.write(record) != len(record):
+                self._file.truncate(begin)
+                raise OSError("no room on the disk")
+            if time.monotonic() - self._synced > 1:
+                self.sync()
+        except OSError as error:
+            raise Error(f"{self.path}: got a file that cannot be written ({error.strerror or error}), need room on the disk; then --resume goes on "
+                        "from what is there", "output", [Problem(str(self.path), None, None, "", "a file that cannot be written", "room on the disk")]) from None
+        place = (rows.first, rows.last, begin + len(record) - len(content), parts)
+        self._found.append(place)
+
+    def sync(self) -> None:
+        """All that is there survives a crash of the machine."""
+        if self._file is not None:
+            os.fdatasync(self._file.fileno())
+            self._synced = time.monotonic()
+
+    def close(self) -> None:
+        if self._file is not None:
+            self.sync()
+            self._file.close()
+            self._file = None
+
+    def lines(self, first: int, last: int) -> Iterator[bytes]:
+        """The rows [first, last) as text of CSV, in their order, in pieces. All of them are there."""
+        self._found.sort(key=lambda each: each[:3])
+        at = first
+        with open(self.path, "rb") as file:
+            for begin, end, place, parts in self._found:
+                if end <= at or begin >= last:
+                    continue
+                file.seek(place)
+                text = file.read(parts[0][0])
+                if begin < at or end > last:
+                    text = b"".join(text.splitlines(keepends=True)[at - begin:last - begin])
+                yield text
+                at = min(end, last)
+
+    def series(self, curves: bool) -> Iterator[tuple[int, Series]]:
+        """Trajectories with their rollouts, or curves, in the order of the rollouts."""
+        places: dict[tuple[int, int], tuple[int, int, int, list[str]]] = {}
+        for begin, _, place, parts in self._found:
+            place += parts[0][0]
+            for i, (size, count, names, number) in enumerate(parts[1:]):
+                if (number is None) == curves:
+                    places.setdefault((begin, i) if number is None else (number, 0), (place, size, count, names))
+                place += size
+        with open(self.path, "rb") as file:
+            for (number, _), (place, size, count, names) in sorted(places.items()):
+                file.seek(place)
+                yield number, (names, np.frombuffer(file.read(size)).reshape(count, -1))
+
+
+def _next_mark(file: Any, place: int, size: int) -> int:
+    """Where the next record may begin; the end where there is none, or none near."""
+    block, begin = 1 << 20, place
+    while place < size and place - begin <= MOST_DAMAGED:
+        file.seek(place)
+        found = file.read(block + len(MARK)).find(MARK)
+        if found >= 0:
+            return int(place + found)
+        place += block
+    return size
+
+
+def parts_beyond(of: dict[str, Any], other: dict[str, Any]) -> str:
+    """What the first study has and the second has not, as ``seed 1, study 0123456789abcdef``."""
+    out = [f"seed {of['seed']}"] if of["seed"] != other["seed"] else []
+    out += [f"{of['size']} rollouts"] if of["size"] != other["size"] else []
+    return ", ".join(out + [part for part in of["origin"] if part not in other["origin"]])

@@ -1,0 +1,205 @@
+// Rows of rollout studies, and the statistics of their tables, for python/handsim/_rollouts.py.
+#include "handsim/study/rollouts/rollouts.h"
+
+#include "handsim/app/motion_command.h"
+#include "handsim/core/archive.h"
+#include "handsim/core/input_file.h"
+#include "handsim/output/table/csv_rows.h"
+#include "handsim/python/arrays.h"
+#include "handsim/python/bindings.h"
+#include "handsim/python/signals.h"
+#include "handsim/simulation/run/output_size.h"
+#include "handsim/study/grasp/grasp_study.h"
+#include "handsim/study/report.h"
+#include "handsim/study/statistics.h"
+
+namespace handsim::python {
+
+namespace {
+
+using std::filesystem::path;
+using NumberArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
+/// Value, low and high end of its interval.
+using EstimateNumbers = std::optional<std::tuple<double, double, double>>;
+
+/// Ends the work of all threads that have it.
+struct Stop {
+  std::atomic<bool> asked = false;
+};
+
+/// `handsim inverse --uncertain`: motion, names, loads, cut-off, clamp, least activation.
+using InverseAsked = std::tuple<std::optional<path>, std::optional<path>, std::optional<path>,
+                                std::optional<double>, bool, std::optional<double>>;
+
+study::RolloutsSpec spec_of(const study::RolloutsAsked& asked, const std::optional<InverseAsked>& inverse) {
+  if (!inverse) return study::asked_rollouts(asked);
+  app::InverseArguments arguments;
+  std::optional<double> least;
+  std::tie(arguments.motion, arguments.names, arguments.loads, arguments.options.filter,
+           arguments.options.clamp, least) = *inverse;
+  arguments.muscles = least.has_value();
+  arguments.co_contraction = least.value_or(0);
+  return study::uncertain_inverse(asked.file, asked.overrides, app::inverse_input(arguments), *asked.count);
+}
+
+/// A study with what it has read: any machine can compute its rows.
+class Rollouts {
+ public:
+  /// @param folder from which the study's path goes. @param files that are carried; none: those of the disk
+  Rollouts(const study::RolloutsAsked& asked, const std::optional<InverseAsked>& inverse, const path& folder,
+           std::map<std::string, std::string> files)
+      : carried_{folder, std::move(files)}, study_(read(asked, inverse)) {}
+
+  const study::RolloutStudy& study() const { return study_; }
+  const std::map<std::string, std::string>& files() const { return carried_.files; }
+  study::RolloutRows rows(long from, long to, const Stop& stop) {
+    const CarriedScope scope(carried_, false);
+    return study::rollout_rows(study_, from, to, stop.asked);
+  }
+
+ private:
+  study::RolloutStudy read(const study::RolloutsAsked& asked, const std::optional<InverseAsked>& inverse) {
+    const CarriedScope scope(carried_, carried_.files.empty());
+    return study::RolloutStudy(spec_of(asked, inverse));
+  }
+
+  CarriedFiles carried_;
+  study::RolloutStudy study_;
+};
+
+std::unique_ptr<Rollouts> rollouts(const path& file, bool uncertain, std::vector<std::string> overrides,
+                                   std::optional<int> count, std::optional<int> seed, bool bands,
+                                   const std::optional<InverseAsked>& inverse, const path& folder,
+                                   std::map<std::string, py::bytes> files) {
+  std::map<std::string, std::string> carried(files.begin(), files.end());
+  return without_gil([&] {
+    return std::make_unique<Rollouts>(
+        study::RolloutsAsked{file, uncertain, std::move(overrides), count, seed, bands}, inverse, folder,
+        std::move(carried));
+  });
+}
+
+/// Columns as name, role and whether they are texts.
+py::dict head_of(const Rollouts& of) {
+  constexpr std::array kRoles = {"index", "drawn", "outcome", "figure", "asked"};
+  const study::TableHead& head = of.study().head();
+  py::list columns;
+  for (const study::Column& column : head.columns)
+    columns.append(py::make_tuple(column.name, kRoles[static_cast<std::size_t>(column.role)], column.text));
+  py::dict out;
+  out["title"] = head.title, out["size"] = head.size, out["seed"] = head.seed, out["columns"] = columns;
+  out["origin"] = head.origin, out["csv"] = study::csv_head(head);
+  return out;
+}
+
+/// Of a rollout that is written whole: rows and numbers in a row, at most; how many are written.
+std::tuple<double, std::size_t, int> recorded(const Rollouts& of) {
+  const scene::Scene& scene = of.study().sample();
+  return {1 + scene.spec.duration / scene.spec.solver.step /
+                  static_cast<double>(simulation::record_steps(scene.spec)),
+          output::trajectory_columns(scene.model).size(), of.study().spec().trajectories};
+}
+
+py::tuple series(const study::TimeSeries& of) {
+  return py::make_tuple(of.columns, array_of(of.values, of.columns.size()));
+}
+
+/// The end of the range that is there, the lines of CSV, trajectories by rollout, and curves.
+py::tuple rows(Rollouts& of, long from, long to, const Stop& stop) {
+  const study::RolloutRows found = without_gil([&] { return of.rows(from, to, stop); });
+  py::dict trajectories;
+  for (const auto& [rollout, each] : found.trajectories) trajectories[py::int_(rollout)] = series(each);
+  py::list curves;
+  for (const study::TimeSeries& each : found.curves) curves.append(series(each));
+  return py::make_tuple(found.to, py::bytes(found.csv), trajectories, curves);
+}
+
+EstimateNumbers numbers_of(const std::optional<study::Estimate>& of) {
+  if (!of) return std::nullopt;
+  return std::tuple(of->value, of->low, of->high);
+}
+
+std::span<const double> span_of(const NumberArray& numbers) {
+  return {numbers.data(), static_cast<std::size_t>(numbers.size())};
+}
+
+using NamedArray = std::tuple<std::string, NumberArray, bool>;
+std::vector<std::pair<std::string, double>> variance(const std::vector<NamedArray>& inputs,
+                                                     const NumberArray& outcome) {
+  std::vector<study::Input> all;
+  for (const auto& [name, values, categories] : inputs)
+    all.push_back({name, {values.data(), values.data() + values.size()}, categories});
+  std::vector<std::pair<std::string, double>> out;
+  for (const study::VarianceShare& each : study::variance_shares(all, span_of(outcome)))
+    out.emplace_back(each.of, each.share);
+  return out;
+}
+
+/// Plots as name, terminal and commands. @return false: gnuplot is missing or failed
+bool write_plots(const path& out, const std::string& name, const std::string& data,
+                 const std::vector<std::tuple<std::string, std::string, std::string>>& plots) {
+  study::Report report;
+  report.data = data;
+  for (const auto& [plot, terminal, commands] : plots) report.plots.push_back({plot, terminal, commands});
+  return without_gil([&] { return study::write_report(out, name, report); });
+}
+
+/// Studies of uncertain hands as name, side, file, overrides and folder; grasps that their hands refuse.
+py::tuple uncertain_grasps(const std::vector<path>& scenes, const std::vector<std::string>& sides,
+                           const std::vector<path>& persons, const std::vector<std::string>& overrides,
+                           const path& out) {
+  study::GraspStudy study;
+  study.scenes = scenes, study.sides = sides, study.persons = persons;
+  study.overrides = overrides, study.out = out;
+  std::vector<study::RefusedGrasp> refused;
+  const auto found = without_gil([&] { return study::uncertain_grasps(study, refused); });
+  py::list drawn, not_for;
+  for (const study::UncertainGrasp& each : found)
+    drawn.append(py::make_tuple(each.name, each.side, each.file, each.overrides, each.out));
+  for (const study::RefusedGrasp& each : refused)
+    not_for.append(py::make_tuple(each.scene, each.side, each.why));
+  return py::make_tuple(drawn, not_for);
+}
+
+}  // namespace
+
+void bind_rollouts(py::module_& module) {
+  bind_class<Stop>(module, "Stop").def("set", [](Stop& of) { of.asked = true; });
+  module.def("stop", [] { return std::make_unique<Stop>(); });
+  bind_class<Rollouts>(module, "Rollouts")
+      .def_property_readonly("head", &head_of)
+      .def_property_readonly("recorded", &recorded)
+      .def_property_readonly("warnings", [](const Rollouts& of) { return of.study().warnings(); })
+      .def_property_readonly("read", [](const Rollouts& of) { return of.study().files(); })
+      .def_property_readonly("carried",
+                             [](const Rollouts& of) {
+                               std::map<std::string, py::bytes> out(of.files().begin(), of.files().end());
+                               return out;
+                             })
+      .def("rows", &rows)
+      .def("crashed", [](const Rollouts& of, long rollout, const std::string& error) {
+        return py::bytes(study::crashed_row(of.study(), rollout, error));
+      });
+  module.def("rollouts", &rollouts);
+  module.def("uncertain_grasps", &uncertain_grasps);
+  module.def("check_free", &simulation::check_free);
+  module.def("share", [](long held, long of) { return numbers_of(study::share(held, of)); });
+  module.def("mean_of", [](const NumberArray& of) { return numbers_of(study::mean_of(span_of(of))); });
+  module.def("rank_correlation", [](const NumberArray& x, const NumberArray& y) {
+    return numbers_of(study::rank_correlation(span_of(x), span_of(y)));
+  });
+  module.def("variance_shares", &variance);
+  module.def("write_plots", &write_plots);
+  module.def("json_text", [](const std::string& text) { return study::Json::parse(text).dump(2) + "\n"; });
+  module.def("bytes_hash", [](const py::buffer& of) {
+    const py::buffer_info bytes = of.request();
+    return hash_bytes({static_cast<const char*>(bytes.ptr), static_cast<std::size_t>(bytes.size)});
+  });
+  module.def("finish_study", [](const path& out, const std::string& command,
+                                const std::map<std::string, std::string>& templates, bool report) {
+    study::finish_study(out, {command, {}, templates}, report);
+  });
+  module.def("command_text", &study::command_text);
+}
+
+}  // namespace handsim::python
