@@ -19,7 +19,7 @@ namespace handsim::study {
 
 namespace {
 
-/// A posture is one within this angle of each joint: tissue holds moments of up to its stiffness times it.
+/// A posture is one within this angle of each joint: over it tissue and resting muscles hold moments, too.
 constexpr double kGives = 20 * M_PI / 180;
 constexpr double kAtStop = 1e-6;  ///< an axis this near to its stop lies on it [rad]
 constexpr double kInwards = -0.5;  ///< cosine beyond which the other end lies inside the finger's shaft
@@ -104,7 +104,7 @@ class Press {
  private:
   struct Axis {
     int dof = 0;
-    double gives = 0;      ///< moment of tissue within the posture [N m]
+    double gives = 0;      ///< moment of tissue and resting muscles within the posture [N m]
     bool on_stop = false;  ///< the axis lies on a stop, whose moment has no limit
     double side = 1;       ///< sign of what is held: of the stop's moment
   };
@@ -114,9 +114,15 @@ class Press {
     return static_cast<Eigen::Index>(of.size());
   }
 
+  double passive_at(int dof, double away) const {
+    std::vector<double> q = q_;
+    q[at(dof)] += away;
+    return subject_.passive(q)[at(dof)];
+  }
+
   void add_axis(int dof, const model::JointAxis& axis) {
     if (model::fused(axis)) return;
-    Axis out{dof, axis.tissue ? kGives * axis.tissue->stiffness : 0};
+    Axis out{dof, std::abs(passive_at(dof, kGives) - passive_at(dof, -kGives)) / 2};
     if (const auto& stop = axis.stop) {
       const bool high = q_[at(dof)] >= stop->high - kAtStop;
       out.on_stop = high || q_[at(dof)] <= stop->low + kAtStop;
