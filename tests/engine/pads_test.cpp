@@ -265,7 +265,9 @@ TEST_P(Pads, APressThatLastsRelaxesByItsBranches) {
   for (const auto& each : kRelaxations)
     first += each.share * (1 - std::exp(-1e-3 / each.time)) * each.time / 1e-3;
   // ODE's row is a tangent: exact for what does not move.
-  if (GetParam() != Method(OdeMethod::world_step)) EXPECT_NEAR(force, first * elastic, 1e-6 * elastic);
+  if (GetParam() != Method(OdeMethod::world_step)) {
+    EXPECT_NEAR(force, first * elastic, 1e-6 * elastic);
+  }
   for (int i = 0; i < 500; ++i) force = rig.press(depth);
   double want = 0.15;
   for (const auto& each : kRelaxations)

@@ -224,7 +224,7 @@ class SimulationHandle {
       counts.push_back(pad.count);
     }
     std::vector<double> points;
-    for (const Vec3& point : taxels_->points()) add(points, point);
+    for (const Vec3& point : taxels_->points()) append(points, point);
     const std::vector<double> areas(taxels_->areas().begin(), taxels_->areas().end());
     return py::make_tuple(names, counts, array_of(points, 3), array_of(areas), array_of(forces));
   }
