@@ -21,7 +21,7 @@ namespace {
 
 /// A posture is one within this angle of each joint: over it tissue and resting muscles hold moments, too.
 constexpr double kGives = 20 * M_PI / 180;
-constexpr double kAtStop = 1e-6;  ///< an axis this near to its stop lies on it [rad]
+constexpr double kAtStop = 1e-6;   ///< an axis this near to its stop lies on it [rad]
 constexpr double kInwards = -0.5;  ///< cosine beyond which the other end lies inside the finger's shaft
 constexpr int kConeEdges = 8;
 
@@ -45,8 +45,7 @@ class Press {
       : subject_(subject), q_(q.begin(), q.end()) {
     for (const model::Joint& joint : subject.model().joints)
       for (std::size_t a = 0; a < joint.axes.size(); ++a)
-        if (const int dof = joint.first_dof + static_cast<int>(a);
-            std::ranges::find(dofs, dof) != dofs.end())
+        if (const int dof = joint.first_dof + static_cast<int>(a); std::ranges::find(dofs, dof) != dofs.end())
           add_axis(dof, joint.axes[a]);
   }
 
@@ -97,8 +96,7 @@ class Press {
     for (Eigen::Index w = 0; w < walls; ++w) equal(rows + w, forces + muscles + rows + w) = 1;
     const std::optional<Eigen::VectorXd> found = study::largest(gain, equal, to, most);
     if (!found) return {};
-    return {std::max(0.0, gain.dot(*found)),
-            {found->data() + forces, found->data() + forces + muscles}};
+    return {std::max(0.0, gain.dot(*found)), {found->data() + forces, found->data() + forces + muscles}};
   }
 
  private:
@@ -269,8 +267,8 @@ class GripRun {
 double largest_tip_force(const Subject& subject, const Measurement& of) {
   const std::vector<double> q = subject.coordinates(of.pose);
   const std::string segment = of.segment.empty() ? last_segment(of.finger) : of.segment;
-  const Eigen::MatrixXd J =
-      subject.point_jacobian(segment, of.segment.empty() ? subject.tip(of.finger) : subject.middle(segment), q);
+  const Eigen::MatrixXd J = subject.point_jacobian(
+      segment, of.segment.empty() ? subject.tip(of.finger) : subject.middle(segment), q);
   Press press(subject, q, with_balanced(subject, subject.finger_dofs(of.finger), of));
   for (const Vec3& edge : cone(tip_direction(of.direction), of.friction))
     press.add(torques_of(subject, segment, J, edge), 1);
