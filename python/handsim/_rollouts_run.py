@@ -109,6 +109,8 @@ class _Progress:
     def __init__(self, told: Told, label: str, done: int, size: int) -> None:
         self._told, self._label, self._done, self._size = told, label, done, size
         self._first, self._begin = done, time.monotonic()
+        if isinstance(told, Bar):
+            told.first = done / size, self._begin - told.begin
 
     def add(self, rows: int) -> None:
         self._done += rows
