@@ -27,7 +27,7 @@ from ._pictures import contact_sheet, png, save_png
 from ._reports import report, save_video
 from ._scene import Muscle, Result, Scene, load
 from ._shipped import data_path, scenes
-from ._simulation import Bodies, Contacts, Muscles, Parameters, Simulation
+from ._simulation import Bodies, Contacts, Muscles, Parameters, Simulation, Taxels
 from ._smoothing import Smoothing
 from ._table import Quantities, Table
 from ._verdict import Verdict
@@ -61,5 +61,5 @@ def __getattr__(name: str) -> Any:
 
 __all__ = ["Batch", "Bodies", "Contacts", "Derivatives", "Error", "Fault", "Frame", "Hand", "Live", "Motion", "Muscle",
            "Muscles", "Parameters", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation",
-           "Smoothing", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures",
+           "Smoothing", "Snapshot", "Table", "Taxels", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures",
            "has_reports", "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -54,6 +54,21 @@ class Contacts(NamedTuple):
     """On a's body, mean over the step, normal part and friction [N], shape (n, 3)."""
 
 
+class Taxels(NamedTuple):
+    """Points of touch on the pads of the last segments of fingers; n points, pad after pad."""
+
+    pads: list[str]
+    """Names of the fingertips, such as ``right.index_tip``."""
+    counts: list[int]
+    """How many points each pad has."""
+    points: Array
+    """In the frames of their bodies [m], shape (n, 3)."""
+    areas: Array
+    """The part of the pad's surface that each point stands for [m2], shape (n,)."""
+    forces: Array
+    """Normal forces [N], shape (n,); over the areas: pressures."""
+
+
 class Muscles(NamedTuple):
     """The muscles now, in the order of `Scene.muscles`; each of shape (muscles,)."""
 
@@ -172,6 +187,17 @@ class Simulation:
     def contacts(self) -> Contacts:
         """A copy of the contact points of the last step."""
         return Contacts(*self._core.contacts())
+
+    def taxels(self, spacing: float = 1e-3) -> Taxels:
+        """A copy of the forces on points of the finger pads in the last step: each contact's normal force over the disc
+        that it presses flat, by a paraboloid of pressure.
+
+        :param spacing: of the points [m]
+        """
+        number = real("spacing", spacing)
+        if not 1e-4 <= number <= 0.1:
+            raise input_error("spacing", repr(spacing), "0.1 mm to 0.1 m")
+        return Taxels(*self._core.taxels(number))
 
     @property
     def verdicts(self) -> list[Verdict]:

@@ -8,15 +8,16 @@
 
 #include "handsim/core/fields.h"
 #include "handsim/core/units.h"
+#include "handsim/model/compliance.h"
 #include "handsim/model/effects.h"
 
 namespace handsim::model {
 
-/// Compliant contact of two surfaces: normal force = stiffness depth + damping d(depth)/dt, never negative.
-/// The values hold for a whole pair of shapes; its contact points share them.
-struct Compliance {
-  double stiffness = 0;  ///< [N/m], > 0
-  double damping = 0;    ///< [N s/m], >= 0
+/// Friction that depends on the normal force F of a pair: the coefficient times at_one F^exponent, within
+/// `least` and `most`; F in N.
+struct FrictionOverLoad {
+  double exponent = 0, at_one = 1, least = 1, most = 1;
+  double factor(double force) const;
 };
 
 /// The value of a contact from those of its two surfaces. In series: as two springs or two dampers; where one
@@ -31,6 +32,12 @@ struct Material {
   std::optional<Compliance> compliance;  ///< absent: rigid
   double rolling_friction = 0;           ///< largest rolling moment per normal force [m]
   double spinning_friction = 0;          ///< largest moment about the normal per normal force [m]
+  /// Instead: that of the disc that is pressed flat, 8/15 friction times its radius. Needs compliance.
+  bool spins_by_area = false;
+  std::optional<FrictionOverLoad> friction_over_load;  ///< needs a law of compliance
+
+  /// Largest moment about the normal per normal force of a contact at a depth, with its friction [m].
+  double spinning(double friction_there, double depth) const;
 
   /// Each key with its range, its value in a contact of two surfaces, and the effect without which it acts on
   /// nothing, if that is not contact itself (core/fields.h). docs/scenes.md says what the keys mean.
@@ -53,7 +60,8 @@ struct Material {
   }
 };
 
-/// The surface of a contact of two surfaces; it has no name.
+/// The surface of a contact of two surfaces; it has no name. Laws of compliance act in series, and friction
+/// over load is the geometric mean.
 Material combined(const Material& a, const Material& b);
 
 }  // namespace handsim::model

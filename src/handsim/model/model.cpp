@@ -1,41 +1,6 @@
 #include "handsim/model/model.h"
 
-#include <algorithm>
-#include <cmath>
-
 namespace handsim::model {
-
-namespace {
-
-/// Two springs, or two dampers, in series; one of 0 is absent.
-double in_series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : a + b; }
-
-double of_two(double a, double b, OfTwo rule) {
-  switch (rule) {
-    case OfTwo::geometric_mean:
-      return std::sqrt(a * b);
-    case OfTwo::larger:
-      return std::max(a, b);
-    case OfTwo::in_series:
-      return in_series(a, b);
-  }
-  return 0;
-}
-
-std::optional<double> of_two(std::optional<double> a, std::optional<double> b, OfTwo rule) {
-  if (!a || !b) return a ? a : b;
-  return of_two(*a, *b, rule);
-}
-
-}  // namespace
-
-Material combined(const Material& a, const Material& b) {
-  Material out;
-  Material::fields([&](std::string_view, auto member, const Quantity&, OfTwo rule, auto...) {
-    set_field(out, member, of_two(field_value(a, member), field_value(b, member), rule));
-  });
-  return out;
-}
 
 int dof_count(JointKind kind) {
   switch (kind) {
@@ -57,7 +22,7 @@ int Model::dof_count() const {
 std::vector<std::optional<std::size_t>> Model::objects_of_shapes() const {
   std::vector<std::optional<std::size_t>> out(shapes.size());
   for (std::size_t i = 0; i < objects.size(); ++i)
-    for (const int shape : objects[i].shapes) out[at(shape)] = i;
+    for (const int shape : objects[i].shapes) out[as_index(shape)] = i;
   return out;
 }
 

@@ -9,6 +9,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/core/pose.h"
+#include "handsim/model/compliance.h"
 #include "handsim/model/convex_mesh.h"
 #include "handsim/model/material.h"
 #include "handsim/model/motion.h"

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <condition_variable>
+#include <optional>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "handsim/engine/collision/taxels.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -130,16 +132,17 @@ class SimulationHandle {
     std::vector<bool> hangs(state.bodies.size());
     std::vector<double> angles = old.q;
     for (const model::Joint& joint : model.joints) {
-      hangs[at(joint.child)] = true;
+      hangs[as_index(joint.child)] = true;
       for (std::size_t a = 0; a < joint.axes.size(); ++a)
         if (const auto& stop = joint.axes[a].stop; stop)
-          angles[at(joint.first_dof) + a] =
-              std::clamp(angles[at(joint.first_dof) + a], stop->low, stop->high);
+          angles[as_index(joint.first_dof) + a] =
+              std::clamp(angles[as_index(joint.first_dof) + a], stop->low, stop->high);
     }
     for (std::size_t i = 1; i < hangs.size(); ++i)
       if (!hangs[i]) state.bodies[i] = old.bodies[i];
     for (std::size_t i = 0; i < model.hands.size(); ++i)
-      if (model::BodyState& palm = state.bodies[at(model.hands[i].palm)]; !hangs[at(model.hands[i].palm)])
+      if (model::BodyState& palm = state.bodies[as_index(model.hands[i].palm)];
+          !hangs[as_index(model.hands[i].palm)])
         palm.p = palm.pose() * (before.hands[i].wrist_frame * model.hands[i].wrist_frame.inverse()).p;
     state.time = old.time;
     state.activation = old.activation;
@@ -197,13 +200,33 @@ class SimulationHandle {
     std::vector<std::string> a, b;
     std::vector<double> position, normal, depth, force;
     for (const engine::Contact& contact : contacts) {
-      a.push_back(shapes[at(contact.shape_a)].name);
-      b.push_back(shapes[at(contact.shape_b)].name);
+      a.push_back(shapes[as_index(contact.shape_a)].name);
+      b.push_back(shapes[as_index(contact.shape_b)].name);
       append(position, contact.position), append(normal, contact.normal), append(force, contact.force);
       depth.push_back(contact.depth);
     }
     return py::make_tuple(a, b, array_of(position, 3), array_of(normal, 3), array_of(depth),
                           array_of(force, 3));
+  }
+
+  /// Pads: names, number of taxels; taxels: points in their bodies' frames, areas, forces.
+  py::tuple taxels(double spacing) {
+    if (!taxels_ || spacing != taxel_spacing_) taxels_.emplace(simulation().model(), spacing);
+    taxel_spacing_ = spacing;
+    const auto forces = read([&](const auto& of) {
+      const std::span<const double> now = taxels_->read(of.engine().contacts(), of.state());
+      return std::vector<double>(now.begin(), now.end());
+    });
+    std::vector<std::string> names;
+    std::vector<std::size_t> counts;
+    for (const engine::Taxels::Pad& pad : taxels_->pads()) {
+      names.push_back(pad.name);
+      counts.push_back(pad.count);
+    }
+    std::vector<double> points;
+    for (const Vec3& point : taxels_->points()) append(points, point);
+    const std::vector<double> areas(taxels_->areas().begin(), taxels_->areas().end());
+    return py::make_tuple(names, counts, array_of(points, 3), array_of(areas), array_of(forces));
   }
 
   environment::Environment& environment() { return environment_; }
@@ -212,6 +235,9 @@ class SimulationHandle {
   std::vector<double> q, u, tau;
 
  private:
+  std::optional<engine::Taxels> taxels_;
+  double taxel_spacing_ = 0;
+
   void publish() {
     const model::State& state = simulation().state();
     for (const auto& [from, to] : {std::pair(&state.q, &q), {&state.u, &u}, {&state.tau, &tau}})
@@ -307,7 +333,7 @@ void bind_simulation(py::module_& module) {
              std::vector<double> out;
              const auto bodies = self.read([](const auto& of) { return of.state().bodies; });
              for (const model::Drive& drive : self.simulation().model().drives)
-               append(out, bodies[at(drive.body)].pose() * drive.frame);
+               append(out, bodies[as_index(drive.body)].pose() * drive.frame);
              return array_of(out, 7);
            })
       .def("targets",
@@ -333,6 +359,7 @@ void bind_simulation(py::module_& module) {
            })
       .def("bodies", &Self::bodies)
       .def("contacts", &Self::contacts)
+      .def("taxels", &Self::taxels)
       .def("reset", &reset_to)
       .def("reset_beside",
            [](Self& self, Self& other, const py::object& change) {

@@ -27,7 +27,7 @@ class Beside {
  public:
   Beside(const model::Model& model, const Settings& settings)
       : engine_(model, settings), base_(engine_.state()), coordinates_(model) {
-    torques.resize(at(model.dof_count()));
+    torques.resize(as_index(model.dof_count()));
   }
 
   int size() const { return coordinates_.size(); }
@@ -155,7 +155,7 @@ model::Model every_joint(std::mt19937& random, bool free_body) {
 model::State scattered(const model::Model& model, std::mt19937& random, double q_size, double u_size) {
   std::uniform_real_distribution<double> unit(-1, 1);
   model::State state = model::initial_state(model);
-  std::vector<double> q(at(model.dof_count())), u(q.size());
+  std::vector<double> q(as_index(model.dof_count())), u(q.size());
   for (double& each : q) each = q_size * unit(random);
   for (double& each : u) each = u_size * unit(random);
   for (std::size_t i = 1; i < state.bodies.size(); ++i) {
@@ -244,6 +244,31 @@ TEST(Derivatives, OfSlidingBoxesAndRollingCapsulesAreThoseOfDifferences) {
             1e-7);
 }
 
+// A pad that stiffens, with and without parts that relax, on one point, on points that share it and at its
+// spin.
+TEST(Derivatives, OfPadsThatStiffenAreThoseOfDifferences) {
+  model::Material skin = engine::test::material("skin", 0.5);
+  const Vec3 slow(0.3, -0.1, -0.05), spin(0.1, 0.2, 1.5);
+  const model::Shape ball = engine::test::sized("ball", model::ShapeKind::sphere, 0.02, 0),
+                     box = engine::test::sized("box", model::ShapeKind::box, 0, 0, Vec3(0.04, 0.05, 0.06)),
+                     capsule = engine::test::sized("capsule", model::ShapeKind::capsule, 0.01, 0.05);
+  const model::ForceCurve exponential = model::ForceCurve::exponential(3.67e-3, 0.27e-3),
+                          table = model::ForceCurve::table({{1e-3, 0.5}, {2e-3, 3}, {3e-3, 20}});
+  for (const model::ForceCurve& curve : {exponential, table}) {
+    skin.compliance = model::Compliance{0, 3};
+    skin.compliance->law = std::make_shared<const model::PadLaw>(
+        model::PadLaw{curve, {{4e-3, 0.65}, {0.07, 0.15}, {1.4, 0.05}}, 0.01});
+    for (const bool by_area : {false, true}) {
+      skin.spins_by_area = by_area;
+      EXPECT_LT(error_on_ground(ball, skin, 0.0182, Quat::Identity(), slow, spin), 1e-7);
+    }
+    EXPECT_LT(error_on_ground(box, skin, 0.0285, rotation_quaternion({0.001, 0.0007, 0.4}), slow, spin),
+              1e-7);
+    EXPECT_LT(error_on_ground(capsule, skin, 0.0088, rotation_quaternion({M_PI / 2, 0, 0.4}), slow, spin),
+              1e-7);
+  }
+}
+
 TEST(Derivatives, OfABallThatBouncesAreThoseOfDifferences) {
   model::Material rubber = engine::test::material("rubber", 0.5);
   rubber.restitution = 0.7;
@@ -259,7 +284,7 @@ TEST(Derivatives, OfServosAndStopsThatBounceAreThoseOfDifferences) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> unit(0, 1);
   model::State state = beside.base();
-  std::vector<double> q(at(model.dof_count())), u(q.size());
+  std::vector<double> q(as_index(model.dof_count())), u(q.size());
   for (std::size_t i = 0; i < q.size(); ++i) {
     q[i] = i % 4 == 0 ? 1.199 : unit(random);
     u[i] = i % 4 == 0 ? 4 : 0.5 * unit(random);

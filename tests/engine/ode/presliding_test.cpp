@@ -12,7 +12,7 @@ namespace {
 using model::Effect;
 using model::ShapeKind;
 
-constexpr double kG = 9.80665;
+using test::kG;
 
 Settings quick(int iterations = 50) {
   Settings how = test::settings({Effect::gravity, Effect::ground_contact, Effect::friction}, 1e-3,

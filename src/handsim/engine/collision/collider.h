@@ -51,13 +51,18 @@ class Collider {
   void restore(ArchiveReader& in);
   /// In the order of their points in the list.
   std::span<const Touch> touches() const { return touches_; }
+  std::span<Touch> touches() { return touches_; }
   /// Share of the pair's stiffness and damping that each contact has where its surfaces are pads.
   std::span<const double> shares() const { return shares_; }
   /// Points of two shapes at other poses; the list stays. Valid until the next call. For a collider without
   /// ODE bodies.
   std::span<const Contact> touch_at(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB);
+  /// What the surfaces of two shapes are to each other.
+  model::Material surface(int shape_a, int shape_b) const;
   /// @returns whether a touch's points share its stiffness by their depths
-  bool shares_by_depth(const Contact& any) const { return narrow_.flat(at(any.shape_a), at(any.shape_b)); }
+  bool shares_by_depth(const Contact& any) const {
+    return narrow_.flat(as_index(any.shape_a), as_index(any.shape_b));
+  }
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);

@@ -1,6 +1,7 @@
 // How penetrating surfaces are driven apart, and which bodies were put through each other at the start.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "handsim/engine/collision/collider.h"
@@ -9,6 +10,10 @@ namespace handsim::engine {
 
 /// Depth that contacts are allowed to keep, so that resting bodies stay in contact [m].
 inline constexpr double kSurfaceLayer = 1e-5;
+/// Depth that a pad feels; negative: the gap of a contact to come.
+inline double depth_in_pad(const Contact& contact) {
+  return contact.depth < 0 ? contact.depth : std::max(contact.depth - kSurfaceLayer, 0.0);
+}
 /// Fastest at which rigid surfaces found inside each other are driven apart [m/s]. ODE gives that speed to
 /// the bodies for good: at 1 m/s a ball of restitution 0 that falls 1 m jumps back at a fifth of its speed.
 inline constexpr double kMaxCorrectingSpeed = 0.1;

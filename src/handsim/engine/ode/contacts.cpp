@@ -44,6 +44,7 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       erp_(settings.erp()),
       step_(settings.step) {
   set_gravity(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero()));
+  if (PadMemory::needed(model)) pads_.emplace();
   ids.contact_joints.reset(dJointGroupCreate(0));
   joints_ = ids.contact_joints.get();
   dWorldSetContactSurfaceLayer(world_, kSurfaceLayer);
@@ -54,10 +55,12 @@ void Contacts::set_gravity(const Vec3& gravity) { fall_ = gravity * step_; }
 void Contacts::forget() {
   memory_.set({});
   limits_.set({});
+  if (pads_) pads_->set({});
 }
 
 void Contacts::recall(const model::State& state) {
   crossed_.find(collider_);
+  if (pads_) pads_->recall(collider_, step_);
   if (!friction_) return;
   if (iterative_)
     memory_.recall(collider_, state);
@@ -71,8 +74,9 @@ void Contacts::join(const model::State& state, bool rigid_limits) {
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
     Known known;
+    if (pads_) known.step = pads_->of(k);
     if (friction_ && iterative_) known.patch = &memory_.patches()[k];
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
       known.force = nullptr;
@@ -98,8 +102,29 @@ void Contacts::read_forces() {
   }
 }
 
-void Contacts::update_presliding(const model::State& before) {
+void Contacts::update_memory(const model::State& before) {
   if (friction_ && iterative_) memory_.update(before, step_);
+  if (pads_)
+    pads_->store(collider_, step_,
+                 [&](std::size_t i) { return depth_after(collider_.contacts()[i], before); });
+}
+
+/// How fast the surfaces of a contact part along its normal.
+double Contacts::parting_rate(const Contact& contact, const model::State& state) const {
+  return contact.normal.dot(velocity(state.bodies[body_index(contact.shape_a)], contact.position) -
+                            velocity(state.bodies[body_index(contact.shape_b)], contact.position));
+}
+
+/// Depth in a pad after a step, by the rates there.
+double Contacts::depth_after(const Contact& contact, const model::State& before) const {
+  const auto moves = [&](int shape) -> Vec3 {
+    const std::size_t body = body_index(shape);
+    const OdeBody& moved = bodies_[body];
+    if (moved.id == nullptr) return velocity(before.bodies[body], contact.position);
+    const Vec3 v(moved.v[0], moved.v[1], moved.v[2]), w(moved.w[0], moved.w[1], moved.w[2]);
+    return v + w.cross(contact.position - before.bodies[body].p);
+  };
+  return depth_in_pad(contact) - step_ * contact.normal.dot(moves(contact.shape_a) - moves(contact.shape_b));
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
@@ -108,12 +133,14 @@ void Contacts::save(ArchiveWriter& out) const {
   collider_.save(out);
   memory_.save(out);
   limits_.save(out);
+  if (pads_) pads_->save(out);
 }
 
 void Contacts::restore(ArchiveReader& in) {
   collider_.restore(in);
   memory_.restore(in);
   limits_.restore(in);
+  if (pads_) pads_->restore(in, model_);
 }
 
 dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].id; }
@@ -128,18 +155,31 @@ void Contacts::set_compliance(dSurfaceParameters& surface, const model::Complian
   surface.soft_cfm = row.cfm;
 }
 
+/// The tangent of a pad's law at the depth that the step would end at with the rates of its start, so that
+/// the row's force is the law's where these last. @param rate at which the surfaces part
+void Contacts::set_law(dSurfaceParameters& surface, const Contact& contact, const model::Compliance& pad,
+                       const Known& known, double rate) const {
+  const double depth = depth_in_pad(contact), rise = pad.rise();
+  const double deeper = std::clamp(-step_ * rate, -rise, rise);
+  const model::Elastic there = pad.elastic(depth + deeper);
+  const double force = known.step.gain * (there.force - there.slope * deeper) + known.step.offset;
+  surface.mode |= dContactSoftERP | dContactSoftCFM | dContactMotionN;
+  surface.soft_erp = 0;
+  surface.soft_cfm = 1 / (known.share * (step_ * known.step.gain * there.slope + pad.damping));
+  surface.motionN = known.share * force * surface.soft_cfm;
+}
+
 /// For a contact about to happen: rigid surfaces approach by the gap between them at most, pads as far as
 /// their spring and damper allow at the step's end. A contact that is to bounce does so in this step.
 void Contacts::limit_approach(dSurfaceParameters& surface, const Contact& contact,
                               const model::Material& between, double share, const model::State& state) const {
-  const Vec3 v = velocity(state.bodies[body_index(contact.shape_a)], contact.position) -
-                 velocity(state.bodies[body_index(contact.shape_b)], contact.position);
-  if (between.restitution > 0 && -contact.normal.dot(v) > between.restitution_speed) return;
+  if (between.restitution > 0 && -parting_rate(contact, state) > between.restitution_speed) return;
+  surface.mode &= ~dContactBounce;
+  if (between.compliance && between.compliance->law) return;
   const double closes =
       between.compliance
           ? soft_row(share * between.compliance->stiffness, share * between.compliance->damping, step_).erp
           : 1;
-  surface.mode &= ~dContactBounce;
   surface.mode |= dContactMotionN;
   surface.motionN = closes * contact.depth / step_;
 }
@@ -161,7 +201,9 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   }
   if (contact.depth < 0) limit_approach(surface, contact, between, known.share, state);
   const double inside = contact.depth - kSurfaceLayer;
-  if (between.compliance) {
+  if (between.compliance && between.compliance->law) {
+    set_law(surface, contact, *between.compliance, known, parting_rate(contact, state));
+  } else if (between.compliance) {
     set_compliance(surface, *between.compliance, known.share);
   } else {
     if (erp_ * inside > kMaxCorrectingSpeed * step_) {
@@ -175,7 +217,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   }
   // A pad with spinning but no rolling friction gets a motor: its row takes a speed or a limit.
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
-                     between.rolling_friction == 0 && between.spinning_friction > 0;
+                     between.rolling_friction == 0 && between.spinning(between.friction, contact.depth) > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
   if (surface.mu > 0) set_friction_direction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
@@ -198,25 +240,29 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   if (known.force != nullptr && !known.pad && normal <= kLeastForce) normal = 0;
   surface.mu = surface.mu2 = between.friction * normal;
   if (normal == 0) return;
-  if (spins_by_motor || (between.rolling_friction == 0 && between.spinning_friction == 0)) return;
+  const double spinning = between.spinning(between.friction, contact.depth);
+  if (spins_by_motor || (between.rolling_friction == 0 && spinning == 0)) return;
   surface.mode |= dContactRolling;
   // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
   surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment) * normal;
-  surface.rhoN = std::max(between.spinning_friction, kLeastMoment) * normal;
+  surface.rhoN = std::max(spinning, kLeastMoment) * normal;
 }
 
 /// The moment about the normal, up to the lever times the normal force: the known one, or the pad spring's.
 void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Known& known) {
+  const model::Compliance& pad = *touch.surface.compliance;
+  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   const double force = known.force != nullptr ? std::max(contact.normal.dot(*known.force), kLeastForce)
-                                              : known.share * touch.surface.compliance->stiffness *
-                                                    std::max(contact.depth - kSurfaceLayer, 0.0);
+                       : pad.law              ? known.share * pad.elastic(inside).force
+                                              : known.share * pad.stiffness * inside;
   const dJointID motor = dJointCreateAMotor(world_, joints_);
   dJointAttach(motor, body_of(contact.shape_a), body_of(contact.shape_b));
   dJointSetAMotorNumAxes(motor, 1);
   dJointSetAMotorAxis(motor, 0, 0, contact.normal.x(), contact.normal.y(), contact.normal.z());
   const double turn = known.patch != nullptr ? known.patch->turn : 0;
   dJointSetAMotorParam(motor, dParamVel, -side(contact) * kPullBack / step_ * turn);
-  dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
+  dJointSetAMotorParam(motor, dParamFMax,
+                       touch.surface.spinning(touch.surface.friction, contact.depth) * force);
 }
 
 /// Lays the first friction row along the change of velocity that it has to bring about: from what the
@@ -276,6 +322,6 @@ Vec3 Contacts::sliding(const Contact& contact, const model::State& state) const 
   return v - v.dot(contact.normal) * contact.normal;
 }
 
-std::size_t Contacts::body_index(int shape) const { return at(model_.shapes[at(shape)].body); }
+std::size_t Contacts::body_index(int shape) const { return as_index(model_.shapes[as_index(shape)].body); }
 
 }  // namespace handsim::engine::ode

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "handsim/engine/collision/collider.h"
+#include "handsim/engine/collision/pad_memory.h"
 #include "handsim/engine/collision/penetration.h"
 #include "handsim/engine/ode/friction.h"
 
@@ -35,9 +35,10 @@ class Contacts {
   bool update_limits() { return friction_ && limits_.update(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();
-  /// Adds how far surfaces slid in the step just made to their displacements. @param before the step's start
-  void update_presliding(const model::State& before);
-  /// Forgets how far surfaces have slid, and the forces of the last step.
+  /// Adds how far surfaces slid and pads were pressed in the step just made to what is remembered of them.
+  /// @param before the step's start
+  void update_memory(const model::State& before);
+  /// Forgets how far surfaces have slid, how pads relaxed, and the forces of the last step.
   void forget();
   void set_gravity(const Vec3& gravity);  ///< [m/s^2]
   const std::vector<Contact>& list() const { return collider_.contacts(); }
@@ -51,6 +52,7 @@ class Contacts {
   struct Known {
     bool pad = false;              ///< compliant surfaces
     double share = 1;              ///< of the pair's stiffness
+    PadStep step;                  ///< of the pair's law
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits
   };
@@ -62,6 +64,10 @@ class Contacts {
   void add_spin_row(const Contact& contact, const Touch& touch, const Known& known);
   double shared_mass(const Contact& contact, const model::State& state) const;
   void set_compliance(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
+  void set_law(dSurfaceParameters& surface, const Contact& contact, const model::Compliance& pad,
+               const Known& known, double rate) const;
+  double parting_rate(const Contact& contact, const model::State& state) const;
+  double depth_after(const Contact& contact, const model::State& before) const;
   dBodyID body_of(int shape) const;
   /// -1 where ODE turns the contact: it makes body b the first of a joint whose body a is not there.
   double side(const Contact& contact) const;
@@ -78,6 +84,7 @@ class Contacts {
   CrossedBodies crossed_;
   PreslidingMemory memory_;
   FrictionLimits limits_;
+  std::optional<PadMemory> pads_;  ///< with surfaces that need it only
   bool friction_;
   bool iterative_;  ///< quick_step solves
   bool with_forces_;

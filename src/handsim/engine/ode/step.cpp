@@ -101,7 +101,7 @@ StepReport OdeEngine::make_step(const StepInput& input, double end) {
   }
   if (residual_is_due(report)) report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
-    contacts_->update_presliding(state_);
+    contacts_->update_memory(state_);
     contacts_->release();
   }
   return report;
@@ -163,7 +163,7 @@ void OdeEngine::actuate(const StepInput& input) {
   if (!input.torques.empty()) joints_->add_torques(input.torques, state_);
   joints_->set_servos(input.servos);
   for (const BodyForce& each : input.forces) {
-    const dBodyID id = bodies_[at(each.body)].id;
+    const dBodyID id = bodies_[as_index(each.body)].id;
     dBodyAddForce(id, each.force.x(), each.force.y(), each.force.z());
     dBodyAddTorque(id, each.moment.x(), each.moment.y(), each.moment.z());
   }

@@ -21,6 +21,12 @@ struct TouchPoint {
   double friction = 0;         ///< coefficient
   double spinning = 0;         ///< moment about the normal over the normal force [m]
   double stiffness = 0;        ///< of the point [N/m]; 0: rigid
+  double push = 0;             ///< of its pad at this depth, when it lasts [N]
+  double share = 1;            ///< of the pad
+  std::optional<model::Compliance> pad;
+
+  /// How much deeper the pad has a force when it lasts [m].
+  double deeper_for(double force) const;
 };
 
 /// A right hand at the world's origin and an object in it: where the two touch at given joint angles, with
@@ -34,7 +40,7 @@ class HandOnObject {
   const model::Model& model() const { return model_; }
   const control::HandAxes& axes() const { return axes_; }
   int palm() const { return model_.hands.front().palm; }
-  model::Part part(int body) const { return parts_[at(body)]; }
+  model::Part part(int body) const { return parts_[as_index(body)]; }
   /// Puts the object. @param x_HO its frame in the hand frame
   void place(const Pose& x_HO) { x_HO_ = x_HO; }
   /// All points at which the hand touches the object. @param q size model().dof_count() [rad]

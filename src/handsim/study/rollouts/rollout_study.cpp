@@ -191,10 +191,11 @@ void RolloutStudy::add_uncertain(const scene::Scene& scene) {
   const YamlNode* contacts = scene.resolved.find("contacts");
   const YamlNode* materials = contacts ? contacts->find("materials") : nullptr;
   for (std::size_t i = 0; materials && i < materials->items.size(); ++i)
-    for (const char* name : {"friction", "stiffness"}) {
+    for (const auto& [name, key] : {std::pair("friction", "friction"), std::pair("stiffness", "stiffness"),
+                                    std::pair("depth", "exponential.depth")}) {
       const std::string material = fmt::format("contacts.materials.{}.", i);
-      const auto spread = number_at(material + "spread." + name), value = number_at(material + name);
-      if (spread && value) vary(material + name, *value, *spread * *value);
+      const auto spread = number_at(material + "spread." + name), value = number_at(material + key);
+      if (spread && value) vary(material + key, *value, *spread * *value);
     }
 }
 

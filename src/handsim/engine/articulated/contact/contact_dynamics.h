@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -43,6 +44,7 @@ class ContactDynamics {
     memory_.points.clear();
     memory_.change.clear();
     system_.forget();
+    if (pads_) pads_->set({});
   }
   /// Writes the contacts of the last step and their impulses, the warm start of the next step.
   void save(ArchiveWriter& out) const;
@@ -57,8 +59,8 @@ class ContactDynamics {
     auto point = memory_.points.begin();
     for (const Touch& touch : collider_.touches())
       for (int index = 0; touches_constrained(touch) && index < touch.count; ++index, ++point)
-        f(node_of(point->shape_a), node_of(point->shape_b), contacts()[touch.first + at(index)].position,
-          point->impulse, point->moment);
+        f(node_of(point->shape_a), node_of(point->shape_b),
+          contacts()[touch.first + as_index(index)].position, point->impulse, point->moment);
   }
 
   /// Computes accelerations, into Mechanism::du(), of a step [s] at whose end contacts, stops and torque
@@ -69,7 +71,7 @@ class ContactDynamics {
  private:
   friend class ContactSlopes;  ///< of the solution, while the thread solves no other problem
   static Workspace& workspace();
-  void store_solution(const ContactProblem& p, double step);
+  void store_solution(ContactProblem& p, double step);
   /// One body of a contact: its velocity at an origin, of the mechanism's island (Topology) where it is a
   /// node.
   struct BodyVelocity {
@@ -100,7 +102,7 @@ class ContactDynamics {
   bool free_step_holds(std::size_t single, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
-  bool is_constrained(int dof) const { return constrained_[at(root_of_[at(dof)])]; }
+  bool is_constrained(int dof) const { return constrained_[as_index(root_of_[as_index(dof)])]; }
   bool touches_constrained(const Touch& touch) const;
   void add_contacts(ContactProblem& p, double step);
   void add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface, double share,
@@ -109,18 +111,21 @@ class ContactDynamics {
   void collect_moving_dofs(MovingDofs& of) const;
   BodyVelocity velocity_of(int shape) const;
   double mobility_across(ContactProblem& p, const Contact& contact, double enough);
+  double set_compliance(ContactRows& rows, const Contact& contact, const model::Material& surface,
+                        double share, double step);
   double compute_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
                         double share, double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
   void store_warm_start(const ContactProblem& p, double step);
+  void store_pads(ContactProblem& p, double step);
   void add_loop_rows(ContactProblem& p);
   void bound_axes(ContactProblem& p, double step);
   bool apply_restitution(ContactProblem& p);
   bool stiffen(ContactProblem& p);
-  int body_of(int shape) const { return model_.shapes[at(shape)].body; }
+  int body_of(int shape) const { return model_.shapes[as_index(shape)].body; }
   /// In the solver, or kNoDof. @param single a node of one rate
-  int place_of(int single) const { return place_[at(space_.first_dof(single))]; }
-  int node_of(int shape) const { return mechanism_.topology().node_of_body[at(body_of(shape))]; }
+  int place_of(int single) const { return place_[as_index(space_.first_dof(single))]; }
+  int node_of(int shape) const { return mechanism_.topology().node_of_body[as_index(body_of(shape))]; }
   Mobility mobility_of(int shape) const;
 
   const model::Model& model_;
@@ -150,6 +155,10 @@ class ContactDynamics {
   std::vector<double> loop_entries_;
   std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
   std::vector<std::size_t> light_;  ///< rigid contacts of light pairs
+  std::optional<PadMemory> pads_;   ///< with surfaces that need it only
+  std::vector<PadPoint> points_;    ///< of the pads in this step; rows refer to them
+  PadStep pad_;                     ///< of the touch
+  std::vector<double> depths_;      ///< of the contacts after the step
   ContactMemory memory_;
   std::size_t warm_started_ = 0;
 };

@@ -31,7 +31,9 @@ void ContactDynamics::compute_pair(ContactProblem& p, std::size_t index, int sha
     moving.node_b = node_b;
     collect_moving_dofs(moving);
   }
-  const auto last = [&](int node) { return node == kNoNode ? kNone : place_[at(space_.last_dof(node))]; };
+  const auto last = [&](int node) {
+    return node == kNoNode ? kNone : place_[as_index(space_.last_dof(node))];
+  };
   p.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
 }
 
@@ -44,32 +46,48 @@ double ContactDynamics::mobility_across(ContactProblem& p, const Contact& contac
     const double* S = p.motion(i);
     const Vec3 v = Vec3(S[4], S[5], S[6]) + Vec3(S[0], S[1], S[2]).cross(moving_->signs[k] > 0 ? r_a : r_b);
     const double along = contact.normal.dot(v);
-    sum += (v.squaredNorm() - along * along) * inverse_inertia_[at(i)];
+    sum += (v.squaredNorm() - along * along) * inverse_inertia_[as_index(i)];
     if (sum >= enough) return sum;
   }
   return sum;
+}
+
+/// Gives a contact its pad: a law, or a spring and damper with their target, which is returned.
+double ContactDynamics::set_compliance(ContactRows& rows, const Contact& contact,
+                                       const model::Material& surface, double share, double step) {
+  const model::Compliance& pad = *surface.compliance;
+  const double depth = depth_in_pad(contact);
+  if (!pad.law) {
+    const SoftRow spring = soft_row(share * pad.stiffness, share * pad.damping, step);
+    rows.regularization = spring.cfm / step;
+    return spring.erp * depth / step;
+  }
+  points_.push_back({&pad, depth, step, share, pad_.gain, pad_.offset});
+  rows.pad = &points_.back();
+  rows.regularization = 1 / rows.pad->at(0).slope;
+  return 0;
 }
 
 /// Velocity along the normal that a contact is to have after the step, and its regularization.
 double ContactDynamics::compute_target(ContactRows& rows, const Contact& contact,
                                        const model::Material& surface, double share, double crossed,
                                        double approach, double step) {
-  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   double target = 0;
   if (surface.compliance) {
-    const SoftRow spring =
-        soft_row(share * surface.compliance->stiffness, share * surface.compliance->damping, step);
-    target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
-    rows.regularization = spring.cfm / step;
+    target = set_compliance(rows, contact, surface, share, step);
   } else {
+    const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
     // A gap may close within the step.
     target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
     rows.regularization = std::max(kTuning.normal_regularization * pair_.mobility.linear, crossed);
     if (crossed == 0 && pair_.mobility.linear * heaviest_ > kTuning.light_pair)
       light_.push_back(frames_.size() - 1);
   }
-  if (surface.restitution > 0 && approach > surface.restitution_speed)
+  if (surface.restitution > 0 && approach > surface.restitution_speed) {
     target = std::max(target, surface.restitution * approach);
+    // A law bounces by its tangent.
+    rows.pad = nullptr;
+  }
   return target;
 }
 
@@ -79,7 +97,7 @@ void ContactDynamics::add_contact(ContactProblem& p, const Contact& contact, con
   // No friction between crossed bodies: normals on both sides of a finger would jam it.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
-  const double spinning = friction_ ? surface.spinning_friction : 0;
+  const double spinning = friction_ ? surface.spinning(surface.friction, contact.depth) : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
   ContactRows& rows =
       p.add_contact(1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
@@ -100,7 +118,7 @@ void ContactDynamics::add_contact(ContactProblem& p, const Contact& contact, con
   };
   const Vec3 arm = contact.position - pair_.a.origin;
   for (Eigen::Index k = 0; k < (friction > 0 ? 3 : 1); ++k)
-    set_wrench(G + kSpatial * at(k), arm.cross(frame.col(k)), frame.col(k));
+    set_wrench(G + kSpatial * as_index(k), arm.cross(frame.col(k)), frame.col(k));
   std::size_t row = 1;
   const auto add = [&](Disc::Kind kind, double coefficient, double regularization) {
     Disc& disc = rows.discs[rows.disc_count++];
@@ -138,6 +156,12 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
   light_.clear();
   warm_started_ = 0;
   crossed_.find(collider_);
+  // Room for all: rows refer to them.
+  points_.clear();
+  if (pads_) {
+    points_.reserve(collider_.contacts().size());
+    pads_->recall(collider_, step);
+  }
   std::size_t pairs = 0;
   std::pair<int, int> bodies;
   for (const Touch& touch : collider_.touches()) {
@@ -147,8 +171,9 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
     if (const auto last = std::exchange(bodies, these); pairs == 0 || last != these)
       compute_pair(p, pairs++, any.shape_a, any.shape_b);
+    if (pads_) pad_ = pads_->of(as_index(&touch - collider_.touches().data()));
     for (int index = 0; index < touch.count; ++index) {
-      const std::size_t i = touch.first + at(index);
+      const std::size_t i = touch.first + as_index(index);
       const Contact& contact = collider_.contacts()[i];
       add_contact(p, contact, touch.surface, collider_.shares()[i], step);
       warm_start(p.contacts.back(), contact, frames_.back(), index);
@@ -158,7 +183,7 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
 
 void ContactDynamics::add_loop_rows(ContactProblem& p) {
   if (!loops_) return;
-  const std::size_t n = at(space_.size());
+  const std::size_t n = as_index(space_.size());
   const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
   std::vector<double>& entries = loop_entries_;
   for (std::size_t i = 0; i < rates.size(); ++i) {
@@ -166,7 +191,7 @@ void ContactDynamics::add_loop_rows(ContactProblem& p) {
     entries.clear();
     double mobility = 0;
     for (int place = 0; place < space_.size(); ++place) {
-      const double entry = J[i * n + at(dof_of_[at(place)])];
+      const double entry = J[i * n + as_index(dof_of_[as_index(place)])];
       if (entry == 0) continue;
       loop_dofs_.push_back(place);
       entries.push_back(entry);
@@ -217,7 +242,7 @@ void ContactDynamics::store_warm_start(const ContactProblem& p, double step) {
   for (const Touch& touch : collider_.touches()) {
     if (!touches_constrained(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
-      Contact& contact = collider_.contacts()[touch.first + at(index)];
+      Contact& contact = collider_.contacts()[touch.first + as_index(index)];
       const ContactRows& rows = p.contacts[i];
       ContactMemory::Point& point = memory_.points.emplace_back();
       point.shape_a = contact.shape_a;
@@ -240,6 +265,25 @@ void ContactDynamics::store_warm_start(const ContactProblem& p, double step) {
       if (with_forces_) contact.force = point.impulse / step;
     }
   }
+}
+
+/// What pads remember of the solution: depths at the step's end by the rates there.
+void ContactDynamics::store_pads(ContactProblem& p, double step) {
+  Workspace& w = workspace();
+  w.s.resize(kMostRows * p.contacts.size());
+  multiply_rows(p, w, p.x.data(), w.s.data());
+  depths_.assign(collider_.contacts().size(), 0.0);
+  std::size_t row = 0;
+  for (const Touch& touch : collider_.touches()) {
+    if (!touches_constrained(touch)) continue;
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i, ++row) {
+      const ContactRows& rows = p.contacts[row];
+      const double rate = rows.r0[0] + w.s[kMostRows * row];
+      // What bounces parts.
+      if (rows.pad) depths_[i] = rows.pad->depth - step * rate;
+    }
+  }
+  pads_->store(collider_, step, [&](std::size_t i) { return depths_[i]; });
 }
 
 }  // namespace handsim::engine::articulated

@@ -2,7 +2,8 @@
 // the joint rates,
 //   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high.
 // A is the joint-space inertia, with the implicit springs and dampers; g is what drives the step without
-// contact. Contact is compliant (regularised): the normal impulse is max(0, -r_n / R), friction is Coulomb's
+// contact. Contact is compliant (regularised): the normal impulse is max(0, -r_n / R), or falls with r_n as a
+// pad's law says (PadPoint), whose inverse slope is then R at the last evaluation. Friction is Coulomb's
 // with a circular cone, -r_t / R_t projected on the disc of radius coefficient times normal impulse. Impulses
 // are so functions of the velocities and the unknowns are the joint rates, however many contacts there are
 // (the primal formulation of Todorov 2014, "Convex and analytically-invertible dynamics with contacts and
@@ -18,6 +19,7 @@
 
 #include "handsim/core/pose.h"
 #include "handsim/engine/articulated/contact/unknowns.h"
+#include "handsim/engine/collision/pad_memory.h"
 
 namespace handsim::engine::articulated {
 
@@ -62,6 +64,7 @@ struct ContactRows : Dofs {
   std::array<double, kMostRows> r0{};  ///< velocities at x = 0 [m/s, rad/s]; the normal one less its target
   std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
   double regularization = 0;                ///< R of the normal row
+  const PadPoint* pad = nullptr;            ///< instead: the law of the normal row, whose target is 0
   std::array<Disc, 3> discs;
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
@@ -124,9 +127,9 @@ struct ContactProblem : Iterate {
   int size() const { return unknowns->size(); }
   Iterate& iterate() { return *this; }
   /// A's entry, i <= j.
-  double& inertia(int i, int j) { return A[unknowns->row_start[at(i)] + at(j)]; }
-  double inertia(int i) const { return A[unknowns->row_start[at(i)] + at(i)]; }
-  double* motion(int i) { return motions.data() + kSpatial * at(i); }
+  double& inertia(int i, int j) { return A[unknowns->row_start[as_index(i)] + as_index(j)]; }
+  double inertia(int i) const { return A[unknowns->row_start[as_index(i)] + as_index(i)]; }
+  double* motion(int i) { return motions.data() + kSpatial * as_index(i); }
   /// Adds a contact on these unknowns (at least one, in ascending order). The caller fills in its J.
   ContactRows& add(std::span<const int> of, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {

@@ -45,6 +45,10 @@ struct Tuning {
   int heap = 72, heap_steps = 6;
   double most_work = 5e4;
 
+  /// A step that deepens a pad by more e-folds of its stiffness is shortened. Larger: "contact_sweeps" by
+  /// steps that overshoot; smaller: by short ones.
+  double most_rises = 1;
+
   // Fixed limits of friction (fixed_limits.cpp).
   /// Newton steps at fixed limits: at most 45 in 10,000 random drops. And trials of a line search.
   int fixed_steps = 100, searches = 30;

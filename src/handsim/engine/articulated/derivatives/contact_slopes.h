@@ -75,6 +75,7 @@ class ContactSlopes {
     Spatial end, start;   ///< velocity of a against b there
     double by_depth = 0;  ///< derivatives of the target
     double by_approach = 0;
+    double spin_by_depth = 0;  ///< of the spinning coefficient, relative
   };
   void factor(const Eigen::MatrixXd& inertia);
   static Law6 law_of(const ContactRows& rows);

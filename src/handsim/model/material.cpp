@@ -1,0 +1,63 @@
+#include "handsim/model/material.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace handsim::model {
+
+namespace {
+
+double of_two(double a, double b, OfTwo rule) {
+  switch (rule) {
+    case OfTwo::geometric_mean:
+      return std::sqrt(a * b);
+    case OfTwo::larger:
+      return std::max(a, b);
+    case OfTwo::in_series:
+      return in_series(a, b);
+  }
+  return 0;
+}
+
+std::optional<double> of_two(std::optional<double> a, std::optional<double> b, OfTwo rule) {
+  if (!a || !b) return a ? a : b;
+  return of_two(*a, *b, rule);
+}
+
+std::optional<Compliance> in_series(const std::optional<Compliance>& a, const std::optional<Compliance>& b) {
+  if (!a || !b) return a ? a : b;
+  return in_series(*a, *b);
+}
+
+/// The geometric mean.
+std::optional<FrictionOverLoad> mean(const std::optional<FrictionOverLoad>& a,
+                                     const std::optional<FrictionOverLoad>& b) {
+  if (!a && !b) return std::nullopt;
+  const FrictionOverLoad x = a.value_or(FrictionOverLoad{}), y = b.value_or(FrictionOverLoad{});
+  return FrictionOverLoad{0.5 * (x.exponent + y.exponent), std::sqrt(x.at_one * y.at_one),
+                          std::sqrt(x.least * y.least), std::sqrt(x.most * y.most)};
+}
+
+}  // namespace
+
+double FrictionOverLoad::factor(double force) const {
+  return std::clamp(at_one * std::pow(std::max(force, 0.0), exponent), least, most);
+}
+
+double Material::spinning(double friction_there, double depth) const {
+  if (!spins_by_area || !compliance) return spinning_friction;
+  return 8.0 / 15 * friction_there * compliance->contact_radius(depth);
+}
+
+Material combined(const Material& a, const Material& b) {
+  Material out;
+  Material::fields([&](std::string_view, auto member, const Quantity&, OfTwo rule, auto...) {
+    set_field(out, member, of_two(field_value(a, member), field_value(b, member), rule));
+  });
+  out.compliance = in_series(a.compliance, b.compliance);
+  out.spins_by_area = a.spins_by_area || b.spins_by_area;
+  out.friction_over_load = mean(a.friction_over_load, b.friction_over_load);
+  return out;
+}
+
+}  // namespace handsim::model
