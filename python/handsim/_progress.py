@@ -40,17 +40,15 @@ class Bar:
         self.shown: Any = None
         self.length = 0
         self.told = 0.0
-        self.first: Optional[tuple[float, float]] = None
+        self.first = 0.0, 0.0
+        """The share from which the pace counts, and when: of work that goes on, what was done before."""
 
     def __call__(self, share: float) -> None:
         spent = time.monotonic() - self.begin
         if spent < QUIET:
             return
-        if self.first is None:
-            self.first = share, spent
-        # At the pace since the first share: what goes on from an earlier run has that from before.
-        done, gone = share - self.first[0], spent - self.first[1]
-        left = f", {_span(gone * (1 - share) / done)} left" if done > 0.001 and gone > 0.2 else ""
+        gained, gone = share - self.first[0], spent - self.first[1]
+        left = f", {_span(gone * (1 - share) / gained)} left" if gained > 0 and share > 0.01 else ""
         text = f"{self.label}: {share:.0%}{left}"
         if self.notebook:
             self._display(f'<progress max="1" value="{share:.3f}" style="width: 24em"></progress> {text}')

@@ -143,7 +143,7 @@ def _job(job: dict[str, Any]) -> int:
         with bar(True, "hands") as told:
             if "scenes" in job:
                 finished = uncertain_grasps([Path(each) for each in job["scenes"]], job["sides"], [Path(each) for each in job["persons"]], overrides, count,
-                                            out, job["command"], executor, told, wait, _note)
+                                            out, executor, told, wait, _note)
                 if finished.done == finished.size:
                     _core.finish_study(out, job["command"], {}, job["report"])
                 return _end(finished, out, True, "")

@@ -5,8 +5,9 @@ import glob
 import json
 import os
 import time
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Callable, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence
 
 from . import _core
 from ._errors import Error, Problem, input_error
@@ -108,6 +109,8 @@ class _Progress:
     def __init__(self, told: Told, label: str, done: int, size: int) -> None:
         self._told, self._label, self._done, self._size = told, label, done, size
         self._first, self._begin = done, time.monotonic()
+        if isinstance(told, Bar):
+            told.first = done / size, self._begin - told.begin
 
     def add(self, rows: int) -> None:
         self._done += rows
@@ -134,11 +137,26 @@ def run(order: Order, executor: Executor, told: Told = None, wait: Callable[[], 
     """
     begin, folder = time.monotonic(), os.getcwd()
     study = open_study(order.asked, folder, {})
-    head = study.head
     for warning in study.warnings:
         note(f"warning: {warning}")
     inputs = [*study.read, Path(order.asked.file), *order.inputs]
-    lock = _core.output_folder(order.out, [glob.escape(name) for name in FILES], inputs)
+    with _locked(order.out, FILES, inputs) as clear:
+        return _run(order, study, executor, told, wait, label, folder, clear, begin)
+
+
+@contextmanager
+def _locked(out: Path, names: Sequence[str], inputs: Sequence[Path]) -> Iterator[Callable[[], None]]:
+    """The folder is nobody else's until the end, also where the traceback of an error is kept. :returns: what removes earlier files"""
+    held = [_core.output_folder(out, [glob.escape(name) for name in names], inputs)]
+    try:
+        yield lambda: held[0].clear()
+    finally:
+        held.clear()
+
+
+def _run(order: Order, study: Any, executor: Executor, told: Told, wait: Callable[[], None], label: str, folder: str, clear: Callable[[], None],
+         begin: float) -> Finished:
+    head = study.head
     first, last = order.only or (0, head["size"])
     if last > head["size"]:
         raise input_error("--range", f"{first}:{last}", f"a range of the {head['size']} rollouts")
@@ -155,7 +173,7 @@ def run(order: Order, executor: Executor, told: Told = None, wait: Callable[[], 
     missing = parts.missing(first, last)
     work = work_of(order.asked, study, folder)
     keep_study(work, study)
-    lock.clear()
+    clear()
     todo = sum(b - a for a, b in missing)
     progress, computed = _Progress(told, label, last - first - todo, last - first), 0
 
@@ -191,12 +209,17 @@ def remove_rows(out: Path) -> None:
     (out / PARTS).unlink(missing_ok=True)
 
 
-def uncertain_grasps(scenes: Sequence[Path], sides: Sequence[str], persons: Sequence[Path], overrides: Sequence[str], count: int, out: Path, command: str,
+def uncertain_grasps(scenes: Sequence[Path], sides: Sequence[str], persons: Sequence[Path], overrides: Sequence[str], count: int, out: Path,
                      executor: Executor, told: Told = None, wait: Callable[[], None] = _nothing, note: Callable[[str], None] = lambda _: None) -> Finished:
     """A study of uncertain hands for each scene, side and person, and OUT/uncertain.csv with the figures of all."""
     drawn, refused = _core.uncertain_grasps(list(scenes), list(sides), list(persons), list(overrides), out)
-    lock = _core.output_folder(out, ["uncertain.csv", "study.json", "report.html"], list(scenes))
-    lock.clear()
+    with _locked(out, ["uncertain.csv", "study.json", "report.html"], list(scenes)) as clear:
+        clear()
+        return _uncertain_grasps(drawn, refused, count, out, executor, told, wait, note)
+
+
+def _uncertain_grasps(drawn: list[Any], refused: list[Any], count: int, out: Path, executor: Executor, told: Told, wait: Callable[[], None],
+                      note: Callable[[str], None]) -> Finished:
     csv, shares, text = "scene,side,figure,hands,mean,low,high,variance_of\n", "", ""
     finished = Finished(0, count * len(drawn), 0, 0)
     for i, (name, side, file, own, folder) in enumerate(drawn):

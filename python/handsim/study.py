@@ -142,7 +142,7 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
             words = ["grasp", *map(str, listed)] + (["--side", "both" if len(sides) == 2 else sides[0]] if sides else [])
             command = f"{_core.command_text(words, override_list(overrides))} --uncertain {uncertain}"
             with _executor(client, threads) as executor:
-                text = _rollouts_run.uncertain_grasps(listed, list(sides), [], override_list(overrides), uncertain, folder, command, executor, told).text
+                text = _rollouts_run.uncertain_grasps(listed, list(sides), [], override_list(overrides), uncertain, folder, executor, told).text
             _core.finish_study(folder, command, {}, False)
             return Study("uncertain", folder, text)
         _core.grasps(listed, folder, list(sides), override_list(overrides), friction, friction_search, margin, confirm, pictures, told)

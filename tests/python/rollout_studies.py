@@ -40,6 +40,7 @@ class Killer(threading.Thread):
         super().__init__(daemon=True)
         self.client, self.random, self.most, self.every = client, random.Random(seed), most, every
         self.kills, self.ended = 0, threading.Event()
+        self.seen: dict[int, float] = {}
 
     def run(self) -> None:
         while self.kills < self.most and not self.ended.wait(self.random.uniform(0.3, 1) * self.every):
@@ -47,6 +48,8 @@ class Killer(threading.Thread):
                 pids = list(self.client.run(os.getpid).values())
             except Exception:  # noqa: BLE001  a worker has just gone
                 continue
+            # A nanny whose process dies while it starts gives up.
+            pids = [pid for pid in pids if time.monotonic() - self.seen.setdefault(pid, time.monotonic()) > 2]
             if pids:
                 with suppress(ProcessLookupError):
                     os.kill(self.random.choice(pids), signal.SIGKILL)

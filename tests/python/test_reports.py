@@ -117,19 +117,17 @@ def test_recorded_motion_is_that_of_the_command_line(tmp_path):
     same_tables(tmp_path / "e", tmp_path / "f", ["validate.csv"])
 
 
-# Oracle: the table of the whole study; its commands as the shards have left them.
+# Oracle: the command's own files; the page has table and commands as they are.
 @needs_program
-def test_shards_become_the_table_of_the_whole(tmp_path):
+def test_the_page_of_rollouts_has_their_table(tmp_path):
     study = hs.data_path() / "config/rollouts_free_fall.yaml"
-    for k in (1, 2):
-        command("rollouts", study, "--count", 4, "--shard", f"{k}/2", "--out", tmp_path / "shards")
-    merged = hs.study.merge(tmp_path / "shards", out=tmp_path / "merged")
-    whole = hs.study.rollouts("rollouts_free_fall", count=4, out=tmp_path / "whole")
-    assert merged.tables["rollouts"].rows == 4 and list(merged.tables["rollouts"]) == list(whole.tables["rollouts"])
-    commands = json.loads((tmp_path / "merged/study.json").read_text())
+    command("rollouts", study, "--count", 4, "--out", tmp_path / "a")
+    hs.study.rollouts("rollouts_free_fall", count=4, out=tmp_path / "b")
+    same_tables(tmp_path / "a", tmp_path / "b", ["rollouts.csv", "summary.json", "rollouts.h5"])
+    commands = json.loads((tmp_path / "a/study.json").read_text())
     assert commands["templates"]["rollouts.csv"].endswith("--rollout {rollout}")
-    data = data_of(hs.report(tmp_path / "merged").read_text())
-    assert data["tables"] == [{"name": "rollouts.csv", "csv": (tmp_path / "merged/rollouts.csv").read_text()}]
+    data = data_of(hs.report(tmp_path / "a").read_text())
+    assert data["tables"] == [{"name": "rollouts.csv", "csv": (tmp_path / "a/rollouts.csv").read_text()}]
     assert data["study"] == commands
 
 
