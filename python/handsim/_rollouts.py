@@ -41,7 +41,7 @@ SECONDS_A_SLOT = 0.004
 MOST_ROWS = 20_000
 """Of a chunk."""
 TRIES = 2
-"""Of a row that ends its worker."""
+"""Of a row that ends its worker, alone, once it is the suspect of a crash."""
 MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
 PATIENCE = 2.0
@@ -323,10 +323,14 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
     """
     waiting, done = _Queue(missing), queue.SimpleQueue[Any]()
     flying: dict[Any, Range] = {}
+    suspects: deque[int] = deque()
     tries: dict[int, int] = {}
     try:
-        while waiting.left or flying:
+        while waiting.left or flying or suspects:
             slots = executor.slots()
+            if suspects and not waiting.left and not flying:
+                # Alone: another's crash is not blamed on this row.
+                waiting.again((suspects[0], suspects.popleft() + 1))
             while len(flying) < 2 * slots + 1 and (chunk := waiting.next(slots)):
                 future = executor.submit(work, *chunk)
                 flying[future] = chunk
@@ -350,7 +354,14 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
             except Exception as error:
                 if not _is_crash(error):
                     raise
-                _after_crash(study, waiting, tries, (first, last), error, keep)
+                if last - first > 1:
+                    waiting.again((first, (first + last) // 2), ((first + last) // 2, last))
+                elif tries.setdefault(first, 0) < TRIES:
+                    tries[first] += 1
+                    suspects.append(first)
+                else:
+                    text = f"ended the worker that computed it, {TRIES} times alone ({type(error).__name__})"
+                    keep(Rows(first, last, study.crashed(first, text), {}, [], 0))
             else:
                 keep(rows)
                 waiting.measured(rows)
@@ -363,21 +374,6 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
         for future in flying:
             with suppress(OSError):
                 future.cancel()
-
-
-def _after_crash(study: Any, waiting: _Queue, tries: dict[int, int], chunk: Range, error: Exception, keep: Callable[[Rows], None]) -> None:
-    """The halves of a chunk are tried again, and a single row once more; then it is a row that says so."""
-    first, last = chunk
-    if last - first > 1:
-        middle = (first + last) // 2
-        waiting.again((first, middle), (middle, last))
-        return
-    tries[first] = tries.get(first, 0) + 1
-    if tries[first] < TRIES:
-        waiting.again(chunk)
-    else:
-        text = f"ended the worker that computed it, {TRIES} times ({type(error).__name__})"
-        keep(Rows(first, last, study.crashed(first, text), {}, [], 0))
 
 
 class Parts:
