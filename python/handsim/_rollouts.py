@@ -49,6 +49,8 @@ PATIENCE = 2.0
 TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 STUDIES = 4
 """That a worker keeps in memory."""
+STUDY = "handsim-study-"
+"""How the keys of studies begin that Dask has."""
 CRASHES = {"KilledWorker", "WorkerCrashedError", "LocalRayletDiedError", "NodeDiedError", "OutOfMemoryError"}
 """What executors raise for work whose process has ended."""
 
@@ -215,7 +217,7 @@ class Dask(Executor):
         """:param own: the client was made for this study"""
         self._client, self._own = client, own
         self._study: Optional[Any] = None
-        self._asked, self._count = -np.inf, 0
+        self._asked, self._count, self._sent = -np.inf, 0, 0
 
     @property
     def page(self) -> str:
@@ -230,8 +232,9 @@ class Dask(Executor):
 
     def submit(self, work: Work, first: int, last: int) -> Any:
         # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
-        if self._study is None or self._study.cancelled():
-            self._study = self._client.submit(_itself, work, key=f"handsim-study-{work.key}")
+        if self._study is None or self._study.status in ("cancelled", "lost", "error"):
+            self._sent += 1
+            self._study = self._client.submit(_itself, work, key=f"{STUDY}{work.key}-{self._sent}")
         return self._client.submit(rows_of, self._study, first, last, pure=False)
 
     def check(self) -> None:
@@ -354,7 +357,10 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
             except Exception as error:
                 if not _is_crash(error):
                     raise
-                if last - first > 1:
+                if str(getattr(error, "task", "")).startswith(STUDY):
+                    # Workers died with the study, not with these rows: it is sent again.
+                    waiting.again((first, last))
+                elif last - first > 1:
                     waiting.again((first, (first + last) // 2), ((first + last) // 2, last))
                 elif tries.setdefault(first, 0) < TRIES:
                     tries[first] += 1
