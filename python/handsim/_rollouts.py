@@ -62,7 +62,7 @@ class Asked(NamedTuple):
     uncertain: bool = False
     """The file is a scene, whose uncertain hands are drawn."""
     overrides: tuple[str, ...] = ()
-    count: Optional[int] = None
+    draws: Optional[int] = None
     seed: Optional[int] = None
     bands: bool = True
     inverse: Optional[tuple[Any, ...]] = None
@@ -100,7 +100,7 @@ class Rows(NamedTuple):
 
 def open_study(asked: Asked, folder: str, files: dict[str, bytes]) -> Any:
     """:raises Error: of kind input with the problems of the study"""
-    return _core.rollouts(Path(asked.file), asked.uncertain, list(asked.overrides), asked.count, asked.seed, asked.bands, asked.inverse,
+    return _core.rollouts(Path(asked.file), asked.uncertain, list(asked.overrides), asked.draws, asked.seed, asked.bands, asked.inverse,
                           Path(folder), files)
 
 
@@ -261,11 +261,12 @@ def dask_at(address: str) -> Dask:
     if host == address or not host.rpartition(":")[2].isdigit():
         raise input_error("--on", address, "dask://HOST:PORT of a Dask scheduler")
     try:
-        from distributed import Client
+        import distributed
     except ImportError:
         raise input_error("--on", "no package distributed", "pip install distributed, or apt install python3-distributed") from None
+    connect: Any = distributed.Client
     try:
-        return Dask(Client(f"tcp://{host}", timeout=20, set_as_default=False), own=True)
+        return Dask(connect(f"tcp://{host}", timeout=20, set_as_default=False), own=True)
     except (OSError, TimeoutError) as error:
         raise input_error("--on", f"{address}, where no scheduler answers ({str(error)[:200]})", "that of dask scheduler") from None
 
