@@ -765,14 +765,19 @@ def validation():
     by_reason = {}
     for row in short:
         by_reason.setdefault(row["reason"] or "no reason known", []).append(row)
-    rows = []
-    for title, predicted in (("within one spread", "no"), ("predictions within one spread", "yes")):
-        of = [row for row in found if row["predicted"] == predicted]
-        rows.append([title, f"{sum(row['verdict'] == 'within' for row in of)} of {len(of)}", ""])
+    def tally(of):
+        inside = sum(float(row["weight"]) for row in of if row["verdict"] == "within")
+        return f"{inside:.4g} of {sum(float(row['weight']) for row in of):.4g}" if of else ""
+
+    own = [row for row in found if row["of"] == "people" and row["spread_is"] == "source" and not row["chosen"]]
+    rows = [["values of people, spread and conditions of the source", tally(own), ""]]
+    rows += [[f"of these {how}", tally([row for row in own if row["value_is"] == how]), ""] for how in ("fitted", "norm", "scaled", "predicted")]
+    rows += [["predictions, all", tally([row for row in found if row["value_is"] == "predicted"]), ""],
+             ["all values", tally(found), ""]]
     for reason, those in sorted(by_reason.items(), key=lambda item: -len(item[1])):
         names = [re.split(r"[,:]", row["quantity"])[0] for row in those]
         rows.append([reason, str(len(those)), "; ".join(dict.fromkeys(names))])
-    return table(["verdict, or why rows fall short", "rows", "quantities"], rows)
+    return table(["values within one spread, or why rows fall short", "number", "quantities"], rows)
 
 
 def clinic():

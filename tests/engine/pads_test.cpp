@@ -14,7 +14,7 @@ using model::Effect;
 using model::ShapeKind;
 using test::kG;
 
-/// The shipped finger pad (handmodels/finger_pad.yaml), of 8 mm.
+/// The shipped pad that stiffens (handmodels/stiffening_pad.yaml), of 8 mm.
 constexpr double kForce = 3.67e-3, kDepth = 0.27e-3, kRadius = 8e-3;
 const std::vector<model::Relaxation> kRelaxations = {{4e-3, 0.65}, {0.07, 0.15}, {1.4, 0.05}};
 

@@ -8,8 +8,9 @@ grips by the span of a dynamometer, the posture of the wrist and a blocked ulnar
 of single fingers that press, of the thumb and of pinches, and moments of the wrist while the fingers are free. Each is a linear program:
 activations of 0 to 1, moments of the joints balance, those of the wrist too (src/handsim/study/validate/press.cpp). Contacts of a
 grip are those of a simulation that closes the fingers on the bar; there only normal forces count, since friction does little in it.
-Priors are 0.3 of the logarithm for finger flexors and 0.4 to 0.6 for others. The shipped forces are a fit, then by hand: ECRB and
-ECRL have the ratio of their areas, PI1 its force of before (people's distal force of the index and their pressing index ask for it)."""
+Priors are 0.3 of the logarithm for finger flexors and 0.4 to 0.6 for others. The shipped forces are the fit of 2026-11-27 from the forces of before, with friction at the bar, and then: finger flexors, wrist extensors and EDC3 to
+EDM times 1.3, with which the simulated grip (`grip_force` of handsim validate) is the norm's; FDP2 at half and FDS2 at 200 N; ECRB and
+ECRL in the ratio of their areas; DI1 140 N, PI1 as before, other interossei times 1.04."""
 import sys
 from pathlib import Path
 

@@ -13,7 +13,8 @@ constexpr double kNone = std::numeric_limits<double>::infinity();
 TEST(LinearProgram, FindsTheCorner) {
   Eigen::MatrixXd equal(1, 3);
   equal << 1, 1, 1;
-  const auto x = largest(Eigen::Vector3d(3, 2, 0), equal, Eigen::VectorXd::Constant(1, 4), Eigen::Vector3d(3, kNone, kNone));
+  const auto x = largest(Eigen::Vector3d(3, 2, 0), equal, Eigen::VectorXd::Constant(1, 4),
+                         Eigen::Vector3d(3, kNone, kNone));
   ASSERT_TRUE(x);
   EXPECT_TRUE(x->isApprox(Eigen::Vector3d(3, 1, 0), 1e-6)) << x->transpose();
 }
@@ -24,7 +25,8 @@ TEST(LinearProgram, SaysWhereThereIsNone) {
   sum << 1, 1;
   difference << 1, -1;
   EXPECT_FALSE(largest(Eigen::Vector2d(1, 0), sum, Eigen::VectorXd::Constant(1, 4), Eigen::Vector2d(1, 1)));
-  EXPECT_FALSE(largest(Eigen::Vector2d(1, 0), difference, Eigen::VectorXd::Zero(1), Eigen::Vector2d(kNone, kNone)));
+  EXPECT_FALSE(
+      largest(Eigen::Vector2d(1, 0), difference, Eigen::VectorXd::Zero(1), Eigen::Vector2d(kNone, kNone)));
 }
 
 }  // namespace

@@ -24,7 +24,8 @@ ValidateSpec load(const test::TemporaryFolder& folder, const std::vector<std::st
       << "\npeople: {man: " << test::source("config/persons/median_man.yaml").string()
       << "}\nmeasurements:\n";
   for (std::size_t i = 0; i < rows.size(); ++i)
-    out << "  - {name: row" << i << (rows[i].find("scene:") == std::string::npos ? ", person: man, " : ", ") << rows[i] << ", " << end << "}\n";
+    out << "  - {name: row" << i << (rows[i].find("scene:") == std::string::npos ? ", person: man, " : ", ")
+        << rows[i] << ", " << end << "}\n";
   out.close();
   return load_validate(file);
 }
@@ -119,15 +120,18 @@ std::string grip(const std::string& more, const std::string& wrist = "-35 deg") 
 }
 constexpr const char* kWrist = ", balanced: [wrist.flexion, wrist.deviation]";
 
-// Oracle: a wrist that has to be balanced never helps; a blocked nerve takes something; more lines along which
-// the object may be pressed never weaken it; one posture over itself is 1; people have two thirds to three
-// quarters of their grip where the wrist is 15 and not 35 deg extended (O'Driscoll 1992), here less than 0.9.
+// Oracle: a wrist that has to be balanced never helps; a blocked nerve takes something; more lines along
+// which the object may be pressed never weaken it; one posture over itself is 1; people have two thirds to
+// three quarters of their grip where the wrist is 15 and not 35 deg extended (O'Driscoll 1992), here less
+// than 0.9.
 TEST(Validate, AGripIsCarriedByTheWrist) {
   const test::TemporaryFolder folder;
   const auto found = ours(load(
-      folder, {grip(""), grip(kWrist), grip(std::string(kWrist) + ", set: [\"hands.0.without=[ulnar_nerve_at_wrist]\"]"),
+      folder, {grip(""), grip(kWrist),
+               grip(std::string(kWrist) + ", set: [\"hands.0.without=[ulnar_nerve_at_wrist]\"]"),
                grip(std::string(kWrist) + ", over_pose: {wrist.flexion: -35 deg, wrist.deviation: -7 deg}"),
-               grip(std::string(kWrist) + ", over_pose: {wrist.flexion: -35 deg, wrist.deviation: -7 deg}", "-15 deg")}));
+               grip(std::string(kWrist) + ", over_pose: {wrist.flexion: -35 deg, wrist.deviation: -7 deg}",
+                    "-15 deg")}));
   EXPECT_LE(found[1], found[0] * 1.001);
   EXPECT_LT(found[2], 0.95 * found[1]);
   EXPECT_NEAR(found[3], 1, 1e-9);
@@ -140,14 +144,16 @@ TEST(Validate, AGripIsCarriedByTheWrist) {
 TEST(Validate, AGripIsThatOfTheSimulation) {
   const test::TemporaryFolder folder;
   const double program = ours(load(folder, {grip(kWrist)})).at(0);
-  simulation::Simulation run(scene::load_scene(test::source("config/muscle_grip.yaml"), {"solver.contact_forces=true"}));
+  simulation::Simulation run(
+      scene::load_scene(test::source("config/muscle_grip.yaml"), {"record.contacts=true"}));
   for (long i = run.step_count(); i > 0; --i) run.step();
   double force = 0;
   const Vec3 away(0, std::sin(55 * M_PI / 180), -std::cos(55 * M_PI / 180));
   for (const engine::Contact& contact : run.engine().contacts())
     for (const auto& [shape, sign] : {std::pair(contact.shape_a, 1.0), std::pair(contact.shape_b, -1.0)})
       if (const int body = run.model().shapes[static_cast<std::size_t>(shape)].body;
-          body >= 0 && run.model().bodies[static_cast<std::size_t>(body)].name.find("thumb") == std::string::npos &&
+          body >= 0 &&
+          run.model().bodies[static_cast<std::size_t>(body)].name.find("thumb") == std::string::npos &&
           run.model().bodies[static_cast<std::size_t>(body)].name.starts_with("right."))
         force += sign * contact.force.dot(away);
   EXPECT_NEAR(force / program, 1, 0.05);
@@ -184,16 +190,17 @@ TEST(Validate, FingersAtRestCloseAsTheWristExtends) {
 TEST(Validate, CountsEachValueOnceByWhatItsRowsAre) {
   const test::TemporaryFolder folder;
   const std::string mass = "kind: hand_mass, of: people, spread_is: source, ";
-  const ValidateSpec spec = load(folder,
-                                 {mass + "value_is: scaled, spread: 10, measured: 0.4",
-                                  mass + "value_is: scaled, spread: 0.1, measured: 5",
-                                  "kind: centre_of_mass, of: people, spread_is: source, value_is: fitted, "
-                                  "chosen: straight fingers, spread: 10, measured: 1",
-                                  "kind: gyration, direction: sagittal, of: people, spread_is: source, value_is: "
-                                  "predicted, spread: 0.1, measured: 5",
-                                  "kind: gyration, direction: transverse, of: cadavers, spread_is: chosen, "
-                                  "value_is: fitted, spread: 10, measured: 1"},
-                                 "source: s");
+  const ValidateSpec spec =
+      load(folder,
+           {mass + "value_is: scaled, spread: 10, measured: 0.4",
+            mass + "value_is: scaled, spread: 0.1, measured: 5",
+            "kind: centre_of_mass, of: people, spread_is: source, value_is: fitted, "
+            "chosen: straight fingers, spread: 10, measured: 1",
+            "kind: gyration, direction: sagittal, of: people, spread_is: source, value_is: "
+            "predicted, spread: 0.1, measured: 5",
+            "kind: gyration, direction: transverse, of: cadavers, spread_is: chosen, "
+            "value_is: fitted, spread: 10, measured: 1"},
+           "source: s");
   const ValidateResult result = run_validate(spec);
   const Tally people = result.within(&Measurement::is_of_people),
               predicted = result.within(&Measurement::is_predicted),
@@ -211,7 +218,8 @@ TEST(Validate, CountsEachValueOnceByWhatItsRowsAre) {
 }
 
 TEST(Validate, ARowHasToSayWhatItIs) {
-  const std::string text = problems({"kind: hand_mass, of: peple, spread_is: source"}, "measured: 1, spread: 1, source: s");
+  const std::string text =
+      problems({"kind: hand_mass, of: peple, spread_is: source"}, "measured: 1, spread: 1, source: s");
   for (const char* part : {"peple", "value_is"}) EXPECT_NE(text.find(part), std::string::npos) << text;
 }
 
@@ -220,7 +228,8 @@ TEST(Validate, NamesWhatAGripCannotHave) {
                                      "kind: joint_moment, axis: wrist.flexion, direction: positive, muscles: "
                                      "[FCR], balanced: [wrist.deviaton]",
                                      "kind: excursion, muscles: [FCR], over_pose: {wrist.flexion: 10 deg}"});
-  for (const char* part : {"tilts", "wrist.flexion", "muscles beside balanced axes", "wrist.deviation", "over_pose"})
+  for (const char* part :
+       {"tilts", "wrist.flexion", "muscles beside balanced axes", "wrist.deviation", "over_pose"})
     EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
 }
 

@@ -59,13 +59,16 @@ TEST(Validate, AddsFiguresAndTakesTheLengthOfVectors) {
          "ground: {}\neffects: [gravity, ground_contact, friction]\n"
          "solver: {engine: articulated}\nduration: 1\nrecord: {contacts: true}\n";
   const std::string pair = "contact_forces.pairs.0.force_at_end_N";
-  std::ofstream(file)
-      << head() << "  - {name: both, kind: simulation, scene: " << scene.string()
-      << ", figure: [counts.steps, counts.steps], unit: \"1\", measured: 2000, spread: 0.5, source: s, of: people, spread_is: source, value_is: fitted}\n"
-      << "  - {name: weight, kind: simulation, scene: " << scene.string() << ", figure: " << pair
-      << ", unit: N, measured: 9.80665, spread: 0.01, source: s, of: people, spread_is: source, value_is: fitted}\n"
-      << "  - {name: none, kind: simulation, scene: " << scene.string()
-      << ", figure: contact_forces.pairs.9.force_at_end_N, unit: N, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
+  std::ofstream(file) << head() << "  - {name: both, kind: simulation, scene: " << scene.string()
+                      << ", figure: [counts.steps, counts.steps], unit: \"1\", measured: 2000, spread: 0.5, "
+                         "source: s, of: people, spread_is: source, value_is: fitted}\n"
+                      << "  - {name: weight, kind: simulation, scene: " << scene.string()
+                      << ", figure: " << pair
+                      << ", unit: N, measured: 9.80665, spread: 0.01, source: s, of: people, spread_is: "
+                         "source, value_is: fitted}\n"
+                      << "  - {name: none, kind: simulation, scene: " << scene.string()
+                      << ", figure: contact_forces.pairs.9.force_at_end_N, unit: N, measured: 1, spread: 1, "
+                         "source: s, of: people, spread_is: source, value_is: fitted}\n";
   ValidateSpec spec = load_validate(file);
   EXPECT_THROW(run_validate(spec, folder.path() / "bad"), Error);
   spec.measurements.pop_back();
@@ -110,7 +113,8 @@ TEST(Validate, RefusesAPinchWhoseEndsDoNotFaceEachOther) {
       << "  - {name: past, kind: pinch_force, person: man, finger: index, friction: 0.8, pose: "
          "{thumb_cmc.flexion: 15 deg, thumb_mcp.flexion: 28 deg, thumb_ip.flexion: 9 deg, "
          "index_mcp.flexion: 74 deg, index_mcp.abduction: 8 deg, index_pip.flexion: 47 deg, "
-         "index_dip.flexion: 21 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
+         "index_dip.flexion: 21 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, "
+         "value_is: fitted}\n";
   EXPECT_THROW(run(load_validate(file)), Error);
 }
 
@@ -122,12 +126,14 @@ TEST(Validate, AForceAtASegmentsMiddleIsHeldByTheMomentAtItsJoint) {
   const std::string row =
       "kind: tip_force, person: man, finger: thumb, direction: palmar, friction: 2, pose: "
       "{thumb_mcp.flexion: "
-      "20 deg, thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
+      "20 deg, thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, "
+      "value_is: fitted}\n";
   std::ofstream(file) << head() << "  - {name: tip, " << row << "  - {name: pad, segment: thumb_distal, "
                       << row
                       << "  - {name: moment, kind: joint_moment, person: man, axis: thumb_ip.flexion, "
                          "direction: positive, muscles: [FPL], pose: {thumb_mcp.flexion: 20 deg, "
-                         "thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s, of: people, spread_is: source, value_is: fitted}\n";
+                         "thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s, of: people, "
+                         "spread_is: source, value_is: fitted}\n";
   const ValidateSpec spec = load_validate(file);
   const ValidateResult result = run(spec);
   const double length = 0.158 * 0.1931;  // of the last segment of a hand of 193.1 mm
@@ -144,10 +150,10 @@ TEST(Validate, FailsWhereARequiredRowFallsShort) {
   const test::TemporaryFolder folder;
   for (const bool required : {true, false}) {
     const auto file = folder.path() / "own.yaml";
-    std::ofstream(file)
-        << head()
-        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: s, of: people, spread_is: source, value_is: fitted, required: "
-        << (required ? "true" : "false") << "}\n";
+    std::ofstream(file) << head()
+                        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: "
+                           "s, of: people, spread_is: source, value_is: fitted, required: "
+                        << (required ? "true" : "false") << "}\n";
     const ValidateSpec spec = load_validate(file);
     EXPECT_EQ(run(spec).passed(), !required);
   }
@@ -160,7 +166,8 @@ TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";
   const std::string arm =
-      "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, of: people, spread_is: source, value_is: fitted, "
+      "kind: moment_arms, person: man, muscle: FDP2, axis: index_mcp.flexion, angles: [0], source: s, of: "
+      "people, spread_is: source, value_is: fitted, "
       "spread: 0.0001, ";
   std::ofstream(file) << head() << "  - {name: arm, " << arm << "arms: [0.01]}\n  - {name: far, " << arm
                       << "arms: [0.03]}\n";
@@ -186,7 +193,9 @@ TEST(Validate, DrawnHandsHaveTheSpreadOfTheFiles) {
 TEST(Validate, PlotNamesTheKindsAndWhatFallsShort) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";
-  const std::string mass = "kind: hand_mass, person: man, measured: 5, source: s, of: people, spread_is: source, value_is: fitted, spread: ";
+  const std::string mass =
+      "kind: hand_mass, person: man, measured: 5, source: s, of: people, spread_is: source, value_is: "
+      "fitted, spread: ";
   std::ofstream(file) << head() << "  - {name: \"it's `mass`\", " << mass << "1}\n  - {name: loose, " << mass
                       << "100}\n";
   const ValidateSpec spec = load_validate(file);

@@ -10,7 +10,7 @@ def test_forces_add_up_to_those_of_the_contacts_on_the_pads():
         sim.step()
         if len(sim.contacts.depth) > 2:
             break
-    sim.step(200)
+    sim.step(substeps=200)
     touch = sim.taxels(spacing=1e-3)
     contacts = sim.contacts
     normal = np.einsum("ij,ij->i", contacts.force, contacts.normal)

@@ -88,7 +88,7 @@ void read_pad_law(MapReader& reader, model::Material& material) {
   if (reader.has("table")) law.curve = read_table(reader);
   law.relaxations = read_relaxation(reader);
   law.radius = reader.maybe_number("reference_radius", {Dimension::length, 1e-4, 1}).value_or(0);
-  material.spins_by_area = reader.flag("spins_by_area", false);
+  if (reader.has("spins_by_area")) material.spins_by_area = reader.flag("spins_by_area", false);
   if (reader.has("friction_over_load")) read_friction_over_load(reader.map("friction_over_load"), material);
   if (curves.size() > 1)
     reader.problem(curves[1], fmt::format("{} beside {}", curves[1], curves[0]),

@@ -13,6 +13,7 @@ namespace {
 constexpr double kMassMin = 1e-9, kMassMax = 1e6;
 constexpr double kSizeMin = 1e-6, kSizeMax = 1e4;
 constexpr double kFar = 1e6;
+constexpr double kBeyondFiles = 100;  ///< largest value of a program over that of a file
 constexpr double kStiffnessMax = 1e12;
 constexpr double kUnitTolerance = 1e-9;
 
@@ -209,8 +210,12 @@ class Checker {
       const std::optional<double> value = field_value(material, member);
       // A law in its place.
       if (key == "stiffness" && material.compliance && material.compliance->law) return;
-      if (value && !range.allows(*value))
-        add({material.name, ".", key}, fmt::format("{:g}", *value), range.need());
+      // A file's range ends where a typing error is likely; a program may go beyond it. Shares and lengths
+      // stay.
+      Quantity wide = range;
+      if (range.max > 1) wide.max *= kBeyondFiles;
+      if (value && !wide.allows(*value))
+        add({material.name, ".", key}, fmt::format("{:g}", *value), wide.need());
     });
   }
 

@@ -63,8 +63,7 @@ std::optional<Vector> largest(const Vector& gain, const Eigen::MatrixXd& equal, 
       dx = (target - x.cwiseProduct(ds)).cwiseQuotient(s);
     };
     step(-x.cwiseProduct(s));
-    const double ahead =
-        (x + room(x, dx) * dx).dot(s + room(s, ds) * ds) / static_cast<double>(x.size());
+    const double ahead = (x + room(x, dx) * dx).dot(s + room(s, ds) * ds) / static_cast<double>(x.size());
     const double share = std::pow(ahead / gap, 3);
     step((share * gap - (x.cwiseProduct(s) + dx.cwiseProduct(ds)).array()).matrix());
     const double primal_step = kToTheWall * room(x, dx), dual_step = kToTheWall * room(s, ds);

@@ -35,7 +35,8 @@ constexpr KindForm kForms[] = {
      "palmar dorsal distal proximal ulnar radial"},
     {"pinch_force", Measured::pinch_force, D::force, "N", 1, "finger friction balanced"},
     {"grip_force", Measured::grip_force, D::force, "N", 1, "friction balanced"},
-    {"joint_moment", Measured::joint_moment, D::torque, "N m", 1, "axis balanced muscles", "positive negative"},
+    {"joint_moment", Measured::joint_moment, D::torque, "N m", 1, "axis balanced muscles",
+     "positive negative"},
     {"passive_moment", Measured::passive_moment, D::torque, "N m", 1, "axis"},
     {"loaded_rotation", Measured::loaded_rotation, D::angle, "deg", kDegree, "finger muscle axis"},
     {"coupled_angle", Measured::coupled_angle, D::angle, "deg", kDegree, "axis"},
@@ -161,8 +162,7 @@ class RowReader {
   void read_balanced(MapReader& reader, Measurement& row) {
     row.balanced = reader.texts("balanced", 1, 100, "axes of the hand");
     for (const std::string& axis : row.balanced) check(reader, "balanced", axis, axes_, "axes of the hand");
-    if (reader.has("muscles"))
-      reader.problem("muscles", "muscles beside balanced axes", "one of the two");
+    if (reader.has("muscles")) reader.problem("muscles", "muscles beside balanced axes", "one of the two");
   }
 
   /// The keys of the row's kind.

@@ -113,8 +113,8 @@ void add_plot(const ValidateSpec& spec, const ValidateResult& result, Report& re
            "noborder behind\n"
            "{6}plot {7}, {8}, {9}\n",
            output::plot_text(spec.title),
-           100 * result.within([](const Measurement&) { return true; }).share(), kMostSpreads + 0.2, layout.height,
-           fmt::join(layout.kinds, ", "), fmt::join(layout.short_rows, ", "), lines,
+           100 * result.within([](const Measurement&) { return true; }).share(), kMostSpreads + 0.2,
+           layout.height, fmt::join(layout.kinds, ", "), fmt::join(layout.short_rows, ", "), lines,
            points(1, "pointtype 7 pointsize 0.6 linecolor rgb '#2e7d32'", "within"),
            points(2, "pointtype 7 pointsize 0.8 linecolor rgb '#c8553d'", "short"),
            points(3, "pointtype 13 pointsize 1.2 linecolor rgb '#c8553d'", "beyond"))});
@@ -127,7 +127,8 @@ struct RowsThatAre {
 };
 std::array<RowsThatAre, 4> groups_of_rows() {
   return {{
-      {"people, spread and conditions of the source", [](const Measurement& of) { return of.is_of_people(); }},
+      {"people, spread and conditions of the source",
+       [](const Measurement& of) { return of.is_of_people(); }},
       {"people, some of these chosen",
        [](const Measurement& of) { return of.on == MeasuredOn::people && !of.is_of_people(); }},
       {"cadavers", [](const Measurement& of) { return of.on == MeasuredOn::cadavers; }},
@@ -156,8 +157,7 @@ std::string groups_table(const ValidateResult& result) {
   const auto line = [&](const char* name, const RowFilter& has) {
     std::string cells;
     for (std::size_t i = 0; i < kValueIs.size(); ++i)
-      cells +=
-          fmt::format("{:>15}", tally_text(result.within(both(has, related(static_cast<ValueIs>(i))))));
+      cells += fmt::format("{:>15}", tally_text(result.within(both(has, related(static_cast<ValueIs>(i))))));
     if (result.within(has).values > 0)
       out += fmt::format("\n{:<45}{}{:>17}", name, cells, tally_text(result.within(has)));
   };
@@ -233,16 +233,19 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
   const Tally predicted = result.within(&Measurement::is_predicted),
               people = result.within(&Measurement::is_of_people),
               all = result.within([](const Measurement&) { return true; });
-  if (predicted.values > 0) out += "\npredictions, to which neither a number of the hand nor a norm is fitted\n";
+  if (predicted.values > 0)
+    out += "\npredictions, to which neither a number of the hand nor a norm is fitted\n";
   rows(true);
   out += groups_table(result);
   if (people.values > 0)
     out += fmt::format("\n{} values of people with spread and conditions of their source are within it\n",
                        tally_text(people));
-  if (predicted.values > 0) out += fmt::format("{} predictions are within one spread\n", tally_text(predicted));
-  out += fmt::format("{:.0f} % of {:.4g} values are within one spread (goal {:.0f} %); {} rows are required, {}\n",
-                     100 * all.share(), all.values, 100 * spec.goal, required,
-                     result.passed() ? "all within" : "not all within");
+  if (predicted.values > 0)
+    out += fmt::format("{} predictions are within one spread\n", tally_text(predicted));
+  out += fmt::format(
+      "{:.0f} % of {:.4g} values are within one spread (goal {:.0f} %); {} rows are required, {}\n",
+      100 * all.share(), all.values, 100 * spec.goal, required,
+      result.passed() ? "all within" : "not all within");
   out += coverage_text(result);
   if (left_out > 0) out += fmt::format("{} rows are simulations, which --runs runs\n", left_out);
   return out;
@@ -250,7 +253,8 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
 
 std::string validate_csv(const ValidateResult& result) {
   std::string out =
-      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,of,spread_is,value_is,chosen,"
+      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,of,spread_is,value_is,"
+      "chosen,"
       "weight,source,reason,"
       "percentile_5,percentile_95,inside\n";
   for (const ValidateRow& row : result.rows) {
