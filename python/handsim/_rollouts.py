@@ -41,7 +41,7 @@ SECONDS_A_SLOT = 0.004
 MOST_ROWS = 20_000
 """Of a chunk."""
 TRIES = 2
-"""Of a row that ends its worker."""
+"""Of a row that ends its worker, alone, once it is the suspect of a crash."""
 MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
 PATIENCE = 2.0
@@ -49,6 +49,8 @@ PATIENCE = 2.0
 TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 STUDIES = 4
 """That a worker keeps in memory."""
+STUDY = "handsim-study-"
+"""How the keys of studies begin that Dask has."""
 CRASHES = {"KilledWorker", "WorkerCrashedError", "LocalRayletDiedError", "NodeDiedError", "OutOfMemoryError"}
 """What executors raise for work whose process has ended."""
 
@@ -60,7 +62,7 @@ class Asked(NamedTuple):
     uncertain: bool = False
     """The file is a scene, whose uncertain hands are drawn."""
     overrides: tuple[str, ...] = ()
-    count: Optional[int] = None
+    draws: Optional[int] = None
     seed: Optional[int] = None
     bands: bool = True
     inverse: Optional[tuple[Any, ...]] = None
@@ -98,7 +100,7 @@ class Rows(NamedTuple):
 
 def open_study(asked: Asked, folder: str, files: dict[str, bytes]) -> Any:
     """:raises Error: of kind input with the problems of the study"""
-    return _core.rollouts(Path(asked.file), asked.uncertain, list(asked.overrides), asked.count, asked.seed, asked.bands, asked.inverse,
+    return _core.rollouts(Path(asked.file), asked.uncertain, list(asked.overrides), asked.draws, asked.seed, asked.bands, asked.inverse,
                           Path(folder), files)
 
 
@@ -215,7 +217,7 @@ class Dask(Executor):
         """:param own: the client was made for this study"""
         self._client, self._own = client, own
         self._study: Optional[Any] = None
-        self._asked, self._count = -np.inf, 0
+        self._asked, self._count, self._sent = -np.inf, 0, 0
 
     @property
     def page(self) -> str:
@@ -230,8 +232,9 @@ class Dask(Executor):
 
     def submit(self, work: Work, first: int, last: int) -> Any:
         # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
-        if self._study is None or self._study.cancelled():
-            self._study = self._client.submit(_itself, work, key=f"handsim-study-{work.key}")
+        if self._study is None or self._study.status in ("cancelled", "lost", "error"):
+            self._sent += 1
+            self._study = self._client.submit(_itself, work, key=f"{STUDY}{work.key}-{self._sent}")
         return self._client.submit(rows_of, self._study, first, last, pure=False)
 
     def check(self) -> None:
@@ -258,11 +261,12 @@ def dask_at(address: str) -> Dask:
     if host == address or not host.rpartition(":")[2].isdigit():
         raise input_error("--on", address, "dask://HOST:PORT of a Dask scheduler")
     try:
-        from distributed import Client
+        import distributed
     except ImportError:
         raise input_error("--on", "no package distributed", "pip install distributed, or apt install python3-distributed") from None
+    connect: Any = distributed.Client
     try:
-        return Dask(Client(f"tcp://{host}", timeout=20, set_as_default=False), own=True)
+        return Dask(connect(f"tcp://{host}", timeout=20, set_as_default=False), own=True)
     except (OSError, TimeoutError) as error:
         raise input_error("--on", f"{address}, where no scheduler answers ({str(error)[:200]})", "that of dask scheduler") from None
 
@@ -323,10 +327,14 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
     """
     waiting, done = _Queue(missing), queue.SimpleQueue[Any]()
     flying: dict[Any, Range] = {}
+    suspects: deque[int] = deque()
     tries: dict[int, int] = {}
     try:
-        while waiting.left or flying:
+        while waiting.left or flying or suspects:
             slots = executor.slots()
+            if suspects and not waiting.left and not flying:
+                # Alone: another's crash is not blamed on this row.
+                waiting.again((suspects[0], suspects.popleft() + 1))
             while len(flying) < 2 * slots + 1 and (chunk := waiting.next(slots)):
                 future = executor.submit(work, *chunk)
                 flying[future] = chunk
@@ -350,7 +358,17 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
             except Exception as error:
                 if not _is_crash(error):
                     raise
-                _after_crash(study, waiting, tries, (first, last), error, keep)
+                if str(getattr(error, "task", "")).startswith(STUDY):
+                    # Workers died with the study, not with these rows: it is sent again.
+                    waiting.again((first, last))
+                elif last - first > 1:
+                    waiting.again((first, (first + last) // 2), ((first + last) // 2, last))
+                elif tries.setdefault(first, 0) < TRIES:
+                    tries[first] += 1
+                    suspects.append(first)
+                else:
+                    text = f"ended the worker that computed it, {TRIES} times alone ({type(error).__name__})"
+                    keep(Rows(first, last, study.crashed(first, text), {}, [], 0))
             else:
                 keep(rows)
                 waiting.measured(rows)
@@ -363,21 +381,6 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
         for future in flying:
             with suppress(OSError):
                 future.cancel()
-
-
-def _after_crash(study: Any, waiting: _Queue, tries: dict[int, int], chunk: Range, error: Exception, keep: Callable[[Rows], None]) -> None:
-    """The halves of a chunk are tried again, and a single row once more; then it is a row that says so."""
-    first, last = chunk
-    if last - first > 1:
-        middle = (first + last) // 2
-        waiting.again((first, middle), (middle, last))
-        return
-    tries[first] = tries.get(first, 0) + 1
-    if tries[first] < TRIES:
-        waiting.again(chunk)
-    else:
-        text = f"ended the worker that computed it, {TRIES} times ({type(error).__name__})"
-        keep(Rows(first, last, study.crashed(first, text), {}, [], 0))
 
 
 class Parts:

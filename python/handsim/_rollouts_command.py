@@ -14,7 +14,7 @@ from ._files import ended, read_options
 from ._progress import bar
 from ._rollouts import Asked, Executor, Range, Threads, dask_at
 from ._rollouts_run import Finished, Stopped, remove_rows, rollouts_order, run, uncertain_grasps
-from ._scene import find_file
+from ._shipped import find_file
 
 USAGE = """handsim rollouts STUDY [--out DIR]
 

@@ -215,8 +215,10 @@ def _keys_json(of: Outcome) -> Any:
     out: dict[str, Any] = {}
     for key in of.keys:
         entry: dict[str, Any] = {} if key.text else {"rank_correlation": _estimate_json(key.correlation)}
-        shares = [{**_values_json(of, each.outcomes, each.estimate), **({"value": each.label} if key.text else {"from": each.low, "to": each.high})}
-                  for each in key.bins]
+        shares = []
+        for each in key.bins:
+            where: dict[str, Any] = {"value": each.label} if key.text else {"from": each.low, "to": each.high}
+            shares.append({**_values_json(of, each.outcomes, each.estimate), **where})
         if shares:
             entry["shares" if of.verdict else "means"] = shares
         out[key.name] = entry or None

@@ -68,7 +68,7 @@ def rollouts_order(asked: Asked, out: Path, **more: Any) -> Order:
     """With the commands of a study's file, or of `handsim run SCENE --uncertain`."""
     words, sets = [str(asked.file)], list(asked.overrides)
     if asked.uncertain:
-        command = f"{_core.command_text(['run', *words], sets)} --uncertain {asked.count}"
+        command = f"{_core.command_text(['run', *words], sets)} --uncertain {asked.draws}"
         return Order(asked, out, command, f"{command} --rollout {{rollout}}", **more)
     seed = "" if asked.seed is None else f" --seed {asked.seed}"
     return Order(asked, out, _core.command_text(["rollouts", *words], sets) + seed, _core.command_text(["run", *words], sets) + " --rollout {rollout}" + seed,

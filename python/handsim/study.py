@@ -222,7 +222,7 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
         raise input_error("co_contraction", str(co_contraction), "0 to 0.9")
     if cutoff is not None:
         real("cutoff", cutoff)
-    files = [_path(key, path) for key, path in (("motion", motion), ("names", names), ("loads", loads))]
+    files = _path("motion", motion), _path("names", names), _path("loads", loads)
     least = float(co_contraction) if muscles else None
     if uncertain is not None:
         whole("uncertain", uncertain, 2)

@@ -5,6 +5,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import dask
 import distributed
 from rollout_studies import Killer, contents, wait_for_workers, write_study
 
@@ -24,7 +25,9 @@ def main() -> int:
         file = write_study(folder, count=150)
         hs.study.rollouts(file, threads=1, out=folder / "one")
         expected = contents(folder / "one")
-        with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, distributed.Client(cluster) as client:
+        # A nanny that Dask of 2022 closes with its worker is made again.
+        with dask.config.set({"distributed.deploy.lost-worker-timeout": "10s"}), distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, distributed.Client(cluster) as client:
+            cluster.adapt(minimum=2, maximum=2)
             wait_for_workers(client, 2)
             with Killer(client, options.seed, options.count, 2.0) as killer:
                 while killer.kills < options.count:

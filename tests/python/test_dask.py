@@ -32,8 +32,10 @@ def whole(tmp_path_factory):
 @pytest.fixture(scope="module")
 def cluster():
     # A task whose worker has died twice is given back: each death takes seconds, until its nanny has a new process.
-    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), \
+    # Dask of 2022 also closes the nanny of a worker that dies with a result that is asked for: the cluster makes another one.
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1, "distributed.deploy.lost-worker-timeout": "10s"}), \
             distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
+        made.adapt(minimum=2, maximum=2)
         yield made
 
 

@@ -276,7 +276,7 @@ def test_a_row_that_ends_its_worker_is_a_row(whole, tmp_path):
     lines, good = (text.decode().splitlines() for text in (contents(tmp_path)["rollouts.csv"], expected["rollouts.csv"]))
     assert [i - 1 for i, (a, b) in enumerate(zip(lines, good)) if a != b] == [4, 9]
     row = next(csv.DictReader([lines[0], lines[5]]))
-    assert row["ended"] == "crashed" and row["error"] == "ended the worker that computed it, 2 times (KilledWorker)"
+    assert row["ended"] == "crashed" and row["error"] == "ended the worker that computed it, 2 times alone (KilledWorker)"
     assert lines[5].split(",")[:6] == good[5].split(",")[:6], "what was drawn is known"
     assert study.summary["ended"] == {"crashed": 2, "end": 10}
     hs.study.rollouts(file, client=Faults(set(), 0.5), out=tmp_path / "chance")

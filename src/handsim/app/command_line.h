@@ -107,8 +107,7 @@ inline CLI::Option* add_uncertain(CLI::App& command, std::optional<int>& count) 
 template <class Arguments>
 CLI::Option* add_uncertain_runs(CLI::App& command, Arguments& arguments) {
   CLI::Option* uncertain = add_uncertain(command, arguments.uncertain);
-  command
-      .add_option("--on", arguments.on, "dask://HOST:PORT of a scheduler whose workers run these hands")
+  command.add_option("--on", arguments.on, "dask://HOST:PORT of a scheduler whose workers run these hands")
       ->needs(uncertain);
   return uncertain;
 }

@@ -109,8 +109,8 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
              {"out", arguments.out.string()},
              {"report", arguments.report},
              {"on", arguments.on},
-             {"command", fmt::format("{} --uncertain {}", study::grasp_commands(study).study,
-                                     *arguments.uncertain)}});
+             {"command",
+              fmt::format("{} --uncertain {}", study::grasp_commands(study).study, *arguments.uncertain)}});
 }
 
 }  // namespace

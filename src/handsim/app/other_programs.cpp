@@ -36,7 +36,8 @@ constexpr std::array<OtherCommand, 6> kOtherCommands = {
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach"},
      {"rollouts",
-      "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores or on many "
+      "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores or on "
+      "many "
       "machines: one table, what makes them held, a plot",
       "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",

@@ -29,7 +29,8 @@ class CarriedScope {
   CarriedScope& operator=(const CarriedScope&) = delete;
 };
 
-/// Without `.` and `..`; a relative path goes from the folder of the carried files, else from the process's own.
+/// Without `.` and `..`; a relative path goes from the folder of the carried files, else from the process's
+/// own.
 std::filesystem::path absolute_path(const std::filesystem::path& path);
 
 /// True for a regular file that is carried or on the disk.

@@ -1,4 +1,5 @@
-// One rollout of a study as a user runs it again; the command itself is tested in tests/python/test_rollouts.py.
+// One rollout of a study as a user runs it again; the command itself is tested in
+// tests/python/test_rollouts.py.
 #include <gtest/gtest.h>
 
 #include "app/program.h"

@@ -63,11 +63,12 @@ TEST(Rollouts, RowsAreTheSameForAnyRangesAndThreads) {
   std::string all;
   for (const std::string& row : rows) all += row;
   EXPECT_EQ(all, whole.csv);
-  EXPECT_EQ(rollout_rows(study, 0, 1, stop).trajectories[0].second.values, whole.trajectories[0].second.values);
+  EXPECT_EQ(rollout_rows(study, 0, 1, stop).trajectories[0].second.values,
+            whole.trajectories[0].second.values);
 }
 
-// Oracle: the study of the files on the disk. What it has read is all that another machine needs, which has none of
-// the files and another folder.
+// Oracle: the study of the files on the disk. What it has read is all that another machine needs, which has
+// none of the files and another folder.
 TEST(Rollouts, AreTheSameFromCarriedFiles) {
   CarriedFiles files;
   std::string table;
@@ -79,12 +80,15 @@ TEST(Rollouts, AreTheSameFromCarriedFiles) {
     fs::current_path(folder.path());
     fs::create_directories(folder.path() / "shapes");
     std::ofstream(folder.path() / "shapes/wedge.stl")
-        << "solid wedge\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\nvertex 0.1 0 0\nendloop\nendfacet\n"
+        << "solid wedge\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0.1 0\nvertex 0.1 0 "
+           "0\nendloop\nendfacet\n"
            "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0.1 0 0\nvertex 0 0 0.1\nendloop\nendfacet\n"
            "facet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 0 0 0.1\nvertex 0 0.1 0\nendloop\nendfacet\n"
-           "facet normal 0 0 0\nouter loop\nvertex 0.1 0 0\nvertex 0 0.1 0\nvertex 0 0 0.1\nendloop\nendfacet\nendsolid\n";
+           "facet normal 0 0 0\nouter loop\nvertex 0.1 0 0\nvertex 0 0.1 0\nvertex 0 0 "
+           "0.1\nendloop\nendfacet\nendsolid\n";
     std::ofstream(folder.path() / "scene.yaml")
-        << "objects: [{name: wedge, shape: convex_mesh, mesh: shapes/wedge.stl, mass: 1, position: [0, 0, 0]}]\nduration: 0.02\n"
+        << "objects: [{name: wedge, shape: convex_mesh, mesh: shapes/wedge.stl, mass: 1, position: [0, 0, "
+           "0]}]\nduration: 0.02\n"
            "effects: [gravity]\n";
     std::ofstream(folder.path() / "study.yaml")
         << "scene: scene.yaml\ncount: 8\nvary: {objects.0.mass: {normal: {sd: 20}}}\n";
@@ -115,13 +119,16 @@ TEST(Rollouts, AreStoppedAtOnce) {
 TEST(Rollouts, ACrashedOneIsARowWithWhatWasDrawn) {
   const TemporaryFolder folder;
   const RolloutStudy study(load_rollouts(write_study(folder.path())));
-  const auto ran = cells_of(rollout_rows(study, 4, 5, false).csv), crashed = cells_of(crashed_row(study, 4, "two\nlines"));
+  const auto ran = cells_of(rollout_rows(study, 4, 5, false).csv),
+             crashed = cells_of(crashed_row(study, 4, "two\nlines"));
   ASSERT_EQ(crashed.size(), 1U);
   ASSERT_EQ(crashed[0].size(), ran[0].size());
-  EXPECT_EQ(std::vector(crashed[0].begin(), crashed[0].begin() + 5), std::vector(ran[0].begin(), ran[0].begin() + 5));
+  EXPECT_EQ(std::vector(crashed[0].begin(), crashed[0].begin() + 5),
+            std::vector(ran[0].begin(), ran[0].begin() + 5));
   const auto columns = cells_of(csv_head(study.head()))[0];
   const auto cell = [&](const char* name) {
-    return crashed[0][static_cast<std::size_t>(std::find(columns.begin(), columns.end(), name) - columns.begin())];
+    return crashed[0][static_cast<std::size_t>(std::find(columns.begin(), columns.end(), name) -
+                                               columns.begin())];
   };
   EXPECT_EQ(cell("ended"), "crashed");
   EXPECT_EQ(cell("error"), "two; lines");
@@ -274,8 +281,7 @@ TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
   }
   EXPECT_GT(refused, 0);
   EXPECT_TRUE(std::regex_search(csv, std::regex("refused,.*mass: got -"))) << csv;
-  EXPECT_TRUE(std::regex_search(csv, std::regex(",0,diverged,1.*at t = 1.001 s: ball: speed")))
-      << csv;
+  EXPECT_TRUE(std::regex_search(csv, std::regex(",0,diverged,1.*at t = 1.001 s: ball: speed"))) << csv;
 }
 
 // Oracle: a ball of radius 0.1 m falls 0.78 m in 0.4 s, and touches the ground from a height of 0.3 m alone.

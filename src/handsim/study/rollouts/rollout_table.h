@@ -1,5 +1,5 @@
-// The one table of a rollout study: a row for each rollout, columns that are known before the first. Its text is
-// that of rollouts.csv; python/handsim/_rollouts.py collects rows and writes the files.
+// The one table of a rollout study: a row for each rollout, columns that are known before the first. Its text
+// is that of rollouts.csv; python/handsim/_rollouts.py collects rows and writes the files.
 #pragma once
 
 #include <optional>
