@@ -57,7 +57,9 @@ class Collider {
   /// ODE bodies.
   std::span<const Contact> touch_at(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB);
   /// @returns whether a touch's points share its stiffness by their depths
-  bool shares_by_depth(const Contact& any) const { return narrow_.flat(at(any.shape_a), at(any.shape_b)); }
+  bool shares_by_depth(const Contact& any) const {
+    return narrow_.flat(as_index(any.shape_a), as_index(any.shape_b));
+  }
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);
