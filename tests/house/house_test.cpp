@@ -178,8 +178,9 @@ TEST(House, AHeadersFunctionsStandInTheSourceOfItsName) {
     const std::set<std::string> defined =
         functions_of(fs::path(kSource / path).replace_extension(".cpp")).defined;
     for (const std::string& name : functions_of(kSource / path).declared) {
-      const auto folder = std::find_if(not_yet.begin(), not_yet.end(),
-                                       [&](const std::string& each) { return path.starts_with(each + "/"); });
+      const auto folder = std::find_if(
+          not_yet.begin(), not_yet.end(),
+          [&each_path = path](const std::string& each) { return each_path.starts_with(each + "/"); });
       const bool here = defined.contains(name) || chosen.contains(path + " " + name);
       if (folder == not_yet.end()) {
         EXPECT_TRUE(here) << path << " declares " << name;

@@ -110,11 +110,12 @@ void write_tables(const scene::Scene& scene, const InverseResult& result, bool f
   for (const auto& [name, angles] :
        {std::pair("motion.mot", &InverseRow::q), {"forward.mot", &InverseRow::forward}})
     if (angles == &InverseRow::q || forward)
-      write_rows(out / name, {title, axes}, result, [&](const InverseRow& row, std::vector<double>& to) {
-        if (!(row.*angles).empty())
-          for (const InverseAxis& axis : result.axes)
-            to.push_back(kDegreesPerRadian * (row.*angles)[axis.dof]);
-      });
+      write_rows(out / name, {title, axes}, result,
+                 [&, of = angles](const InverseRow& row, std::vector<double>& to) {
+                   if (!(row.*of).empty())
+                     for (const InverseAxis& axis : result.axes)
+                       to.push_back(kDegreesPerRadian * (row.*of)[axis.dof]);
+                 });
   if (result.rows.empty() || result.rows[0].reserve.empty()) return;
   for (const model::Muscle& muscle : scene.model.muscles) muscles.push_back(muscle.name);
   for (const auto& [name, of] :
