@@ -358,12 +358,12 @@ void derivatives_of_dynamics(benchmark::State& state) {
       const auto part = [&](const Eigen::MatrixXd& of) {
         Small out(size, size);
         for (Eigen::Index j = 0; j < size; ++j)
-          for (Eigen::Index i = 0; i < size; ++i) out(i, j) = of(finger[at(i)], finger[at(j)]);
+          for (Eigen::Index i = 0; i < size; ++i) out(i, j) = of(finger[as_index(i)], finger[as_index(j)]);
         return out;
       };
       const auto put = [&](const Small& found, Eigen::MatrixXd& to) {
         for (Eigen::Index j = 0; j < size; ++j)
-          for (Eigen::Index i = 0; i < size; ++i) to(finger[at(i)], finger[at(j)]) = found(i, j);
+          for (Eigen::Index i = 0; i < size; ++i) to(finger[as_index(i)], finger[as_index(j)]) = found(i, j);
       };
       const Small own = part(slopes.inertia()).llt().solve(Small::Identity(size, size));
       put(own, inverse);

@@ -366,7 +366,7 @@ TEST(Refused, DistributionsAndStartsOutOfRange) {
                                       {"q", Distribution::uniform, 0, 10}}});
     FAIL() << "nothing was refused";
   } catch (const Error& error) {
-    EXPECT_EQ(error.problems().size(), 6 + at(scene.model.dof_count())) << error.what();
+    EXPECT_EQ(error.problems().size(), 6 + as_index(scene.model.dof_count())) << error.what();
     EXPECT_EQ(error.problems()[0].key, "randomise.gravity");
   }
   for (const int threads : {-1, 1025})
@@ -374,7 +374,7 @@ TEST(Refused, DistributionsAndStartsOutOfRange) {
   Environment environment(scene);
   environment.step({}, 3);
   const std::uint64_t before = bits(environment);
-  const std::vector<double> q(at(scene.model.dof_count()), 10.0), nan(q.size(), kNaN);
+  const std::vector<double> q(as_index(scene.model.dof_count()), 10.0), nan(q.size(), kNaN);
   EXPECT_THROW(environment.reset(Start{q, {}, {}}), Error);
   EXPECT_THROW(environment.reset(Start{{}, nan, {}}), Error);
   environment.set("q", q);

@@ -57,14 +57,14 @@ void expect_sound(const ConvexMesh& mesh) {
   std::set<std::pair<int, int>> seen;
   for (const ConvexMesh::Edge& edge : mesh.edges) {
     EXPECT_TRUE(seen.insert(std::minmax(edge.from, edge.to)).second);
-    const Vec3& from = mesh.vertices[at(edge.from)];
-    const Vec3 way = mesh.vertices[at(edge.to)] - from;
+    const Vec3& from = mesh.vertices[as_index(edge.from)];
+    const Vec3 way = mesh.vertices[as_index(edge.to)] - from;
     EXPECT_GT(mesh.normal(edge.left).cross(way).dot(middle(edge.left) - from), 0);
     EXPECT_LT(mesh.normal(edge.right).cross(way).dot(middle(edge.right) - from), 0);
     for (const int face : {edge.left, edge.right}) EXPECT_NEAR(mesh.height(face, from + way), 0, 1e-15);
   }
   // Euler's formula.
-  EXPECT_EQ(mesh.vertices.size() + at(mesh.face_count()), mesh.edges.size() + 2);
+  EXPECT_EQ(mesh.vertices.size() + as_index(mesh.face_count()), mesh.edges.size() + 2);
 }
 
 // Oracle: formulas of a box, whose faces here are two triangles each, away from the origin.

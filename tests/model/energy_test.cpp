@@ -21,7 +21,7 @@ Effects effects_of(std::initializer_list<Effect> list) {
 TEST(PotentialEnergy, HasMinusTheForceAsItsGradient) {
   Model model = engine::test::five_fingers(false, true);
   model.gravity = {1, -3, -9};
-  std::vector<double> q(at(model.dof_count()));
+  std::vector<double> q(as_index(model.dof_count()));
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = 0.3 + 0.4 * std::sin(static_cast<double>(i));
   const std::vector<double> rest(q.size(), 0.0);
   const std::vector<double> hold = inverse_dynamics(model, state_at(model, q), rest, model.gravity);
@@ -36,7 +36,7 @@ TEST(PotentialEnergy, HasMinusTheForceAsItsGradient) {
   };
   for (const Joint& joint : model.joints)
     for (std::size_t k = 0; k < joint.axes.size(); ++k) {
-      const std::size_t i = at(joint.first_dof) + k;
+      const std::size_t i = as_index(joint.first_dof) + k;
       const Tissue& tissue = *joint.axes[k].tissue;
       const double stretched = tissue.stiffness * (q[i] - tissue.rest);
       EXPECT_GT(std::abs(hold[i]), 1e-6);

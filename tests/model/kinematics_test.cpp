@@ -63,7 +63,8 @@ TEST(BallJoint, RatesAreTheChildsAngularVelocityInTheParentsFrame) {
   const double h = 1e-5;
   const auto moved = [&](double t) {
     const Vec3 turned = rotation_vector(rotation_quaternion(t * u) * rotation_quaternion({q[0], q[1], q[2]}));
-    return state_at(model, std::vector<double>{turned.x(), turned.y(), turned.z()}).bodies[at(joint.child)];
+    return state_at(model, std::vector<double>{turned.x(), turned.y(), turned.z()})
+        .bodies[as_index(joint.child)];
   };
   const BodyState ahead = moved(h), behind = moved(-h);
   EXPECT_LT((state.bodies[1].v - (ahead.p - behind.p) / (2 * h)).norm(), 1e-9);
@@ -96,7 +97,7 @@ TEST(InitialState, IsThatOfDrivesAxesAndVelocities) {
 TEST_P(EveryJoint, GapIsTheDistanceThatTheAnchorsAreApart) {
   const Model model = one_joint(GetParam());
   const Joint& joint = model.joints[0];
-  State state = state_at(model, std::vector<double>(at(model.dof_count()), 0.3));
+  State state = state_at(model, std::vector<double>(as_index(model.dof_count()), 0.3));
   const Vec3 moved(0.003, -0.004, 0.012);
   state.bodies[1].p += moved;
   double want = 0.013;

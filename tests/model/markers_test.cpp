@@ -13,12 +13,14 @@ namespace {
 // with no other body. Bound: rounding, as joints of a placed hand have no gap.
 TEST(Markers, LieInTheJointsOfABentHandAndAtItsTips) {
   const Model model = engine::test::shipped_hand("anatomical.yaml", hand::Mount::universal);
-  std::vector<double> q(at(model.dof_count()));
+  std::vector<double> q(as_index(model.dof_count()));
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = 0.2 + 0.15 * std::sin(static_cast<double>(i));
   const State state = state_at(model, q);
   ASSERT_EQ(model.hands.size(), 1U);
   const HandIndex& hand = model.hands[0];
-  const auto place = [&](int body, const Vec3& point) { return Vec3(state.bodies[at(body)].pose() * point); };
+  const auto place = [&](int body, const Vec3& point) {
+    return Vec3(state.bodies[as_index(body)].pose() * point);
+  };
   std::set<std::string> names;
   std::size_t joints = 0, tips = 0;
   for (const Marker& marker : hand_markers(model)) {
@@ -31,7 +33,7 @@ TEST(Markers, LieInTheJointsOfABentHandAndAtItsTips) {
       ++joints;
     }
     for (const Fingertip& tip : hand.fingertips) {
-      if (marker.name != model.bodies[at(tip.body)].name + ".tip") continue;
+      if (marker.name != model.bodies[as_index(tip.body)].name + ".tip") continue;
       EXPECT_EQ(found, place(tip.body, tip.point));
       ++tips;
     }

@@ -68,8 +68,8 @@ TEST(TendonPath, HeldAtAnAngleHasTheArmsThatItHasThere) {
       std::vector<double> q(4);
       // Powers of the others are terms of their arms within their range alone.
       for (double& each : q) each = std::clamp(angle(random), -0.2, 1.0);
-      q[at(dof)] = angle(random);
-      const double excursion = hold(held, dof, q[at(dof)]);
+      q[as_index(dof)] = angle(random);
+      const double excursion = hold(held, dof, q[as_index(dof)]);
       const PathState before = path_state(whole, q), after = path_state(held, q);
       ASSERT_EQ(held.arms.size(), whole.arms.size() - 1);
       EXPECT_NEAR(excursion + after.excursion, before.excursion, 1e-16);

@@ -27,7 +27,7 @@ TEST(NewtonEuler, AMovingWristHasNoJoltAtTheEndsOfItsMotion) {
       drive.motion.keys.push_back({time, {start.p + 0.5 * time * time * acceleration, start.q}});
     }
   }
-  const std::vector<double> q(at(moving.dof_count()), 0.2), rest(q.size(), 0.0);
+  const std::vector<double> q(as_index(moving.dof_count()), 0.2), rest(q.size(), 0.0);
   const auto torques = [&](const Model& model, const Vec3& gravity, double time) {
     NewtonEuler dynamics(model, gravity);
     dynamics.set_roots(initial_state(model), time);
@@ -167,7 +167,7 @@ TEST(NewtonEuler, ADrivenBodyHasTheDerivativesOfItsMotion) {
 // goes through all joints below it, and a moment along a hinge is its torque with the other sign.
 TEST(NewtonEuler, LoadsTakeTheirPartOfForcesAndMoments) {
   const Model model = engine::test::five_fingers(false, false);
-  std::vector<double> q(at(model.dof_count())), rest(q.size(), 0.0);
+  std::vector<double> q(as_index(model.dof_count())), rest(q.size(), 0.0);
   for (std::size_t i = 0; i < q.size(); ++i) q[i] = 0.4 * std::sin(1.0 + static_cast<double>(i));
   NewtonEuler dynamics(model, model.gravity);
   dynamics.set_roots(state_at(model, q), 0);
@@ -184,8 +184,8 @@ TEST(NewtonEuler, LoadsTakeTheirPartOfForcesAndMoments) {
     EXPECT_LT((dynamics.reactions()[j].moment + (below ? moment : Vec3::Zero())).norm(), 1e-15) << j;
     EXPECT_LT(dynamics.reactions()[j].force.norm(), 1e-15) << j;
     if (joint.kind != JointKind::hinge) continue;
-    const Vec3 axis = dynamics.bodies()[at(joint.child)].q * joint.axes[0].axis;
-    EXPECT_NEAR(torques[at(joint.first_dof)], below ? -moment.dot(axis) : 0, 1e-15) << j;
+    const Vec3 axis = dynamics.bodies()[as_index(joint.child)].q * joint.axes[0].axis;
+    EXPECT_NEAR(torques[as_index(joint.first_dof)], below ? -moment.dot(axis) : 0, 1e-15) << j;
   }
 }
 

@@ -141,7 +141,8 @@ Sampler acceleration(const scene::Scene& scene, const MeasureSpec& spec) {
     Sample out;
     if (!last.empty() && within(spec, now))
       for (const model::Joint& joint : now.model().joints)
-        for (std::size_t k = at(joint.first_dof); k < at(joint.first_dof + dof_count(joint.kind)); ++k)
+        for (std::size_t k = as_index(joint.first_dof); k < as_index(joint.first_dof + dof_count(joint.kind));
+             ++k)
           keep_larger(out, std::abs(rates[k] - last[k]) / step, joint.name);
     last = rates;
     return out;
@@ -172,11 +173,11 @@ double incline_acceleration(const model::Model& model, std::size_t index, bool r
   const model::Shape* shape = nullptr;
   for (const model::Shape& candidate : model.shapes) {
     if (candidate.kind == model::ShapeKind::plane) ground = &candidate;
-    if (at(candidate.body) == index) shape = &candidate;
+    if (as_index(candidate.body) == index) shape = &candidate;
   }
   if (!ground || !shape) throw input_error("measures", "no ground or no shape", "a body on a ground");
-  const model::Material surface =
-      model::combined(model.materials[at(ground->material)], model.materials[at(shape->material)]);
+  const model::Material surface = model::combined(model.materials[as_index(ground->material)],
+                                                  model.materials[as_index(shape->material)]);
   const Vec3 normal = ground->pose.q * Vec3::UnitZ();
   const double down = -model.gravity.dot(normal);
   const double along = (model.gravity + down * normal).norm();
@@ -214,7 +215,7 @@ Sampler penetration(const scene::Scene&, const MeasureSpec& spec) {
   return [=](const Simulation& now) {
     Sample out;
     if (!within(spec, now)) return out;
-    const auto name = [&](int shape) { return now.model().shapes[at(shape)].name; };
+    const auto name = [&](int shape) { return now.model().shapes[as_index(shape)].name; };
     const engine::Contact* deepest = nullptr;
     for (const engine::Contact& contact : now.engine().contacts())
       if (!deepest || contact.depth > deepest->depth) deepest = &contact;

@@ -105,8 +105,8 @@ Sampler axis_error(const scene::Scene&, const MeasureSpec&) {
     for (const model::Joint& joint : now.model().joints) {
       if (joint.kind != model::JointKind::universal) continue;
       const auto& bodies = now.state().bodies;
-      const Vec3 a = bodies[at(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
-      const Vec3 b = bodies[at(joint.child)].q * (joint.child_frame.q * joint.axes[1].axis);
+      const Vec3 a = bodies[as_index(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
+      const Vec3 b = bodies[as_index(joint.child)].q * (joint.child_frame.q * joint.axes[1].axis);
       keep_larger(out, std::abs(a.dot(b)), joint.name);
     }
     return out;
@@ -133,7 +133,7 @@ Sampler slider_error(const scene::Scene& scene, const MeasureSpec& spec) {
 std::vector<std::size_t> distal_bodies(const model::Model& model, const std::string& name) {
   std::vector<bool> distal(model.bodies.size(), false);
   for (const model::Joint& joint : model.joints)
-    if (joint.name == name || distal[at(joint.parent)]) distal[at(joint.child)] = true;
+    if (joint.name == name || distal[as_index(joint.parent)]) distal[as_index(joint.child)] = true;
   std::vector<std::size_t> out;
   for (std::size_t i = 1; i < model.bodies.size(); ++i)
     if (distal[i]) out.push_back(i);

@@ -98,8 +98,8 @@ struct Coordinate {
   const model::Joint* joint = nullptr;
   std::size_t axis = 0;
 
-  double value(const model::State& state) const { return state.q[at(joint->first_dof) + axis]; }
-  double rate(const model::State& state) const { return state.u[at(joint->first_dof) + axis]; }
+  double value(const model::State& state) const { return state.q[as_index(joint->first_dof) + axis]; }
+  double rate(const model::State& state) const { return state.u[as_index(joint->first_dof) + axis]; }
 };
 
 /// @param name `joint` or `joint.axis`. @throws Error (input) if the scene has none of this name.

@@ -12,9 +12,9 @@ namespace handsim::test {
 /// For each body: true if the joint moves it.
 inline std::vector<bool> distal_bodies(const model::Model& model, const model::Joint& joint) {
   std::vector<bool> out(model.bodies.size(), false);
-  out[at(joint.child)] = true;
+  out[as_index(joint.child)] = true;
   for (const model::Joint& other : model.joints)
-    if (out[at(other.parent)]) out[at(other.child)] = true;
+    if (out[as_index(other.parent)]) out[as_index(other.child)] = true;
   return out;
 }
 
@@ -28,10 +28,11 @@ inline std::vector<double> momentum_torques(const model::Model& model, const mod
     return Vec3(state.q * (body.inertia * (state.q.conjugate() * state.w)));
   };
   const double step = to.time - from.time;
-  std::vector<double> out(at(model.dof_count()), 0.0);
+  std::vector<double> out(as_index(model.dof_count()), 0.0);
   for (const model::Joint& joint : model.joints) {
     const std::vector<bool> distal = distal_bodies(model, joint);
-    const model::BodyState &parent = from.bodies[at(joint.parent)], &child = from.bodies[at(joint.child)];
+    const model::BodyState &parent = from.bodies[as_index(joint.parent)],
+                           &child = from.bodies[as_index(joint.child)];
     const Vec3 anchor = child.p + child.q * joint.child_frame.p;
     Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
     for (std::size_t i = 1; i < model.bodies.size(); ++i) {
@@ -45,7 +46,8 @@ inline std::vector<double> momentum_torques(const model::Model& model, const mod
     for (std::size_t k = 0; k < joint.axes.size(); ++k) {
       const Vec3 axis = k == 0 ? parent.q * (joint.parent_frame.q * joint.axes[0].axis)
                                : child.q * (joint.child_frame.q * joint.axes[1].axis);
-      out[at(joint.first_dof) + k] = (joint.kind == model::JointKind::slider ? force : moment).dot(axis);
+      out[as_index(joint.first_dof) + k] =
+          (joint.kind == model::JointKind::slider ? force : moment).dot(axis);
     }
   }
   return out;

@@ -85,8 +85,8 @@ void print_palm(const hand::BuiltHand& hand) {
 }
 
 std::string joint_text(const hand::BuiltHand& hand, const hand::BuiltSegment& segment) {
-  if (!segment.joint) return "fixed to " + hand.bodies[at(segment.body)].name;
-  const model::Joint& joint = hand.joints[at(*segment.joint)];
+  if (!segment.joint) return "fixed to " + hand.bodies[as_index(segment.body)].name;
+  const model::Joint& joint = hand.joints[as_index(*segment.joint)];
   return fmt::format("{} ({}: {})", joint.name, joint.kind == model::JointKind::hinge ? "hinge" : "universal",
                      ranges(joint));
 }
@@ -97,7 +97,7 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   print_palm(hand);
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
     const hand::BuiltSegment& segment = hand.segments[i];
-    const model::Body& body = hand.bodies[at(segment.body)];
+    const model::Body& body = hand.bodies[as_index(segment.body)];
     // The mass of a fixed segment is in that of its parent's body.
     print("{:<18} {:10.2f} {:10.2f} {:>8}  {:>31}  {}\n", spec.segments[i].name, 1e3 * segment.length,
           1e3 * segment.radius, segment.joint ? fmt::format("{:.2f}", 1e3 * body.mass) : "",
@@ -209,10 +209,10 @@ YamlNode shapes_tree(const model::Model& model, int body) {
 
 /// Bodies of one hand in its hand frame, SI.
 YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, const hand::BuiltHand& built) {
-  const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
+  const Pose x_HW = (model.bodies[as_index(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   YamlNode bodies = yaml_sequence();
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
-    const model::Body& body = model.bodies[at(hand.bodies[i])];
+    const model::Body& body = model.bodies[as_index(hand.bodies[i])];
     YamlNode& entry =
         bodies.items.emplace_back(map_of({{"name", yaml_scalar(body.name)},
                                           {"mass", node(body.mass)},
@@ -222,8 +222,8 @@ YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, co
     for (const hand::BuiltSegment& segment : built.segments) {
       if (!segment.joint || segment.body != static_cast<int>(i)) continue;
       const auto of = std::ranges::find_if(
-          hand.joints, [&](int index) { return model.joints[at(index)].child == hand.bodies[i]; });
-      const model::Joint& joint = model.joints[at(*of)];
+          hand.joints, [&](int index) { return model.joints[as_index(index)].child == hand.bodies[i]; });
+      const model::Joint& joint = model.joints[as_index(*of)];
       yaml_put(entry, "length", node(segment.length));
       yaml_put(entry, "radius", node(segment.radius));
       yaml_put(entry, "joint_centre", vector_list(x_HW * (body.zero_pose * joint.child_frame.p)));

@@ -218,8 +218,8 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
   std::vector<std::string> out;
   for (std::size_t i = 0; i < std::min(overlaps.size(), kNamed); ++i)
     out.push_back(fmt::format("{} and {} overlap by {:.2g} mm at the start",
-                              model.shapes[at(overlaps[i].shape_a)].name,
-                              model.shapes[at(overlaps[i].shape_b)].name, 1e3 * overlaps[i].depth));
+                              model.shapes[as_index(overlaps[i].shape_a)].name,
+                              model.shapes[as_index(overlaps[i].shape_b)].name, 1e3 * overlaps[i].depth));
   if (overlaps.size() > kNamed)
     out.push_back(fmt::format("{} more pairs overlap, by less", overlaps.size() - kNamed));
   return out;

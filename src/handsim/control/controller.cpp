@@ -22,7 +22,7 @@ double smoothing(const std::optional<double>& cutoff, double step) {
 
 Controller::Controller(const model::Model& model, const Plan& plan, double step, const model::State& start)
     : plan_(plan), step_(step), driven_(plan.axes), axes_(plan.axes.size()) {
-  const auto dofs = at(model.dof_count());
+  const auto dofs = as_index(model.dof_count());
   (plan.form == Form::explicit_torque ? torques_.resize(dofs) : servos_.resize(dofs));
   std::size_t width = 0;
   for (const HandPlan& hand : plan.hands) {

@@ -62,11 +62,11 @@ HandAxes hand_axes(const model::Model& model, const model::HandIndex& hand, std:
   out.hand = hand.name;
   out.absent = std::move(absent);
   for (const int index : hand.joints) {
-    const auto j = at(index);
+    const auto j = as_index(index);
     const model::Joint& joint = model.joints[j];
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       out.axes.push_back({joint.name.substr(hand.name.size() + 1), joint.axes[a].name, j, a,
-                          at(joint.first_dof) + a, joint.axes[a].stop});
+                          as_index(joint.first_dof) + a, joint.axes[a].stop});
   }
   return out;
 }

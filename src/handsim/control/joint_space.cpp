@@ -32,7 +32,7 @@ Stability explicit_stability(const Eigen::MatrixXd& inertia, const Eigen::Vector
   out.eigenvalue = value;
   Eigen::Index worst = 0;
   vector.cwiseAbs().maxCoeff(&worst);
-  out.axis = at(worst);
+  out.axis = as_index(worst);
   out.inertia = 1 / inverse(worst, worst);
   out.damping_number = derivative[worst] * step / out.inertia;
   out.stiffness_number = proportional[worst] * step * step / out.inertia;
@@ -68,22 +68,22 @@ GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
     : model_(model),
       gravity_(gravity),
       moments_(model.bodies.size(), Vec3::Zero()),
-      torques_(at(model.dof_count()), 0.0) {
+      torques_(as_index(model.dof_count()), 0.0) {
   std::vector<double> distal_mass;
   std::vector<bool> is_child(model.bodies.size(), false);
   for (const model::Body& body : model.bodies) distal_mass.push_back(body.mass);
   for (const model::Joint& joint : model.joints)
-    if (!joint.closes_loop) is_child[at(joint.child)] = true;
+    if (!joint.closes_loop) is_child[as_index(joint.child)] = true;
   // Parents come before children: the reverse order sums from the fingertips.
   for (std::size_t j = model.joints.size(); j-- > 0;) {
     const model::Joint& joint = model.joints[j];
     if (joint.closes_loop) continue;
     Link link{&joint,
-              at(joint.parent),
-              at(joint.child),
-              at(joint.first_dof),
-              distal_mass[at(joint.child)],
-              is_child[at(joint.parent)],
+              as_index(joint.parent),
+              as_index(joint.child),
+              as_index(joint.first_dof),
+              distal_mass[as_index(joint.child)],
+              is_child[as_index(joint.parent)],
               {},
               {},
               joint.kind == model::JointKind::universal};

@@ -32,7 +32,7 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
     for (const std::string& name : {bare, muscle.name}) {
       known.push_back(name);
       const auto found = std::ranges::find(table.names, name);
-      if (found != table.names.end()) column = at(found - table.names.begin());
+      if (found != table.names.end()) column = as_index(found - table.names.begin());
     }
     plan.columns.push_back(column);
   }
@@ -51,11 +51,11 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
 }
 
 StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least)
-    : model_(model), least_(least), dofs_(std::move(dofs)), row_(at(model.dof_count())) {
+    : model_(model), least_(least), dofs_(std::move(dofs)), row_(as_index(model.dof_count())) {
   // Bone, not muscles, holds a joint that is fused.
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      if (model::fused(joint.axes[a])) std::erase(dofs_, at(joint.first_dof) + a);
+      if (model::fused(joint.axes[a])) std::erase(dofs_, as_index(joint.first_dof) + a);
   for (std::size_t i = 0; i < dofs_.size(); ++i) row_[dofs_[i]] = static_cast<Eigen::Index>(i);
   const auto rows = static_cast<Eigen::Index>(dofs_.size());
   const auto muscles = static_cast<Eigen::Index>(model.muscles.size());
@@ -63,7 +63,7 @@ StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<st
   wanted_.resize(rows);
   missing_ = Eigen::VectorXd::Zero(rows);
   activation_ = Eigen::VectorXd::Zero(muscles);
-  bound_.assign(at(static_cast<int>(muscles)), 0);
+  bound_.assign(as_index(static_cast<int>(muscles)), 0);
   out_.resize(bound_.size());
 }
 
@@ -77,7 +77,7 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
     const model::PathState path = model::path_state(muscle.path, state.q);
     double rate = 0;
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
-      rate -= path.arm[i] * state.u[at(muscle.path.arms[i].dof)];
+      rate -= path.arm[i] * state.u[as_index(muscle.path.arms[i].dof)];
     // What an activation gives at the present speed; a muscle that shortens fast keeps a share.
     const double excursion =
         muscle.tendon_strain ? model::fibre_excursion(muscle, state.fibre_length[m]) : path.excursion;
@@ -89,7 +89,7 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
                      at_activation,
                  kLeastShare * model::isometric_force(muscle, excursion));
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
-      const std::optional<Eigen::Index> row = row_[at(muscle.path.arms[i].dof)];
+      const std::optional<Eigen::Index> row = row_[as_index(muscle.path.arms[i].dof)];
       if (!row) continue;
       arms_(*row, static_cast<Eigen::Index>(m)) = path.arm[i] * active;
       if (!rested) wanted_[*row] -= path.arm[i] * passive;
@@ -116,7 +116,7 @@ void StaticOptimisation::minimise() {
   for (int pass = 0; pass < kBlockPivots + 20 * static_cast<int>(n); ++pass) {
     free.clear();
     for (Eigen::Index i = 0; i < n; ++i) {
-      const signed char bound = bound_[at(static_cast<int>(i))];
+      const signed char bound = bound_[as_index(static_cast<int>(i))];
       activation_[i] = bound > 0 ? 1 : bound < 0 ? least_ : 0;
       if (bound == 0) free.push_back(i);
     }
@@ -129,7 +129,7 @@ void StaticOptimisation::minimise() {
     const double loose = 1e-9 * (1 + c_.cwiseAbs().maxCoeff());
     bool right = true;
     for (Eigen::Index i = n; i-- > 0;) {
-      signed char& bound = bound_[at(static_cast<int>(i))];
+      signed char& bound = bound_[as_index(static_cast<int>(i))];
       const signed char now = bound != 0                        ? (bound * slope[i] > loose ? 0 : bound)
                               : activation_[i] < least_ - 1e-12 ? -1
                               : activation_[i] > 1 + 1e-12      ? 1
@@ -167,14 +167,14 @@ void StaticOptimisation::restore(ArchiveReader& in) {
 
 MuscleDrive::MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs,
                          double step)
-    : plan_(plan), step_(step), torques_(at(model.dof_count())), excitations_(model.muscles.size()) {
+    : plan_(plan), step_(step), torques_(as_index(model.dof_count())), excitations_(model.muscles.size()) {
   if (!plan.table) optimisation_.emplace(model, std::move(dofs));
 }
 
 void MuscleDrive::from_table(double time) {
   const MotionTable& table = *plan_.table;
   const auto next = std::upper_bound(table.times.begin(), table.times.end(), time);
-  const auto after = at(next - table.times.begin());
+  const auto after = as_index(next - table.times.begin());
   const std::size_t to = std::min(after, table.times.size() - 1), from = after == 0 ? 0 : after - 1;
   const double span = table.times[to] - table.times[from];
   const double share = span > 0 ? (time - table.times[from]) / span : 0;

@@ -38,7 +38,7 @@ class StaticOptimisation {
   std::span<const double> solve(const model::State& state, std::span<const double> torques,
                                 bool rested = false);
   /// Torques that the activations of the last `solve` leave undone, by `dofs` [N m].
-  std::span<const double> missing() const { return {missing_.data(), at(missing_.size())}; }
+  std::span<const double> missing() const { return {missing_.data(), as_index(missing_.size())}; }
   /// The bounds that the next `solve` starts from: it has the same bits only with these.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);

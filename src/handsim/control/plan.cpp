@@ -147,14 +147,14 @@ void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Pl
 
 /// Holds torque limits to what the muscles in effect can do at the start: the greater of both directions.
 void limit_by_muscles(const model::Model& model, Plan& plan) {
-  const std::size_t dofs = at(model.dof_count());
+  const std::size_t dofs = as_index(model.dof_count());
   std::vector<double> up(dofs), down(dofs);
   const model::State start = model::initial_state(model);
   for (const model::Muscle& muscle : model.muscles) {
     const model::PathState path = model::path_state(muscle.path, start.q);
     const double force = model::isometric_force(muscle, path.excursion);
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
-      const auto dof = at(muscle.path.arms[i].dof);
+      const auto dof = as_index(muscle.path.arms[i].dof);
       (path.arm[i] > 0 ? up : down)[dof] += std::abs(path.arm[i]) * force;
     }
   }

@@ -35,7 +35,7 @@ class WristColumns {
       if (column == table_.names.end())
         missing.push_back(part);
       else
-        out.push_back(at(column - table_.names.begin()));
+        out.push_back(as_index(column - table_.names.begin()));
     }
     if (!out.empty() && !missing.empty())
       fail(table_.header_line, fmt::format("no column {}", fmt::join(missing, ", ")),

@@ -6,6 +6,6 @@
 namespace handsim {
 
 /// Converts an index i >= 0 for a container.
-constexpr std::size_t at(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
+constexpr std::size_t as_index(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
 
 }  // namespace handsim

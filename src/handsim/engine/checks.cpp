@@ -37,9 +37,9 @@ std::vector<Problem> plane_defects(const model::Model& model, const model::Effec
   if (!needs_contacts(model, effects)) return problems;
   const std::vector<bool> immovable = immovable_bodies(model, effects);
   for (const model::Shape& shape : model.shapes)
-    if (shape.kind == model::ShapeKind::plane && !immovable[at(shape.body)])
+    if (shape.kind == model::ShapeKind::plane && !immovable[as_index(shape.body)])
       problems.push_back(
-          {std::nullopt, shape.name, "a plane on the moving body " + model.bodies[at(shape.body)].name,
+          {std::nullopt, shape.name, "a plane on the moving body " + model.bodies[as_index(shape.body)].name,
            "a plane on the world or on a body that never moves; a moving body can have a box"});
   return problems;
 }
@@ -47,13 +47,13 @@ std::vector<Problem> plane_defects(const model::Model& model, const model::Effec
 /// The fault of the first torque that is not finite.
 std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
                                          std::span<const double> torques) {
-  if (torques.size() != at(model.dof_count()))
+  if (torques.size() != as_index(model.dof_count()))
     throw input_error("torques", fmt::format("{}", torques.size()),
                       fmt::format("one for each of {} coordinates", model.dof_count()));
   if (std::ranges::all_of(torques, [](double torque) { return std::isfinite(torque); })) return std::nullopt;
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const double torque = torques[at(joint.first_dof) + at(i)];
+      const double torque = torques[as_index(joint.first_dof) + as_index(i)];
       if (std::isfinite(torque)) continue;
       return PhysicsFault{
           time, joint.name, "joint torque [N m]",
@@ -67,13 +67,13 @@ std::optional<PhysicsFault> servo_fault(const model::Model& model, const Setting
                                         std::span<const model::Servo> servos) {
   if (!settings.effects.has(model::Effect::actuation))
     throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
-  if (servos.size() != at(model.dof_count()))
+  if (servos.size() != as_index(model.dof_count()))
     throw input_error("servos", fmt::format("{}", servos.size()),
                       fmt::format("one for each of {} coordinates", model.dof_count()));
   std::optional<PhysicsFault> fault;
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const model::Servo& servo = servos[at(joint.first_dof) + at(i)];
+      const model::Servo& servo = servos[as_index(joint.first_dof) + as_index(i)];
       if (servo.limit == 0) continue;
       if (!valid(servo) || joint.axes.empty())
         throw input_error(
@@ -93,13 +93,13 @@ std::optional<PhysicsFault> servo_fault(const model::Model& model, const Setting
 
 void require_forces(const model::Model& model, std::span<const BodyForce> forces) {
   for (const BodyForce& each : forces) {
-    const bool there = each.body > model::kWorld && at(each.body) < model.bodies.size();
-    if (!there || model.bodies[at(each.body)].kinematic)
+    const bool there = each.body > model::kWorld && as_index(each.body) < model.bodies.size();
+    if (!there || model.bodies[as_index(each.body)].kinematic)
       throw input_error("forces", fmt::format("a force on body {}", each.body),
                         fmt::format("a body that can move, 1 to {}", model.bodies.size() - 1));
     if (!each.force.allFinite() || !each.moment.allFinite())
-      throw input_error("forces." + model.bodies[at(each.body)].name, "a force or moment that is not finite",
-                        "finite numbers");
+      throw input_error("forces." + model.bodies[as_index(each.body)].name,
+                        "a force or moment that is not finite", "finite numbers");
   }
 }
 
@@ -149,7 +149,7 @@ std::vector<bool> immovable_bodies(const model::Model& model, const model::Effec
   std::vector<bool> immovable(model.bodies.size());
   for (std::size_t i = 0; i < immovable.size(); ++i) immovable[i] = model.bodies[i].kinematic;
   if (effects.has(model::Effect::wrist_motion))
-    for (const model::Drive& drive : model.drives) immovable[at(drive.body)] = false;
+    for (const model::Drive& drive : model.drives) immovable[as_index(drive.body)] = false;
   immovable[model::kWorld] = true;
   return immovable;
 }
@@ -194,7 +194,7 @@ void require_state(const model::Model& model, const model::State& state) {
   if (state.bodies.size() != model.bodies.size())
     throw input_error("state", fmt::format("{} bodies", state.bodies.size()),
                       fmt::format("{}", model.bodies.size()));
-  const auto dofs = at(model.dof_count());
+  const auto dofs = as_index(model.dof_count());
   for (const std::vector<double>* torques : {&state.tau, &state.tau_servo})
     if (torques->size() != dofs ||
         !std::ranges::all_of(*torques, [](double tau) { return std::isfinite(tau); }))

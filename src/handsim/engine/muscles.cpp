@@ -19,10 +19,10 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
                                                                    : std::span<const model::Band>(),
               solves),
       kernel_(kernel ? kernel : tendon_kernels().back()),
-      torques_(at(model.dof_count())) {
+      torques_(as_index(model.dof_count())) {
   for (Start* each : {&start_, &before_})
     for (std::vector<double>* lanes : {&each->activations, &each->fibres})
-      lanes->resize(at(layout_.arrays().blocks) * kTendonLanes);
+      lanes->resize(as_index(layout_.arrays().blocks) * kTendonLanes);
   collect_parts();
 }
 
@@ -40,12 +40,12 @@ void Muscles::collect_parts() {
   for (int c = 0; c < all.coordinates; ++c)
     for (std::size_t k = 0; k < kTendonLanes; ++k) {
       const CoordinateRow& row = all.coordinate[c];
-      torque_parts_.push_back({&row.torque[k], at(row.dof[k])});
+      torque_parts_.push_back({&row.torque[k], as_index(row.dof[k])});
       slope_parts_.push_back({&row.own[k], slot(row.dof[k], row.dof[k])});
     }
   for (int s = 0; s < all.pairs; ++s)
     for (std::size_t k = 0; k < kTendonLanes; ++k) {
-      const auto& [a, b] = layout_.pair(at(s));
+      const auto& [a, b] = layout_.pair(as_index(s));
       slope_parts_.push_back({&all.sum[s].sum[k], slot(all.coordinate[a].dof[k], all.coordinate[b].dof[k])});
     }
 }
@@ -84,11 +84,11 @@ void Muscles::begin_step(std::span<const double> q, std::span<const double> u,
   start_.excitations.assign(excitations.begin(), excitations.end());
   const TendonArrays& all = layout_.arrays();
   for (int i = 0; i < all.blocks; ++i)
-    std::copy_n(all.block[i].activation, kTendonLanes, &start_.activations[at(i) * kTendonLanes]);
+    std::copy_n(all.block[i].activation, kTendonLanes, &start_.activations[as_index(i) * kTendonLanes]);
   pull(start_);
   for (int i = 0; i < all.blocks; ++i)
     if (const double* lanes = fibres(i))
-      std::copy_n(lanes, kTendonLanes, &start_.fibres[at(i) * kTendonLanes]);
+      std::copy_n(lanes, kTendonLanes, &start_.fibres[as_index(i) * kTendonLanes]);
   std::ranges::fill(torques_, 0.0);
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
@@ -98,9 +98,10 @@ void Muscles::begin_step(std::span<const double> q, std::span<const double> u,
 void Muscles::restore_step() {
   if (begun_ == 2) std::swap(start_, before_);
   for (int i = 0; i < layout_.arrays().blocks; ++i) {
-    std::copy_n(&start_.activations[at(i) * kTendonLanes], kTendonLanes,
+    std::copy_n(&start_.activations[as_index(i) * kTendonLanes], kTendonLanes,
                 layout_.arrays().block[i].activation);
-    if (double* lanes = fibres(i)) std::copy_n(&start_.fibres[at(i) * kTendonLanes], kTendonLanes, lanes);
+    if (double* lanes = fibres(i))
+      std::copy_n(&start_.fibres[as_index(i) * kTendonLanes], kTendonLanes, lanes);
   }
   goes_on_ = false;
   // The step before leaves its tensions and rates again, which `end` and the next step ask for.
@@ -111,7 +112,7 @@ void Muscles::restore_step() {
 void Muscles::by_coordinate(std::span<const double> u, std::span<const double> given,
                             std::vector<double>& torques, std::vector<double>& damping) const {
   damping.assign(torques_.size(), 0);
-  for (const Slope& each : slopes_) damping[at(each.row)] += each.value;
+  for (const Slope& each : slopes_) damping[as_index(each.row)] += each.value;
   torques = torques_;
   for (std::size_t i = 0; i < torques.size(); ++i)
     torques[i] += damping[i] * u[i] + (given.empty() ? 0 : given[i]);
@@ -124,7 +125,7 @@ double Muscles::rate_change(const TendonLayout::Place& place, std::span<const do
   double rate = 0;
   for (int i = 0; i < block.arms; ++i) {
     const ArmRow& arm = all.arm[block.first_arm + i];
-    rate -= arm.arm[place.lane] * u[at(all.coordinate[arm.coordinate].dof[place.lane])];
+    rate -= arm.arm[place.lane] * u[as_index(all.coordinate[arm.coordinate].dof[place.lane])];
   }
   return rate - block.rate[place.lane];
 }

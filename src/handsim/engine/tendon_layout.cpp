@@ -186,10 +186,10 @@ void TendonLayout::add_block(const Family& family, const std::array<Tendon, kTen
         }
         elastic_.back().per_stretch[k] = model::per_stretch(*tendon.muscle);
       }
-      muscles_[at(tendon.index)] = place;
+      muscles_[as_index(tendon.index)] = place;
     } else {
       set_band(block, k, *tendon.band);
-      bands_[at(tendon.index)] = place;
+      bands_[as_index(tendon.index)] = place;
     }
   }
   add_arms(block, family, row);
@@ -200,7 +200,7 @@ void TendonLayout::add_arms(TendonBlock& block, const Family& family,
                             const std::array<Tendon, kTendonLanes>& row) {
   block.first_arm = static_cast<int>(arms_.size());
   block.first_product = static_cast<int>(products_.size());
-  for (std::size_t i = 0; i < at(block.arms); ++i) {
+  for (std::size_t i = 0; i < as_index(block.arms); ++i) {
     ArmRow& out = arms_.emplace_back();
     out = {};
     out.coordinate = coordinate(family, i);
@@ -222,7 +222,7 @@ void TendonLayout::add_arms(TendonBlock& block, const Family& family,
       ProductRow& out = products_.emplace_back();
       out = {{}, each.a, each.b, each.power_a, each.power_b};
       for (std::size_t k = 0; k < row.size(); ++k)
-        if (row[k].path) out.factor[k] = row[k].path->products[at(block.products)].factor;
+        if (row[k].path) out.factor[k] = row[k].path->products[as_index(block.products)].factor;
       ++block.products;
     }
     return;
@@ -231,7 +231,7 @@ void TendonLayout::add_arms(TendonBlock& block, const Family& family,
 
 void TendonLayout::add_pairs(TendonBlock& block, const Family& family, const Solves& solves) {
   block.first_pair = static_cast<int>(pairs_.size());
-  for (std::size_t i = 0; i < at(block.arms); ++i)
+  for (std::size_t i = 0; i < as_index(block.arms); ++i)
     for (std::size_t j = 0; j < i; ++j) {
       int& out = pairs_.emplace_back(kBounded);
       if (!solves(family[0][i], family[0][j])) continue;

@@ -32,9 +32,9 @@ const control::Plan* controller_of(const simulation::Simulation& simulation, boo
 std::vector<double> add_feedback(const control::Plan& plan, const model::Model& model, double step,
                                  Derivatives& to) {
   engine::articulated::Feedback& out = to.feedback;
-  out.by_q.assign(at(model.dof_count()), 0);
+  out.by_q.assign(as_index(model.dof_count()), 0);
   if (plan.gravity) {
-    out.compensated.assign(at(model.dof_count()), 0);
+    out.compensated.assign(as_index(model.dof_count()), 0);
     out.gravity = *plan.gravity;
   }
   std::vector<double> by_target;

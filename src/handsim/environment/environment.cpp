@@ -135,7 +135,7 @@ void Environment::reset_beside(const model::State& other) {
 
 void Environment::reset(const Start& start) {
   const model::Model& model = scene_->model;
-  const auto dofs = at(model.dof_count());
+  const auto dofs = as_index(model.dof_count());
   std::vector<int> objects;
   for (const model::ObjectIndex& object : model.objects)
     if (object.body) objects.push_back(*object.body);
@@ -144,7 +144,7 @@ void Environment::reset(const Start& start) {
   require_size("objects", start.objects.size(), objects.size(), "objects");
   model::State state = state_;
   for (std::size_t i = 0; i < start.objects.size(); ++i) {
-    model::BodyState& body = state.bodies[at(objects[i])];
+    model::BodyState& body = state.bodies[as_index(objects[i])];
     body = {start.objects[i].p, start.objects[i].q, Vec3::Zero(), Vec3::Zero()};
   }
   const std::span<const double> q = start.q.empty() ? std::span<const double>(state_.q) : start.q;
@@ -182,7 +182,7 @@ std::span<const Pose> Environment::wrist_targets(const Action& action, int step,
   if (step == 0) {
     from_.clear();
     for (const model::Drive& drive : model.drives)
-      from_.push_back(simulation_->state().bodies[at(drive.body)].pose() * drive.frame);
+      from_.push_back(simulation_->state().bodies[as_index(drive.body)].pose() * drive.frame);
   }
   const double share = static_cast<double>(step + 1) / substeps;
   const double time = (step + 1) * scene_->spec.solver.step;

@@ -93,33 +93,33 @@ std::span<const Observation::Kind> Observation::kinds() {
        [](auto& of, auto& run, Values to) {
          double* next = to.data();
          for (const model::HandIndex& hand : of.scene_.model.hands) {
-           const model::BodyState& palm = run.state().bodies[at(hand.palm)];
+           const model::BodyState& palm = run.state().bodies[as_index(hand.palm)];
            const Pose wrist = palm.pose() * hand.wrist_frame;
            next = put(put(put(next, wrist), Vec3(palm.v + palm.w.cross(wrist.p - palm.p))), palm.w);
          }
        }},
       {"fingertips",
        [](auto& of) {
-         return columns_of(of.tips_,
-                           [&](auto* tip) { return of.scene_.model.bodies[at(tip->body)].name + ".tip"; },
-                           {kPoseColumns});
+         return columns_of(
+             of.tips_, [&](auto* tip) { return of.scene_.model.bodies[as_index(tip->body)].name + ".tip"; },
+             {kPoseColumns});
        },
        [](auto& of, auto& run, Values to) {
          double* next = to.data();
          for (const model::Fingertip* tip : of.tips_) {
-           const Pose body = run.state().bodies[at(tip->body)].pose();
+           const Pose body = run.state().bodies[as_index(tip->body)].pose();
            next = put(next, Pose{body * tip->point, body.q});
          }
        }},
       {"objects",
        [](auto& of) {
-         return columns_of(of.objects_, [&](int body) { return of.scene_.model.bodies[at(body)].name; },
+         return columns_of(of.objects_, [&](int body) { return of.scene_.model.bodies[as_index(body)].name; },
                            {kPoseColumns, kRateColumns});
        },
        [](auto& of, auto& run, Values to) {
          double* next = to.data();
          for (const int index : of.objects_) {
-           const model::BodyState& body = run.state().bodies[at(index)];
+           const model::BodyState& body = run.state().bodies[as_index(index)];
            next = put(put(put(next, body.pose()), body.v), body.w);
          }
        }},
@@ -184,7 +184,7 @@ void Observation::collect_things() {
   other_.assign(model.shapes.size(), model.objects.size());
   std::vector<std::optional<std::size_t>> hand_of(model.bodies.size());
   for (std::size_t h = 0; h < model.hands.size(); ++h) {
-    for (const int body : model.hands[h].bodies) hand_of[at(body)] = h;
+    for (const int body : model.hands[h].bodies) hand_of[as_index(body)] = h;
     for (const char* part : simulation::kHandParts) hand_parts_.push_back(model.hands[h].name + "." + part);
     for (const model::Fingertip& tip : model.hands[h].fingertips) tips_.push_back(&tip);
   }
@@ -196,7 +196,7 @@ void Observation::collect_things() {
   const std::vector<std::optional<std::size_t>> object_of = model.objects_of_shapes();
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const model::Shape& shape = model.shapes[i];
-    const auto part = simulation::hand_part(shape.part), hand = hand_of[at(shape.body)];
+    const auto part = simulation::hand_part(shape.part), hand = hand_of[as_index(shape.body)];
     if (part && hand)
       hand_part_[i] = *hand * simulation::kHandParts.size() + *part;
     else if (object_of[i])
@@ -213,7 +213,7 @@ void Observation::write_contacts(std::span<const engine::Contact> contacts, std:
   std::ranges::fill(by_finger, 0);
   std::ranges::fill(by_pair, 0);
   const auto one = [&](int shape, int against, const engine::Contact& contact, double sign) {
-    const std::optional<std::size_t> part = hand_part_[at(shape)];
+    const std::optional<std::size_t> part = hand_part_[as_index(shape)];
     if (!part) return;
     if (!by_finger.empty()) {
       double* out = by_finger.data() + *part * kFingerColumns.size();
@@ -221,7 +221,7 @@ void Observation::write_contacts(std::span<const engine::Contact> contacts, std:
       out[3] += 1;
     }
     if (by_pair.empty()) return;
-    double* out = by_pair.data() + (*part * others_.size() + other_[at(against)]) * kPairColumns.size();
+    double* out = by_pair.data() + (*part * others_.size() + other_[as_index(against)]) * kPairColumns.size();
     out[0] += contact.normal_force();
     out[1] += 1;
   };

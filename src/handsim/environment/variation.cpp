@@ -28,13 +28,13 @@ Variation::Variation(scene::Scene& scene) : scene_(&scene) {
     Object& object = objects_.emplace_back();
     object.position = object.own_position = scene.plans.objects[i].pose.p;
     if (const std::optional<int> body = scene.model.objects[i].body) {
-      object.mass = scene.model.bodies[at(*body)].mass;
-      object.inertia = scene.model.bodies[at(*body)].inertia;
+      object.mass = scene.model.bodies[as_index(*body)].mass;
+      object.inertia = scene.model.bodies[as_index(*body)].inertia;
     }
   }
   if (scene.control)
     for (const control::DrivenAxis& axis : scene.control->axes) axes_.push_back(axis);
-  q_.resize(at(scene.model.dof_count()));
+  q_.resize(as_index(scene.model.dof_count()));
 }
 
 /// The index I in a name `objects.I.KEY`. @param key set to KEY
@@ -59,7 +59,7 @@ std::size_t Variation::object_index(std::string_view name, std::string_view& key
 }
 
 std::size_t Variation::material_of(std::size_t object) const {
-  return at(scene_->model.shapes[at(scene_->model.objects[object].shapes.front())].material);
+  return as_index(scene_->model.shapes[as_index(scene_->model.objects[object].shapes.front())].material);
 }
 
 std::size_t Variation::size_of(std::string_view name) const {
@@ -107,7 +107,7 @@ void Variation::set_of_object(std::string_view name, std::span<const double> val
   }
   if (key == "mass") {
     if (!(values[0] > 0)) refuse(name, fmt::format("{:g} kg", values[0]), "above 0 kg");
-    model::Body& body = scene_->model.bodies[at(*scene_->model.objects[index].body)];
+    model::Body& body = scene_->model.bodies[as_index(*scene_->model.objects[index].body)];
     body.mass = values[0];
     body.inertia = object.inertia * (values[0] / object.mass);
   } else {
@@ -126,7 +126,7 @@ std::vector<double> Variation::get(std::string_view name) const {
   std::string_view key;
   const std::size_t index = object_index(name, key);
   if (key == "position") return numbers(objects_[index].position);
-  return {key == "mass" ? scene_->model.bodies[at(*scene_->model.objects[index].body)].mass
+  return {key == "mass" ? scene_->model.bodies[as_index(*scene_->model.objects[index].body)].mass
                         : scene_->model.materials[material_of(index)].friction};
 }
 
@@ -179,7 +179,7 @@ void Variation::place(model::State& state) const {
   if (!moves_start_) return;
   for (std::size_t i = 0; i < objects_.size(); ++i)
     if (const std::optional<int> body = scene_->model.objects[i].body)
-      state.bodies[at(*body)].p += objects_[i].position - objects_[i].own_position;
+      state.bodies[as_index(*body)].p += objects_[i].position - objects_[i].own_position;
   std::vector<double> q = state.q;
   for (std::size_t i = 0; i < q.size(); ++i) q[i] += q_[i];
   simulation::place_start(*scene_, q, std::vector<double>(state.u), state);

@@ -204,7 +204,7 @@ void add_shapes_of(BuiltHand& hand, const std::vector<Piece>& parts) {
 /// The joint frame in a body: of a simple body exactly on the axis of its capsule.
 Pose joint_in_body(const BuiltHand& hand, const HandSpec& spec, std::size_t i) {
   const BuiltSegment& built = hand.segments[i];
-  const Body& body = hand.bodies[at(built.body)];
+  const Body& body = hand.bodies[as_index(built.body)];
   const Vec3 half(0, 0.5 * axis_of(spec.segments[i], built), 0);
   const bool simple = !spec.segments[i].carrier && (built.frame * half - body.zero_pose.p).isZero(0);
   return simple ? Pose{-half, Quat::Identity()} : body.zero_pose.inverse() * built.frame;
@@ -221,7 +221,7 @@ void add_joints_of(BuiltHand& hand, const HandSpec& spec) {
     joint.axes = row.joint.axes;
     joint.parent = row.parent ? hand.segments[*row.parent].body : 0;
     joint.child = built.body;
-    joint.parent_frame = hand.bodies[at(joint.parent)].zero_pose.inverse() * built.frame;
+    joint.parent_frame = hand.bodies[as_index(joint.parent)].zero_pose.inverse() * built.frame;
     joint.child_frame = joint_in_body(hand, spec, i);
     hand.segments[i].joint = static_cast<int>(hand.joints.size());
     hand.joints.push_back(std::move(joint));

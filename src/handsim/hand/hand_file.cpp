@@ -120,7 +120,7 @@ PalmSpec read_palm(MapReader reader, const std::optional<MassRule>& mass) {
 
 std::optional<std::size_t> find_segment(const std::vector<SegmentSpec>& segments, std::string_view name) {
   const auto found = std::ranges::find(segments, name, &SegmentSpec::name);
-  return found == segments.end() ? std::nullopt : std::optional(at(found - segments.begin()));
+  return found == segments.end() ? std::nullopt : std::optional(as_index(found - segments.begin()));
 }
 
 void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {

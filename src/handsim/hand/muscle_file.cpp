@@ -127,8 +127,8 @@ class FileReader {
   model::MomentArm read_arm(MapReader& arms, const std::string& name, int axis, const YamlNode& node) {
     model::MomentArm arm;
     arm.dof = axis;
-    arm.low = axes_[at(axis)].low - kBeyond;
-    arm.high = axes_[at(axis)].high + kBeyond;
+    arm.low = axes_[as_index(axis)].low - kBeyond;
+    arm.high = axes_[as_index(axis)].high + kBeyond;
     const bool list = node.kind == YamlNode::Kind::sequence;
     const std::size_t count = list ? node.items.size() : 1;
     if (count < 1 || count > model::kArmTerms) {
@@ -154,7 +154,7 @@ class FileReader {
     if (of.size() != 2) return;
     const auto place = [&](const std::string& name) {
       for (std::size_t i = 0; i < path.arms.size(); ++i)
-        if (axes_[at(path.arms[i].dof)].name == name) return static_cast<int>(i);
+        if (axes_[as_index(path.arms[i].dof)].name == name) return static_cast<int>(i);
       reader.problem("axes", name, "an axis among this tendon's arms");
       return 0;
     };
@@ -211,8 +211,8 @@ void add_path(const model::TendonPath& path, double sign, model::TendonPath& to)
       for (std::size_t k = 0; k < arm.c.size(); ++k) same->c[k] += arm.c[k];
   }
   for (model::ArmProduct each : path.products) {
-    each.a = place[at(each.a)];
-    each.b = place[at(each.b)];
+    each.a = place[as_index(each.a)];
+    each.b = place[as_index(each.b)];
     each.factor *= sign;
     to.products.push_back(each);
   }
@@ -257,7 +257,7 @@ MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
 
 bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes) {
   return std::ranges::any_of(muscle.tendon.path.arms, [&](const model::MomentArm& arm) {
-    return axes[at(arm.dof)].name.starts_with("wrist.");
+    return axes[as_index(arm.dof)].name.starts_with("wrist.");
   });
 }
 

@@ -118,10 +118,10 @@ HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const 
   const HandGroups groups = {model.add_group("palm-" + index.name), model.add_group("fingers-" + index.name),
                              model.add_group("fingertips-" + index.name)};
   std::vector<bool> has_child(hand.bodies.size(), false);
-  for (const Joint& joint : hand.joints) has_child[at(joint.parent)] = true;
+  for (const Joint& joint : hand.joints) has_child[as_index(joint.parent)] = true;
   model.materials.push_back(hand.skin);
   for (Shape shape : hand.shapes) {
-    const auto body = at(shape.body);
+    const auto body = as_index(shape.body);
     shape.name = index.name + "." + shape.name;
     const bool palm = body == 0 || std::ranges::find(hand.palm_parts, shape.body) != hand.palm_parts.end();
     shape.group = palm ? groups.palm : has_child[body] ? groups.fingers : groups.fingertips;
@@ -183,7 +183,7 @@ double place(model::TendonPath& path, const std::vector<HandAxis>& axes,
   double held = 0;
   for (std::size_t i = 0; i < dofs.size(); ++i)
     if (!dofs[i]) held += model::hold(path, static_cast<int>(i), axes[i].held);
-  for (model::MomentArm& arm : path.arms) arm.dof = *dofs[at(arm.dof)];
+  for (model::MomentArm& arm : path.arms) arm.dof = *dofs[as_index(arm.dof)];
   return held;
 }
 
@@ -193,7 +193,7 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
   if (hand.muscles.muscles.empty() && hand.muscles.bands.empty()) return;
   std::map<std::string, int> dof_of;
   for (const int joint : index.joints) {
-    const Joint& each = model.joints[at(joint)];
+    const Joint& each = model.joints[as_index(joint)];
     for (std::size_t a = 0; a < each.axes.size(); ++a)
       dof_of[each.name + "." + each.axes[a].name] = each.first_dof + static_cast<int>(a);
   }
@@ -218,7 +218,7 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
 }
 
 void set_palm(model::Model& model, int palm, const BuiltHand& hand, const Placement& placement) {
-  Body& body = model.bodies[at(palm)];
+  Body& body = model.bodies[as_index(palm)];
   body.kinematic = placement.mount == Mount::fixed || placement.mount == Mount::driven;
   if (placement.mount == Mount::driven)
     model.drives.push_back({palm, hand.bodies[0].zero_pose.inverse(), placement.motion});
@@ -229,7 +229,7 @@ void set_velocities(model::Model& model, const model::HandIndex& index, const Pl
   if (placement.mount != Mount::free) return;
   const model::State start = model::initial_state(model);
   for (const int body : index.bodies) {
-    const auto i = at(body);
+    const auto i = as_index(body);
     model.bodies[i].initial_angular_velocity = placement.angular_velocity;
     model.bodies[i].initial_velocity =
         placement.velocity + placement.angular_velocity.cross(start.bodies[i].p - placement.pose.p);

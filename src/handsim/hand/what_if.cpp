@@ -66,7 +66,7 @@ class Muscles {
       MuscleSpec &donor = of(from), receiver = in(before_, to);
       if (!is_extrinsic(receiver, axes_))
         for (const model::MomentArm& arm : donor.tendon.path.arms)
-          if (axes_[at(arm.dof)].name.starts_with("wrist.")) receiver.tendon.path.arms.push_back(arm);
+          if (axes_[as_index(arm.dof)].name.starts_with("wrist.")) receiver.tendon.path.arms.push_back(arm);
       donor.tendon.path = receiver.tendon.path;
       donor.rest = rest.value_or(donor.rest);
       std::erase_if(file_.bands, [&](const BandSpec& band) {

@@ -7,7 +7,9 @@
 namespace handsim::model {
 
 AngleSensor::AngleSensor(const Joint& joint)
-    : universal_(joint.kind == JointKind::universal), parent_(at(joint.parent)), child_(at(joint.child)) {
+    : universal_(joint.kind == JointKind::universal),
+      parent_(as_index(joint.parent)),
+      child_(as_index(joint.child)) {
   const Quat& f = joint.parent_frame.q;
   const Quat& m = joint.child_frame.q;
   const Vec3 a = joint.axes[0].axis;
@@ -58,7 +60,7 @@ void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes, Dir
 }
 
 JointSensors::JointSensors(const Model& model)
-    : model_(model), axes_(at(model.dof_count()), Vec3::Zero()), directions_(axes_.size()) {
+    : model_(model), axes_(as_index(model.dof_count()), Vec3::Zero()), directions_(axes_.size()) {
   for (const Joint& joint : model.joints) {
     std::optional<AngleSensor>& sensor = angles_.emplace_back();
     if (joint.kind == JointKind::hinge || joint.kind == JointKind::universal) sensor.emplace(joint);
@@ -70,7 +72,7 @@ void JointSensors::read(State& state) {
   state.u.resize(axes_.size());
   for (std::size_t j = 0; j < angles_.size(); ++j) {
     const Joint& joint = model_.joints[j];
-    const auto first = at(joint.first_dof);
+    const auto first = as_index(joint.first_dof);
     if (angles_[j]) {
       angles_[j]->read(state, &state.q[first], &state.u[first], &axes_[first], &directions_[first]);
       continue;
@@ -78,7 +80,7 @@ void JointSensors::read(State& state) {
     joint_coordinates(joint, state, std::span(state.q).subspan(first));
     joint_rates(joint, state, std::span(state.u).subspan(first));
     if (joint.kind == JointKind::slider)
-      axes_[first] = state.bodies[at(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
+      axes_[first] = state.bodies[as_index(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
   }
 }
 

@@ -28,11 +28,13 @@ struct ConvexMesh {
   double reach = 0;                  ///< largest distance of a vertex from the centroid [m]
 
   int face_count() const { return static_cast<int>(planes.size()); }
-  Vec3 normal(int face) const { return planes[at(face)].head<3>(); }
+  Vec3 normal(int face) const { return planes[as_index(face)].head<3>(); }
   /// Signed distance of a point from a face's plane, positive outside [m].
-  double height(int face, const Vec3& point) const { return normal(face).dot(point) - planes[at(face)].w(); }
+  double height(int face, const Vec3& point) const {
+    return normal(face).dot(point) - planes[as_index(face)].w();
+  }
   std::span<const unsigned> corners(int face) const {
-    const auto start = at(loop_starts[at(face)]);
+    const auto start = as_index(loop_starts[as_index(face)]);
     return {&loops[start + 1], loops[start]};
   }
   const Vec3& vertex(unsigned index) const { return vertices[index]; }

@@ -24,7 +24,7 @@ double potential_energy(const Model& model, const State& state, const Effects& e
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       const auto& tissue = joint.axes[a].tissue;
       if (!tissue) continue;
-      const double stretch = state.q[at(joint.first_dof) + a] - tissue->rest;
+      const double stretch = state.q[as_index(joint.first_dof) + a] - tissue->rest;
       energy += 0.5 * tissue->stiffness * stretch * stretch;
     }
   return energy;
@@ -34,16 +34,16 @@ Momentum momentum(const Model& model, const State& state, std::span<const int> b
   Momentum out;
   Vec3 first = Vec3::Zero();
   for (const int body : bodies) {
-    const double m = model.bodies[at(body)].mass;
-    const BodyState& s = state.bodies[at(body)];
+    const double m = model.bodies[as_index(body)].mass;
+    const BodyState& s = state.bodies[as_index(body)];
     out.mass += m;
     first += m * s.p;
     out.linear += m * s.v;
   }
   out.centre = first / out.mass;
   for (const int body : bodies) {
-    const Body& of = model.bodies[at(body)];
-    const BodyState& s = state.bodies[at(body)];
+    const Body& of = model.bodies[as_index(body)];
+    const BodyState& s = state.bodies[as_index(body)];
     out.angular += of.mass * (s.p - out.centre).cross(s.v) + s.q * (of.inertia * (s.q.conjugate() * s.w));
   }
   return out;

@@ -17,7 +17,7 @@ double angle_about(const Quat& q, const Vec3& axis) {
 }
 
 Pose frame_in_world(const State& state, int body, const Pose& frame) {
-  return state.bodies[at(body)].pose() * frame;
+  return state.bodies[as_index(body)].pose() * frame;
 }
 
 /// X_FM.
@@ -37,7 +37,7 @@ void universal_angles(const Quat& q_FM, const Vec3& a, const Vec3& b, std::span<
 }
 
 void set_pose(State& state, int body, const Pose& x_WB) {
-  BodyState& target = state.bodies[at(body)];
+  BodyState& target = state.bodies[as_index(body)];
   target.p = x_WB.p;
   target.q = x_WB.q;
 }
@@ -45,7 +45,7 @@ void set_pose(State& state, int body, const Pose& x_WB) {
 State zero_state(const Model& model) {
   State state;
   state.bodies.resize(model.bodies.size());
-  state.tau.resize(at(model.dof_count()));
+  state.tau.resize(as_index(model.dof_count()));
   state.tau_servo.resize(state.tau.size());
   state.activation.resize(model.muscles.size());
   state.fibre_length.resize(model.muscles.size());
@@ -72,15 +72,15 @@ void joint_coordinates(const Joint& joint, const State& state, std::span<double>
       return;
     case JointKind::ball: {
       const Vec3 r = rotation_vector(x_FM.q);
-      for (int i = 0; i < 3; ++i) out[at(i)] = r[i];
+      for (int i = 0; i < 3; ++i) out[as_index(i)] = r[i];
       return;
     }
   }
 }
 
 void joint_rates(const Joint& joint, const State& state, std::span<double> out) {
-  const BodyState& parent = state.bodies[at(joint.parent)];
-  const BodyState& child = state.bodies[at(joint.child)];
+  const BodyState& parent = state.bodies[as_index(joint.parent)];
+  const BodyState& child = state.bodies[as_index(joint.child)];
   const Quat q_WF = parent.q * joint.parent_frame.q;
   const Vec3 w_F = q_WF.conjugate() * (child.w - parent.w);
   switch (joint.kind) {
@@ -105,24 +105,24 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
       return;
     }
     case JointKind::ball:
-      for (int i = 0; i < 3; ++i) out[at(i)] = w_F[i];
+      for (int i = 0; i < 3; ++i) out[as_index(i)] = w_F[i];
       return;
   }
 }
 
 void update_coordinates(const Model& model, State& state) {
-  state.q.resize(at(model.dof_count()));
+  state.q.resize(as_index(model.dof_count()));
   state.u.resize(state.q.size());
   for (const Joint& joint : model.joints) {
-    const auto first = at(joint.first_dof);
+    const auto first = as_index(joint.first_dof);
     joint_coordinates(joint, state, std::span(state.q).subspan(first));
     joint_rates(joint, state, std::span(state.u).subspan(first));
   }
 }
 
 double joint_gap(const Joint& joint, const State& state) {
-  const BodyState& parent = state.bodies[at(joint.parent)];
-  const BodyState& child = state.bodies[at(joint.child)];
+  const BodyState& parent = state.bodies[as_index(joint.parent)];
+  const BodyState& child = state.bodies[as_index(joint.child)];
   Vec3 gap = child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p;
   if (joint.kind == JointKind::slider) {
     const Vec3 axis = parent.q * (joint.parent_frame.q * joint.axes[0].axis);
@@ -154,7 +154,7 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
 void place_children(const Model& model, std::span<const double> q, State& state) {
   for (const Joint& joint : model.joints) {
     if (joint.closes_loop) continue;
-    const Pose x_FM = joint_transform(joint, q.subspan(at(joint.first_dof)));
+    const Pose x_FM = joint_transform(joint, q.subspan(as_index(joint.first_dof)));
     set_pose(state, joint.child,
              frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
   }
@@ -164,9 +164,9 @@ void place_joints(const Model& model, std::span<const double> q, std::span<const
   place_children(model, q, state);
   for (const Joint& joint : model.joints) {
     if (joint.closes_loop) continue;
-    const auto rates = u.subspan(at(joint.first_dof));
-    const BodyState& parent = state.bodies[at(joint.parent)];
-    BodyState& child = state.bodies[at(joint.child)];
+    const auto rates = u.subspan(as_index(joint.first_dof));
+    const BodyState& parent = state.bodies[as_index(joint.parent)];
+    BodyState& child = state.bodies[as_index(joint.child)];
     const Vec3 anchor = child.p + child.q * joint.child_frame.p;
     Vec3 w = Vec3::Zero(), v = Vec3::Zero();  // of M against F
     for (std::size_t k = 0; k < joint.axes.size(); ++k)
@@ -199,9 +199,10 @@ State state_at(const Model& model, std::span<const double> q) {
 }
 
 State initial_state(const Model& model) {
-  std::vector<double> q(at(model.dof_count()), 0.0);
+  std::vector<double> q(as_index(model.dof_count()), 0.0);
   for (const Joint& joint : model.joints)
-    for (std::size_t a = 0; a < joint.axes.size(); ++a) q[at(joint.first_dof) + a] = joint.axes[a].initial;
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      q[as_index(joint.first_dof) + a] = joint.axes[a].initial;
   State state = zero_state(model);
   for (const Drive& drive : model.drives)
     set_pose(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
@@ -218,7 +219,7 @@ State initial_state(const Model& model) {
 
 std::vector<int> free_bodies(const Model& model) {
   std::vector<bool> held(model.bodies.size(), false);
-  for (const Joint& joint : model.joints) held[at(joint.child)] = true;
+  for (const Joint& joint : model.joints) held[as_index(joint.child)] = true;
   std::vector<int> out;
   for (std::size_t i = 0; i < held.size(); ++i)
     if (!held[i] && !model.bodies[i].kinematic) out.push_back(static_cast<int>(i));
@@ -233,7 +234,8 @@ Jacobian jacobian(const Model& model, const State& state, int body, const Vec3& 
   for (auto joint = model.joints.rbegin(); joint != model.joints.rend(); ++joint) {
     if (joint->child != body || joint->closes_loop) continue;
     body = joint->parent;
-    const BodyState &parent = state.bodies[at(joint->parent)], &child = state.bodies[at(joint->child)];
+    const BodyState &parent = state.bodies[as_index(joint->parent)],
+                    &child = state.bodies[as_index(joint->child)];
     const Vec3 arm = point - child.pose() * joint->child_frame.p;
     Eigen::Index column = joint->first_dof;
     const auto add = [&](const Vec3& axis) {
@@ -251,7 +253,7 @@ Jacobian jacobian(const Model& model, const State& state, int body, const Vec3& 
     auto columns = out.middleCols<6>(dofs + 6 * static_cast<Eigen::Index>(i));
     columns.setIdentity();
     for (int k = 0; k < 3; ++k)
-      columns.block<3, 1>(0, 3 + k) = Vec3::Unit(k).cross(point - state.bodies[at(body)].p);
+      columns.block<3, 1>(0, 3 + k) = Vec3::Unit(k).cross(point - state.bodies[as_index(body)].p);
   }
   return out;
 }
@@ -261,10 +263,10 @@ Eigen::MatrixXd mass_matrix(const Model& model, const State& state, std::span<co
   const Eigen::Index size = model.dof_count() + 6 * static_cast<Eigen::Index>(free.size());
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(size, size);
   for (const int body : bodies) {
-    const Body& of = model.bodies[at(body)];
+    const Body& of = model.bodies[as_index(body)];
     if (of.kinematic) continue;
-    const Jacobian J = jacobian(model, state, body, state.bodies[at(body)].p, free);
-    const Mat3 rotation = state.bodies[at(body)].q.toRotationMatrix();
+    const Jacobian J = jacobian(model, state, body, state.bodies[as_index(body)].p, free);
+    const Mat3 rotation = state.bodies[as_index(body)].q.toRotationMatrix();
     Eigen::Matrix<double, 6, 6> spatial = Eigen::Matrix<double, 6, 6>::Zero();
     spatial.topLeftCorner<3, 3>() = of.mass * Mat3::Identity();
     spatial.bottomRightCorner<3, 3>() = rotation * of.inertia * rotation.transpose();

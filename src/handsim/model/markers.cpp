@@ -12,7 +12,7 @@ std::vector<Marker> hand_markers(const Model& model) {
       if (joint.child != hand.palm && std::ranges::find(hand.bodies, joint.child) != hand.bodies.end())
         out.push_back({joint.name, joint.child, joint.child_frame.p});
     for (const Fingertip& tip : hand.fingertips)
-      out.push_back({model.bodies[at(tip.body)].name + ".tip", tip.body, tip.point});
+      out.push_back({model.bodies[as_index(tip.body)].name + ".tip", tip.body, tip.point});
   }
   return out;
 }

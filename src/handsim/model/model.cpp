@@ -80,7 +80,7 @@ int Model::dof_count() const {
 std::vector<std::optional<std::size_t>> Model::objects_of_shapes() const {
   std::vector<std::optional<std::size_t>> out(shapes.size());
   for (std::size_t i = 0; i < objects.size(); ++i)
-    for (const int shape : objects[i].shapes) out[at(shape)] = i;
+    for (const int shape : objects[i].shapes) out[as_index(shape)] = i;
   return out;
 }
 

@@ -26,7 +26,7 @@ PathState path_state(const TendonPath& path, std::span<const double> q) {
   std::array<bool, kMostArms> inside;
   for (std::size_t i = 0; i < path.arms.size(); ++i) {
     const MomentArm& arm = path.arms[i];
-    const double angle = q[at(arm.dof)];
+    const double angle = q[as_index(arm.dof)];
     const double x = within[i] = std::clamp(angle, arm.low, arm.high);
     inside[i] = x == angle;
     // Most polynomials have fewer terms than there is room for.
@@ -43,7 +43,7 @@ PathState path_state(const TendonPath& path, std::span<const double> q) {
     out.excursion += sum * x + r * (angle - x);
   }
   for (const ArmProduct& each : path.products) {
-    const auto a = at(each.a), b = at(each.b);
+    const auto a = as_index(each.a), b = as_index(each.b);
     const double pa = power(within[a], each.power_a), pb = power(within[b], each.power_b);
     out.excursion += each.factor * pa * pb;
     const auto add = [&](std::size_t i, int n, double other) {
@@ -61,7 +61,7 @@ double hold(TendonPath& path, int dof, double angle) {
   const auto arm = std::ranges::find_if(path.arms, [&](const MomentArm& each) { return each.dof == dof; });
   if (arm == path.arms.end()) return 0;
   const int held = static_cast<int>(arm - path.arms.begin());
-  std::vector<double> q(at(dof) + 1);
+  std::vector<double> q(as_index(dof) + 1);
   q.back() = angle;
   MomentArm alone = *arm;
   const double out = path_state({{alone}, {}}, q).excursion, x = std::clamp(angle, arm->low, arm->high);
@@ -70,7 +70,8 @@ double hold(TendonPath& path, int dof, double angle) {
     const bool with = each.a == held;
     // factor x^n y^m is an arm m factor x^n y^(m-1) of y.
     if (with)
-      path.arms[at(each.b)].c[at(each.power_b) - 1] += each.power_b * each.factor * power(x, each.power_a);
+      path.arms[as_index(each.b)].c[as_index(each.power_b) - 1] +=
+          each.power_b * each.factor * power(x, each.power_a);
     each.a -= each.a > held ? 1 : 0;
     each.b -= each.b > held ? 1 : 0;
     return with;

@@ -38,7 +38,7 @@ NewtonEuler::NewtonEuler(const Model& model, const Vec3& gravity)
       bodies_(model.bodies.size()),
       sums_(model.bodies.size()),
       reactions_(model.joints.size()),
-      torques_(at(model.dof_count())) {
+      torques_(as_index(model.dof_count())) {
   for (const Joint& joint : model.joints)
     if (joint.closes_loop)
       throw input_error("inverse dynamics", joint.name + ", a joint that closes a loop",
@@ -47,15 +47,15 @@ NewtonEuler::NewtonEuler(const Model& model, const Vec3& gravity)
 
 void NewtonEuler::set_roots(const State& state, double time) {
   for (std::size_t i = 0; i < bodies_.size(); ++i) bodies_[i] = {state.bodies[i]};
-  for (const Drive& drive : model_.drives) bodies_[at(drive.body)] = driven(drive, time);
+  for (const Drive& drive : model_.drives) bodies_[as_index(drive.body)] = driven(drive, time);
 }
 
 // With the parent's w, the rates u along axes s_k and anchor A: w_c = w + sum s_k u_k,
 // alpha_c = alpha + sum (s_k u'_k + s_k' u_k), where s_0' = w x s_0 and s_1' = w_c x s_1.
 void NewtonEuler::place_child(const Joint& joint, std::span<const double> q, std::span<const double> u,
                               std::span<const double> change) {
-  const BodyMotion& parent = bodies_[at(joint.parent)];
-  BodyMotion& child = bodies_[at(joint.child)];
+  const BodyMotion& parent = bodies_[as_index(joint.parent)];
+  BodyMotion& child = bodies_[as_index(joint.child)];
   const Pose pose =
       parent.pose() * joint.parent_frame * joint_transform(joint, q) * joint.child_frame.inverse();
   child.p = pose.p;
@@ -90,7 +90,7 @@ void NewtonEuler::place_child(const Joint& joint, std::span<const double> q, std
 void NewtonEuler::place(std::span<const double> q, std::span<const double> u,
                         std::span<const double> change) {
   for (const Joint& joint : model_.joints) {
-    const std::size_t first = at(joint.first_dof);
+    const std::size_t first = as_index(joint.first_dof);
     place_child(joint, q.subspan(first), u.subspan(first), change.subspan(first));
   }
 }
@@ -117,19 +117,19 @@ std::span<const double> NewtonEuler::torques(std::span<const Wrench> loads) {
   // Parents stand before children: the reverse order sums from the fingertips.
   for (std::size_t j = model_.joints.size(); j-- > 0;) {
     const Joint& joint = model_.joints[j];
-    const BodyMotion &parent = bodies_[at(joint.parent)], &child = bodies_[at(joint.child)];
-    const Wrench& sum = sums_[at(joint.child)];
+    const BodyMotion &parent = bodies_[as_index(joint.parent)], &child = bodies_[as_index(joint.child)];
+    const Wrench& sum = sums_[as_index(joint.child)];
     const Vec3 anchor = child.pose() * joint.child_frame.p;
     Wrench& reaction = reactions_[j];
     reaction.force = sum.force;
     reaction.moment = sum.moment + (child.p - anchor).cross(sum.force);
-    Wrench& onto = sums_[at(joint.parent)];
+    Wrench& onto = sums_[as_index(joint.parent)];
     onto.force += reaction.force;
     onto.moment += reaction.moment + (anchor - parent.p).cross(reaction.force);
-    const std::size_t first = at(joint.first_dof);
+    const std::size_t first = as_index(joint.first_dof);
     if (joint.kind == JointKind::ball) {
       const Vec3 moment = (parent.q * joint.parent_frame.q).conjugate() * reaction.moment;
-      for (int k = 0; k < 3; ++k) torques_[first + at(k)] = moment[k];
+      for (int k = 0; k < 3; ++k) torques_[first + as_index(k)] = moment[k];
       continue;
     }
     for (std::size_t k = 0; k < joint.axes.size(); ++k)

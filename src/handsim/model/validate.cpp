@@ -56,7 +56,7 @@ class Checker {
  private:
   template <class T>
   static bool in(int index, const std::vector<T>& list) {
-    return index >= 0 && at(index) < list.size();
+    return index >= 0 && as_index(index) < list.size();
   }
 
   /// Checks each part, with its place for the problems.
@@ -129,7 +129,7 @@ class Checker {
           "two different bodies, the child not the world");
     check_pose(joint.name, ".parent_frame", joint.parent_frame);
     check_pose(joint.name, ".child_frame", joint.child_frame);
-    const std::size_t axes = joint.kind == JointKind::ball ? 0 : at(dof_count(joint.kind));
+    const std::size_t axes = joint.kind == JointKind::ball ? 0 : as_index(dof_count(joint.kind));
     if (joint.axes.size() != axes)
       return add(joint.name + ".axes", fmt::format("{} axes", joint.axes.size()), fmt::format("{}", axes));
     for (const JointAxis& axis : joint.axes) {
@@ -172,16 +172,17 @@ class Checker {
     std::vector<bool> is_child(model_.bodies.size(), false);
     each(model_.joints, origins_.joints, [&](const Joint& joint) {
       if (!joint.closes_loop && in(joint.child, model_.bodies)) {
-        if (is_child[at(joint.child)])
+        if (is_child[as_index(joint.child)])
           add(joint.name, "a child that another joint already has", "closes_loop");
-        is_child[at(joint.child)] = true;
+        is_child[as_index(joint.child)] = true;
       }
     });
     for (std::size_t i = 0; i < placed.size(); ++i) placed[i] = !is_child[i];
     each(model_.joints, origins_.joints, [&](const Joint& joint) {
       if (joint.closes_loop || !in(joint.child, model_.bodies) || !in(joint.parent, model_.bodies)) return;
-      if (!placed[at(joint.parent)]) add(joint.name, "a parent that comes later", "parents before children");
-      placed[at(joint.child)] = true;
+      if (!placed[as_index(joint.parent)])
+        add(joint.name, "a parent that comes later", "parents before children");
+      placed[as_index(joint.child)] = true;
     });
   }
 
@@ -215,8 +216,8 @@ class Checker {
 
   void check_drive(const Drive& drive) {
     const bool known = in(drive.body, model_.bodies);
-    const std::string key = known ? model_.bodies[at(drive.body)].name + ".drive" : "drive";
-    if (!known || drive.body == kWorld || !model_.bodies[at(drive.body)].kinematic)
+    const std::string key = known ? model_.bodies[as_index(drive.body)].name + ".drive" : "drive";
+    if (!known || drive.body == kWorld || !model_.bodies[as_index(drive.body)].kinematic)
       add(key, fmt::format("body {}", drive.body), "a kinematic body other than the world");
     check_pose(key, ".frame", drive.frame);
     if (drive.motion.keys.empty()) add(key + ".motion", "no keyframe", "at least one");

@@ -8,7 +8,7 @@ namespace handsim::python {
 
 py::dict arrays_of(const environment::Derivatives& found, const model::Model& model) {
   std::vector<std::string> free;
-  for (const int body : found.free_bodies) free.push_back(model.bodies[at(body)].name);
+  for (const int body : found.free_bodies) free.push_back(model.bodies[as_index(body)].name);
   py::dict out;
   out["state"] = found.by_state;
   out["torques"] = Eigen::MatrixXd(found.by_torque.leftCols(model.dof_count()));
@@ -32,7 +32,8 @@ model::State moved(const model::Model& model, model::State state, std::span<cons
   const auto turned = [&](const Quat& q) { return Quat(rotation_quaternion(change.segment<3>(c)) * q); };
   for (const model::Joint& joint : model.joints) {
     c = joint.first_dof;
-    Eigen::VectorXd::MapType q(&state.q[at(c)], dof_count(joint.kind)), u(&state.u[at(c)], q.size());
+    Eigen::VectorXd::MapType q(&state.q[as_index(c)], dof_count(joint.kind)),
+        u(&state.u[as_index(c)], q.size());
     if (joint.kind == model::JointKind::ball)
       q = rotation_vector(turned(rotation_quaternion(Vec3(q))));
     else
@@ -41,7 +42,7 @@ model::State moved(const model::Model& model, model::State state, std::span<cons
   }
   c = model.dof_count();
   for (const int free : model::free_bodies(model)) {
-    model::BodyState& body = state.bodies[at(free)];
+    model::BodyState& body = state.bodies[as_index(free)];
     body.q = turned(body.q);
     body.p += change.segment<3>(c + 3);
     body.w += change.segment<3>(n + c);

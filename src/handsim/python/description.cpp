@@ -30,7 +30,7 @@ std::array<double, 7> numbers(const Pose& x) {
   return {x.p.x(), x.p.y(), x.p.z(), x.q.w(), x.q.x(), x.q.y(), x.q.z()};
 }
 
-py::array_t<double> array(const Eigen::MatrixXd& m) { return rows_of(m.rowwise(), at(m.cols())); }
+py::array_t<double> array(const Eigen::MatrixXd& m) { return rows_of(m.rowwise(), as_index(m.cols())); }
 
 py::tuple joint_tuple(const model::Joint& joint) {
   py::list axes;
@@ -53,7 +53,7 @@ py::tuple shape_tuple(const model::Model& model, const model::Shape& shape, cons
     for (std::size_t i = 1; i + 1 < loop.size(); ++i) faces.push_back({loop[0], loop[i], loop[i + 1]});
   }
   if (shape.mesh) corners = shape.mesh->vertices;
-  const model::Material& material = model.materials[at(shape.material)];
+  const model::Material& material = model.materials[as_index(shape.material)];
   return py::make_tuple(shape.name, kShapeKinds[static_cast<std::size_t>(shape.kind)], shape.body,
                         numbers(shape.pose), shape.radius, shape.length, array(shape.edges),
                         kPartNames[static_cast<std::size_t>(shape.part)],
@@ -71,13 +71,13 @@ py::dict description(const SceneHandle& of) {
   const model::State zero = model::initial_state(model);
   std::vector<output::Colour> colours(model.shapes.size());
   for (const output::DrawShape& drawn : output::draw_list(model, zero, {}).shapes) {
-    const model::Shape& on = model.shapes[at(drawn.shape)];
-    if (!drawn.mark) colours[at(drawn.shape)] = drawn.colour;
+    const model::Shape& on = model.shapes[as_index(drawn.shape)];
+    if (!drawn.mark) colours[as_index(drawn.shape)] = drawn.colour;
     if (!drawn.mark || !drawn.fine) continue;
     model::Shape nail = on;
     nail.name += ".nail";
     nail.kind = model::ShapeKind::capsule;
-    nail.pose = zero.bodies[at(on.body)].pose().inverse() * drawn.solid.pose;
+    nail.pose = zero.bodies[as_index(on.body)].pose().inverse() * drawn.solid.pose;
     nail.radius = drawn.solid.round;
     nail.length = 2 * drawn.solid.half.z();
     nails.append(shape_tuple(model, nail, drawn.colour));

@@ -67,7 +67,7 @@ ActionArrays::ActionArrays(const scene::Scene& scene, std::size_t size, const py
     if (size > 0) shape.insert(shape.begin(), size);
     return Numbers::optional(given, {shape.begin(), shape.end()}, name);
   };
-  torques = optional(torque, {at(scene.model.dof_count())}, "torques");
+  torques = optional(torque, {as_index(scene.model.dof_count())}, "torques");
   targets = optional(target, {scene.control ? scene.control->axes.size() : 0}, "targets");
   excitations = optional(excitation, {scene.model.muscles.size()}, "excitations");
   wrists = poses_of(optional(wrist, {scene.model.drives.size(), 7}, "wrists"));

@@ -30,19 +30,19 @@ py::dict segments(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
   const model::HandIndex& hand = first_hand(of);
   const hand::BuiltHand& built = of.scene->hands.front();
-  const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
+  const Pose x_HW = (model.bodies[as_index(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   const Vec3 box = hand::palm_box(built);
   std::vector<std::string> names, joints;
   std::vector<int> parents;
   Column length, radius, mass, centre, inertia;
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
-    const model::Body& body = model.bodies[at(hand.bodies[i])];
+    const model::Body& body = model.bodies[as_index(hand.bodies[i])];
     const auto segment = std::ranges::find_if(
         built.segments, [&](const auto& each) { return each.joint && each.body == static_cast<int>(i); });
     const bool palm = segment == built.segments.end();
     names.push_back(part_name(body.name));
-    joints.push_back(palm ? "" : built.joints[at(*segment->joint)].name);
-    parents.push_back(palm ? -1 : built.joints[at(*segment->joint)].parent);
+    joints.push_back(palm ? "" : built.joints[as_index(*segment->joint)].name);
+    parents.push_back(palm ? -1 : built.joints[as_index(*segment->joint)].parent);
     length.push_back(palm ? box.y() : segment->length);
     radius.push_back(palm ? box.z() / 2 : segment->radius);
     mass.push_back(body.mass);
@@ -69,7 +69,7 @@ struct Posture {
 
   Posture(const SceneHandle& of, const py::object& q) : model(of.scene->model), hand(first_hand(of)) {
     state = model::state_at(model, coordinates(q, "q").span());
-    const Pose x_HW = (state.bodies[at(hand.palm)].pose() * hand.wrist_frame).inverse();
+    const Pose x_HW = (state.bodies[as_index(hand.palm)].pose() * hand.wrist_frame).inverse();
     for (model::BodyState& body : state.bodies) {
       const Pose x_HB = x_HW * body.pose();
       body.p = x_HB.p;
@@ -96,8 +96,8 @@ py::tuple poses(const SceneHandle& of, const py::object& q) {
   const Posture posture(of, q);
   Column position, quaternion;
   for (const int body : posture.hand.bodies) {
-    append(position, posture.state.bodies[at(body)].p);
-    append(quaternion, posture.state.bodies[at(body)].q);
+    append(position, posture.state.bodies[as_index(body)].p);
+    append(quaternion, posture.state.bodies[as_index(body)].q);
   }
   return py::make_tuple(array_of(position, 3), array_of(quaternion, 4));
 }
@@ -109,7 +109,7 @@ py::array_t<double> jacobian(const SceneHandle& of, const py::object& q, std::si
   const Numbers point(offset, {3}, "offset");
   const int index = posture.hand.bodies.at(body);
   return matrix(model::jacobian(posture.model, posture.state, index,
-                                posture.state.bodies[at(index)].pose() * Vec3(point.span().data())));
+                                posture.state.bodies[as_index(index)].pose() * Vec3(point.span().data())));
 }
 
 py::array_t<double> mass_matrix(const SceneHandle& of, const py::object& q) {
@@ -154,7 +154,7 @@ py::tuple muscle_forces(const SceneHandle& of, const py::object& q) {
     const model::PathState path = model::path_state(band.path, posture.state.q);
     const double pull = -band.stiffness * (path.excursion + band.rest);
     for (std::size_t i = 0; i < band.path.arms.size(); ++i)
-      torque[at(band.path.arms[i].dof)] += path.arm[i] * (band.both_ways ? pull : std::max(0.0, pull));
+      torque[as_index(band.path.arms[i].dof)] += path.arm[i] * (band.both_ways ? pull : std::max(0.0, pull));
   }
   return py::make_tuple(array_of(active), array_of(passive), array_of(torque));
 }

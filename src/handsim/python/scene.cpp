@@ -52,7 +52,8 @@ std::vector<std::size_t> driven_coordinates(const SceneHandle& of) {
 
 std::vector<std::string> driven_wrists(const SceneHandle& of) {
   std::vector<std::string> out;
-  for (const auto& drive : of.scene->model.drives) out.push_back(of.scene->model.bodies[at(drive.body)].name);
+  for (const auto& drive : of.scene->model.drives)
+    out.push_back(of.scene->model.bodies[as_index(drive.body)].name);
   return out;
 }
 

@@ -132,16 +132,17 @@ class SimulationHandle {
     std::vector<bool> hangs(state.bodies.size());
     std::vector<double> angles = old.q;
     for (const model::Joint& joint : model.joints) {
-      hangs[at(joint.child)] = true;
+      hangs[as_index(joint.child)] = true;
       for (std::size_t a = 0; a < joint.axes.size(); ++a)
         if (const auto& stop = joint.axes[a].stop; stop)
-          angles[at(joint.first_dof) + a] =
-              std::clamp(angles[at(joint.first_dof) + a], stop->low, stop->high);
+          angles[as_index(joint.first_dof) + a] =
+              std::clamp(angles[as_index(joint.first_dof) + a], stop->low, stop->high);
     }
     for (std::size_t i = 1; i < hangs.size(); ++i)
       if (!hangs[i]) state.bodies[i] = old.bodies[i];
     for (std::size_t i = 0; i < model.hands.size(); ++i)
-      if (model::BodyState& palm = state.bodies[at(model.hands[i].palm)]; !hangs[at(model.hands[i].palm)])
+      if (model::BodyState& palm = state.bodies[as_index(model.hands[i].palm)];
+          !hangs[as_index(model.hands[i].palm)])
         palm.p = palm.pose() * (before.hands[i].wrist_frame * model.hands[i].wrist_frame.inverse()).p;
     state.time = old.time;
     state.activation = old.activation;
@@ -199,8 +200,8 @@ class SimulationHandle {
     std::vector<std::string> a, b;
     std::vector<double> position, normal, depth, force;
     for (const engine::Contact& contact : contacts) {
-      a.push_back(shapes[at(contact.shape_a)].name);
-      b.push_back(shapes[at(contact.shape_b)].name);
+      a.push_back(shapes[as_index(contact.shape_a)].name);
+      b.push_back(shapes[as_index(contact.shape_b)].name);
       append(position, contact.position), append(normal, contact.normal), append(force, contact.force);
       depth.push_back(contact.depth);
     }
@@ -332,7 +333,7 @@ void bind_simulation(py::module_& module) {
              std::vector<double> out;
              const auto bodies = self.read([](const auto& of) { return of.state().bodies; });
              for (const model::Drive& drive : self.simulation().model().drives)
-               append(out, bodies[at(drive.body)].pose() * drive.frame);
+               append(out, bodies[as_index(drive.body)].pose() * drive.frame);
              return array_of(out, 7);
            })
       .def("targets",

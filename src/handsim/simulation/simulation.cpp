@@ -49,14 +49,14 @@ void check_start(const scene::Scene& scene) {
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
     int hand_shape = overlap.shape_a, other_shape = overlap.shape_b;
-    if (!of_hand(scene.model.shapes[at(hand_shape)])) std::swap(hand_shape, other_shape);
-    const model::Shape &hand = scene.model.shapes[at(hand_shape)],
-                       &other = scene.model.shapes[at(other_shape)];
-    const std::optional<std::size_t> object = object_of[at(other_shape)];
+    if (!of_hand(scene.model.shapes[as_index(hand_shape)])) std::swap(hand_shape, other_shape);
+    const model::Shape &hand = scene.model.shapes[as_index(hand_shape)],
+                       &other = scene.model.shapes[as_index(other_shape)];
+    const std::optional<std::size_t> object = object_of[as_index(other_shape)];
     if (overlap.depth <= kDeepestStart || !of_hand(hand) || !object || !rules.meet(hand.group, other.group) ||
         scene.plans.objects[*object].may_overlap)
       continue;
-    double& depth = deepest[*object][{other.name, scene.model.bodies[at(hand.body)].name}];
+    double& depth = deepest[*object][{other.name, scene.model.bodies[as_index(hand.body)].name}];
     depth = std::max(depth, overlap.depth);
   }
   std::vector<Problem> problems;
@@ -83,8 +83,8 @@ void place_start(const scene::Scene& scene, std::span<const double> q, std::span
   const bool stops = scene.spec.solver.effects.has(model::Effect::joint_stops);
   for (const model::Joint& joint : scene.model.joints) {
     const bool slides = joint.kind == model::JointKind::slider;
-    for (std::size_t a = 0; a < at(model::dof_count(joint.kind)); ++a) {
-      const std::size_t i = at(joint.first_dof) + a;
+    for (std::size_t a = 0; a < as_index(model::dof_count(joint.kind)); ++a) {
+      const std::size_t i = as_index(joint.first_dof) + a;
       const model::JointAxis* axis = a < joint.axes.size() ? &joint.axes[a] : nullptr;
       const auto refuse = [&](const char* of, double got, std::string need) {
         problems.push_back({std::nullopt,
@@ -124,7 +124,8 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
     compute_constant_torques();
     for (const scene::ClimbPlan& plan : scene_->plans.climbs) {
       const model::Model& model = scene_->model;
-      climbs_.push_back({plan, at(model.joints[at(*model.hands[plan.hand].rail)].first_dof), step});
+      climbs_.push_back(
+          {plan, as_index(model.joints[as_index(*model.hands[plan.hand].rail)].first_dof), step});
     }
   }
   make_controller();
@@ -169,10 +170,10 @@ void Simulation::make_watchers() {
 }
 
 void Simulation::compute_constant_torques() {
-  constant_.resize(at(model().dof_count()));
+  constant_.resize(as_index(model().dof_count()));
   for (const model::Joint& joint : model().joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      constant_[at(joint.first_dof) + a] = joint.axes[a].torque;
+      constant_[as_index(joint.first_dof) + a] = joint.axes[a].torque;
   if (std::ranges::all_of(constant_, [](double torque) { return torque == 0; })) constant_.clear();
 }
 
@@ -211,7 +212,7 @@ engine::StepInput Simulation::command(const engine::StepInput& action) {
       return input;
     }
   }
-  const auto dofs = at(model().dof_count());
+  const auto dofs = as_index(model().dof_count());
   bool any_servos = !climbs_.empty() || !action.servos.empty();
   sum_ = constant_;
   sum_.resize(dofs);

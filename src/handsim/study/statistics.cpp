@@ -68,7 +68,7 @@ class Terms {
     for (std::size_t a = 0; a < bases_.size(); ++a)
       for (std::size_t b = 0; b < a; ++b)
         if (!bases_[a].input->categories && !bases_[b].input->categories) pairs.emplace_back(b, a);
-    if (rows < 10 * (at(size_) + pairs.size())) return;
+    if (rows < 10 * (as_index(size_) + pairs.size())) return;
     for (const auto& [a, b] : pairs) add(bases_[a].input->name + " x " + bases_[b].input->name, 1);
     pairs_ = std::move(pairs);
   }
@@ -158,7 +158,7 @@ std::vector<VarianceShare> variance_shares(const std::vector<Input>& inputs, std
   if (!all || all->low == all->high) return {};
   // Few rows get straight lines.
   Terms terms(inputs, y.size(), 3);
-  for (std::size_t degree = 2; degree > 0 && y.size() < 3 * at(terms.size()) + 2; --degree)
+  for (std::size_t degree = 2; degree > 0 && y.size() < 3 * as_index(terms.size()) + 2; --degree)
     terms = Terms(inputs, y.size(), degree);
   const auto n = static_cast<double>(y.size()), size = static_cast<double>(terms.size());
   if (terms.size() == 0 || n < 2 * size + 2) return {};

@@ -43,7 +43,7 @@ class SceneSteps {
   std::string name(int coordinate) const {
     for (const model::Joint& joint : scene_->model.joints)
       if (coordinate >= joint.first_dof && coordinate < joint.first_dof + dof_count(joint.kind))
-        return joint.name + "." + joint.axes[at(coordinate - joint.first_dof)].name;
+        return joint.name + "." + joint.axes[as_index(coordinate - joint.first_dof)].name;
     return "a free body";
   }
 
@@ -122,7 +122,7 @@ double action_error(SceneSteps& of, std::vector<double>& action, Eigen::MatrixXd
 TEST(SceneDerivatives, ByTorquesAndTargetsAreThoseOfDifferences) {
   for (const char* scene : {"every_pose.yaml", "grasp_pinch.yaml"}) {
     SceneSteps of(scene, {"solver={engine: articulated}"}, 1.6);
-    of.torques.resize(at(of.simulation().model().dof_count()));
+    of.torques.resize(as_index(of.simulation().model().dof_count()));
     EXPECT_LT(action_error(of, of.torques, &Derivatives::by_torque, 1e-4), 1e-7) << scene;
     for (const control::DrivenAxis& axis : of.simulation().scene().control->axes)
       of.targets.push_back(of.base().q[axis.dof] + 0.01);

@@ -27,7 +27,7 @@ class Beside {
  public:
   Beside(const model::Model& model, const Settings& settings)
       : engine_(model, settings), base_(engine_.state()), coordinates_(model) {
-    torques.resize(at(model.dof_count()));
+    torques.resize(as_index(model.dof_count()));
   }
 
   int size() const { return coordinates_.size(); }
@@ -155,7 +155,7 @@ model::Model every_joint(std::mt19937& random, bool free_body) {
 model::State scattered(const model::Model& model, std::mt19937& random, double q_size, double u_size) {
   std::uniform_real_distribution<double> unit(-1, 1);
   model::State state = model::initial_state(model);
-  std::vector<double> q(at(model.dof_count())), u(q.size());
+  std::vector<double> q(as_index(model.dof_count())), u(q.size());
   for (double& each : q) each = q_size * unit(random);
   for (double& each : u) each = u_size * unit(random);
   for (std::size_t i = 1; i < state.bodies.size(); ++i) {
@@ -284,7 +284,7 @@ TEST(Derivatives, OfServosAndStopsThatBounceAreThoseOfDifferences) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> unit(0, 1);
   model::State state = beside.base();
-  std::vector<double> q(at(model.dof_count())), u(q.size());
+  std::vector<double> q(as_index(model.dof_count())), u(q.size());
   for (std::size_t i = 0; i < q.size(); ++i) {
     q[i] = i % 4 == 0 ? 1.199 : unit(random);
     u[i] = i % 4 == 0 ? 4 : 0.5 * unit(random);

@@ -130,14 +130,14 @@ Values solved(const Case& of, const Values& q, const Values& u, const Values& to
     const Values F = residual(of, x, q, u, torque);
     Eigen::Matrix<double, kUnknowns, 1 + kInputs + kUnknowns> rows;
     for (int i = 0; i < kUnknowns; ++i) {
-      rows(i, 0) = F[at(i)].value;
-      for (int j = 0; j < kInputs + kUnknowns; ++j) rows(i, 1 + j) = F[at(i)].by[at(j)];
+      rows(i, 0) = F[as_index(i)].value;
+      for (int j = 0; j < kInputs + kUnknowns; ++j) rows(i, 1 + j) = F[as_index(i)].by[as_index(j)];
     }
     const Eigen::MatrixXd change =
         rows.rightCols<kUnknowns>().partialPivLu().solve(rows.leftCols<1 + kInputs>());
     for (int i = 0; i < kUnknowns; ++i) {
-      x[at(i)].value -= change(i, 0);
-      for (int j = 0; j < kInputs; ++j) x[at(i)].by[at(j)] -= change(i, 1 + j);
+      x[as_index(i)].value -= change(i, 0);
+      for (int j = 0; j < kInputs; ++j) x[as_index(i)].by[as_index(j)] -= change(i, 1 + j);
     }
   }
   return x;
@@ -205,7 +205,7 @@ void expect_twins(const Case& of, double step_error, double error) {
     const Dual rate = u[i] + x[i], position = q[i] + Dual(kStep) * rate;
     twin[place[i]] = position.value, twin[8 + place[i]] = rate.value;
     for (int j = 0; j < kInputs; ++j) {
-      oracle(place[i], j) = position.by[at(j)], oracle(8 + place[i], j) = rate.by[at(j)];
+      oracle(place[i], j) = position.by[as_index(j)], oracle(8 + place[i], j) = rate.by[as_index(j)];
     }
     slopes.col(static_cast<int>(i)) = found.by_state.col(place[i]);
     slopes.col(kCoordinates + static_cast<int>(i)) = found.by_state.col(8 + place[i]);

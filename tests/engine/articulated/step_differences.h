@@ -32,18 +32,18 @@ class Coordinates {
     for (const model::Joint& joint : model_.joints)
       if (joint.kind == model::JointKind::ball) {
         const auto f = joint.first_dof;
-        const Vec3 now(q[at(f)], q[at(f + 1)], q[at(f + 2)]);
+        const Vec3 now(q[as_index(f)], q[as_index(f + 1)], q[as_index(f + 2)]);
         const Vec3 turned =
             rotation_vector(rotation_quaternion(change.segment<3>(f)) * rotation_quaternion(now));
-        for (int k = 0; k < 3; ++k) q[at(f + k)] = turned[k];
+        for (int k = 0; k < 3; ++k) q[as_index(f + k)] = turned[k];
       } else {
         for (int k = 0; k < dof_count(joint.kind); ++k)
-          q[at(joint.first_dof + k)] += change[joint.first_dof + k];
+          q[as_index(joint.first_dof + k)] += change[joint.first_dof + k];
       }
-    for (int k = 0; k < dofs; ++k) u[at(k)] += change[n + k];
+    for (int k = 0; k < dofs; ++k) u[as_index(k)] += change[n + k];
     for (std::size_t i = 0; i < free_.size(); ++i) {
       const int c = dofs + 6 * static_cast<int>(i);
-      model::BodyState& body = out.bodies[at(free_[i])];
+      model::BodyState& body = out.bodies[as_index(free_[i])];
       body.q = rotation_quaternion(change.segment<3>(c)) * body.q;
       body.p += change.segment<3>(c + 3);
       body.w += change.segment<3>(n + c);
@@ -59,19 +59,20 @@ class Coordinates {
     const int dofs = model_.dof_count(), n = size();
     Eigen::VectorXd out(2 * n);
     for (int k = 0; k < dofs; ++k) {
-      out[k] = to.q[at(k)] - reference.q[at(k)];
-      out[n + k] = to.u[at(k)];
+      out[k] = to.q[as_index(k)] - reference.q[as_index(k)];
+      out[n + k] = to.u[as_index(k)];
     }
     for (const model::Joint& joint : model_.joints) {
       if (joint.kind != model::JointKind::ball) continue;
-      const auto f = at(joint.first_dof);
+      const auto f = as_index(joint.first_dof);
       const Quat a = rotation_quaternion(Vec3(to.q[f], to.q[f + 1], to.q[f + 2])),
                  b = rotation_quaternion(Vec3(reference.q[f], reference.q[f + 1], reference.q[f + 2]));
       out.segment<3>(joint.first_dof) = rotation_vector(a * b.conjugate());
     }
     for (std::size_t i = 0; i < free_.size(); ++i) {
       const int c = dofs + 6 * static_cast<int>(i);
-      const model::BodyState &body = to.bodies[at(free_[i])], &was = reference.bodies[at(free_[i])];
+      const model::BodyState &body = to.bodies[as_index(free_[i])],
+                             &was = reference.bodies[as_index(free_[i])];
       out.segment<3>(c) = rotation_vector(body.q * was.q.conjugate());
       out.segment<3>(c + 3) = body.p - was.p;
       out.segment<3>(n + c) = body.w;
@@ -101,9 +102,10 @@ inline Difference ridders(double h, const std::function<Eigen::VectorXd(double)>
     double power = 1;
     for (int j = 1; j <= std::min(i, 3); ++j) {
       power *= 4;
-      now.push_back((power * now.back() - last[at(j - 1)]) / (power - 1));
-      const double e = std::max(error(now[at(j)], now[at(j - 1)]), error(now[at(j)], last[at(j - 1)]));
-      if (e < out.error) out = {now[at(j)], e};
+      now.push_back((power * now.back() - last[as_index(j - 1)]) / (power - 1));
+      const double e = std::max(error(now[as_index(j)], now[as_index(j - 1)]),
+                                error(now[as_index(j)], last[as_index(j - 1)]));
+      if (e < out.error) out = {now[as_index(j)], e};
     }
     last.swap(now);
   }

@@ -42,7 +42,7 @@ model::Model fingertips() {
 
 /// A contact on the palmar side of tip `i`: `along` it, at an angle about it.
 Contact touch(const model::State& state, int i, double along, double angle, double depth, double force) {
-  const model::BodyState& tip = state.bodies[at(2 + i)];
+  const model::BodyState& tip = state.bodies[as_index(2 + i)];
   // z of the body leads to the tip; palmar is the world's -z.
   const Vec3 out(std::sin(angle), 0, -std::cos(angle));
   Contact contact;
@@ -77,7 +77,7 @@ TEST(Taxels, AddUpToTheForceAtThePlaceOfTheContact) {
           if (forces[k] == 0) continue;
           EXPECT_TRUE(k >= pad.first && k < pad.first + pad.count);
           ++loaded;
-          centre += forces[k] / 3.7 * (state.bodies[at(pad.body)].pose() * taxels.points()[k]);
+          centre += forces[k] / 3.7 * (state.bodies[as_index(pad.body)].pose() * taxels.points()[k]);
         }
         EXPECT_GT(loaded, 4);
         const Vec3 away = centre - contact.position;
@@ -106,7 +106,8 @@ TEST(Taxels, CoverThePalmarHalfOfThePad) {
   double area = 0;
   for (std::size_t k = pad.first; k < pad.first + pad.count; ++k) {
     area += taxels.areas()[k];
-    EXPECT_LT((state.bodies[at(pad.body)].pose() * taxels.points()[k]).z(), state.bodies[at(pad.body)].p.z());
+    EXPECT_LT((state.bodies[as_index(pad.body)].pose() * taxels.points()[k]).z(),
+              state.bodies[as_index(pad.body)].p.z());
   }
   EXPECT_NEAR(area, M_PI * kRadius * kLength + M_PI * kRadius * kRadius, 1e-3 * area);
 }

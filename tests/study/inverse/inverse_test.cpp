@@ -110,7 +110,7 @@ TEST(Inverse, ActivationsGiveTheTorquesAndReservesTheRest) {
 // rows of arms, as at the least sum of squares under given torques; the others want beyond their bound.
 TEST(StaticOptimisation, IsTheLeastSumOfSquares) {
   const scene::Scene scene = test::shipped_scene("muscle_poses", {"duration=0.1 s"});
-  std::vector<std::size_t> dofs(at(scene.model.dof_count()));
+  std::vector<std::size_t> dofs(as_index(scene.model.dof_count()));
   std::iota(dofs.begin(), dofs.end(), 0);
   const model::State state = model::initial_state(scene.model);
   std::vector<double> torques(dofs.size());
@@ -122,7 +122,7 @@ TEST(StaticOptimisation, IsTheLeastSumOfSquares) {
                muscles = static_cast<Eigen::Index>(found.size());
     Eigen::MatrixXd arms = Eigen::MatrixXd::Zero(rows, muscles);
     for (Eigen::Index m = 0; m < muscles; ++m) {
-      const model::Muscle& muscle = scene.model.muscles[at(static_cast<int>(m))];
+      const model::Muscle& muscle = scene.model.muscles[as_index(static_cast<int>(m))];
       const model::PathState path = model::path_state(muscle.path, state.q);
       for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
         arms(muscle.path.arms[i].dof, m) = path.arm[i] * model::isometric_force(muscle, path.excursion);
@@ -130,7 +130,7 @@ TEST(StaticOptimisation, IsTheLeastSumOfSquares) {
     std::vector<Eigen::Index> free;
     Eigen::VectorXd a(muscles);
     for (Eigen::Index m = 0; m < muscles; ++m) {
-      a[m] = found[at(static_cast<int>(m))];
+      a[m] = found[as_index(static_cast<int>(m))];
       EXPECT_GE(a[m], least);
       EXPECT_LE(a[m], 1);
       if (a[m] > least && a[m] < 1) free.push_back(m);
@@ -140,7 +140,7 @@ TEST(StaticOptimisation, IsTheLeastSumOfSquares) {
     Eigen::VectorXd weights(rows);
     for (Eigen::Index i = 0; i < rows; ++i) {
       const double most = arms.row(i).cwiseAbs().sum();
-      weights[i] = most > 0 ? 1e6 * optimisation.missing()[at(static_cast<int>(i))] / (most * most) : 0;
+      weights[i] = most > 0 ? 1e6 * optimisation.missing()[as_index(static_cast<int>(i))] / (most * most) : 0;
     }
     for (Eigen::Index m = 0; m < muscles; ++m) {
       const double wants = arms.col(m).dot(weights);
@@ -234,7 +234,9 @@ TEST(Inverse, DrawnHandsHaveTheTorquesAndCurvesOfTheirOwn) {
       uncertain_inverse(test::source("config/every_pose.yaml"), {"duration=0.3 s", "criteria={}"}, input, 3));
   const std::atomic<bool> stop = false;
   const std::string name = "right.index_mcp.flexion";
-  const auto place = [](const auto& list, const auto& of) { return std::ranges::find(list, of) - list.begin(); };
+  const auto place = [](const auto& list, const auto& of) {
+    return std::ranges::find(list, of) - list.begin();
+  };
   std::vector<std::string> columns;
   for (const Column& column : study.head().columns) columns.push_back(column.name);
   std::set<double> largest;
@@ -242,10 +244,11 @@ TEST(Inverse, DrawnHandsHaveTheTorquesAndCurvesOfTheirOwn) {
     const InverseResult own = run_inverse(study.scene(i), input);
     const auto axis = std::ranges::find(own.axes, name, &InverseAxis::name);
     const auto row = study.run(i, stop);
-    EXPECT_EQ(std::get<double>(row->cells[at(place(columns, name + ".largest_torque[N_m]"))]), axis->largest_torque);
+    EXPECT_EQ(std::get<double>(row->cells[as_index(place(columns, name + ".largest_torque[N_m]"))]),
+              axis->largest_torque);
     largest.insert(axis->largest_torque);
     const std::size_t width = row->curves.columns.size();
-    EXPECT_EQ(row->curves.values[2 * width + at(place(row->curves.columns, name + ".torque[N_m]"))],
+    EXPECT_EQ(row->curves.values[2 * width + as_index(place(row->curves.columns, name + ".torque[N_m]"))],
               own.rows[2].active(axis->dof));
   }
   EXPECT_EQ(largest.size(), 3U) << "hands differ";

@@ -41,10 +41,10 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
       mechanism_(model, settings, kernel),
       momentum_(mechanism_) {
   for (const Cut& cut : mechanism_.topology().cuts)
-    for (const model::JointAxis& axis : model.joints[at(cut.joint)].axes)
+    for (const model::JointAxis& axis : model.joints[as_index(cut.joint)].axes)
       if ((axis.stop && settings.effects.has(model::Effect::joint_stops)) ||
           (axis.tissue && settings.effects.has(model::Effect::passive_tissue)))
-        throw input_error(model.joints[at(cut.joint)].name, "a stop or tissue on every joint of a loop",
+        throw input_error(model.joints[as_index(cut.joint)].name, "a stop or tissue on every joint of a loop",
                           "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
   muscles_ = std::make_unique<MuscleCoupling>(model, settings, mechanism_);
@@ -81,7 +81,7 @@ void ArticulatedEngine::reset(const model::State& state) {
   model::State next = state;
   // What no drive moves among kinematic bodies stands still.
   std::vector<bool> driven(model_.bodies.size(), false);
-  for (const model::Drive& drive : drives()) driven[at(drive.body)] = true;
+  for (const model::Drive& drive : drives()) driven[as_index(drive.body)] = true;
   for (std::size_t i = 0; i < next.bodies.size(); ++i)
     if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   mechanism_.load_state(next);
@@ -169,9 +169,9 @@ void ArticulatedEngine::check_input(const StepInput& input) {
   }
   if (input.torques.empty()) return;
   for (const Cut& cut : mechanism_.topology().cuts) {
-    const model::Joint& joint = model_.joints[at(cut.joint)];
+    const model::Joint& joint = model_.joints[as_index(cut.joint)];
     for (int k = 0; k < dof_count(joint.kind); ++k)
-      if (input.torques[at(joint.first_dof + k)] != 0)
+      if (input.torques[as_index(joint.first_dof + k)] != 0)
         throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
                           "a torque on another joint of the loop");
   }

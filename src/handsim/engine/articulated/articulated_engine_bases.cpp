@@ -45,7 +45,7 @@ void ArticulatedEngine::place_bases() {
 void ArticulatedEngine::store_bases_and_coordinates() const {
   for (const model::Drive& drive : drives()) {
     const BaseMotion& base = mechanism_.base(drive.body);
-    state_.bodies[at(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
+    state_.bodies[as_index(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
   mechanism_.store_coordinates(state_);
   state_.time = time_;

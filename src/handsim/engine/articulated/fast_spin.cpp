@@ -38,9 +38,9 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
       tree.base = node.kind == NodeKind::free ? model::kWorld : node.base;
       if (rate_count(node.kind) == 1) tree.stop = views[i].side;
     } else {
-      tree_of[i] = tree_of[at(*node.parent)];
+      tree_of[i] = tree_of[as_index(*node.parent)];
     }
-    SpinningTree& tree = trees_[at(tree_of[i])];
+    SpinningTree& tree = trees_[as_index(tree_of[i])];
     tree.nodes.push_back(static_cast<int>(i));
     if (node.body) tree.bodies.add(mechanism, static_cast<int>(i));
     for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i)); ++dof)
@@ -50,23 +50,23 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism, bool muscles
     if (views[i].work) tree.works.push_back(views[i].work);
     if (node.kind == NodeKind::ball) tree.balls.push_back(static_cast<int>(i));
     if (!node.joint) continue;
-    const int first = model.joints[at(*node.joint)].first_dof + node.axis_index;
-    for (int k = 0; k < rate_count(node.kind); ++k) tree.driven_by.push_back(at(first + k));
+    const int first = model.joints[as_index(*node.joint)].first_dof + node.axis_index;
+    for (int k = 0; k < rate_count(node.kind); ++k) tree.driven_by.push_back(as_index(first + k));
   }
   for (const Cut& cut : topology.cuts)
     for (const CutSide* side : {&cut.parent, &cut.child})
-      if (side->node) trees_[at(tree_of[at(*side->node)])].looped = true;
+      if (side->node) trees_[as_index(tree_of[as_index(*side->node)])].looped = true;
   if (muscles)
     for (const model::Muscle& muscle : model.muscles)
       for (const model::MomentArm& arm : muscle.path.arms)
         for (SpinningTree& tree : trees_)
-          tree.pulled = tree.pulled || std::ranges::count(tree.driven_by, at(arm.dof)) > 0;
+          tree.pulled = tree.pulled || std::ranges::count(tree.driven_by, as_index(arm.dof)) > 0;
   // A lone free body has spin.h; one axis that is fixed in its base has no velocity products to balance.
   std::erase_if(trees_, [&](const SpinningTree& tree) {
-    return tree.nodes.size() == 1 && topology.nodes[at(tree.nodes[0])].kind != NodeKind::ball;
+    return tree.nodes.size() == 1 && topology.nodes[as_index(tree.nodes[0])].kind != NodeKind::ball;
   });
-  accelerations_.resize(at(space_.size()));
-  forces_.resize(at(space_.size()));
+  accelerations_.resize(as_index(space_.size()));
+  forces_.resize(as_index(space_.size()));
 }
 
 void FastSpin::refresh() {
@@ -151,12 +151,12 @@ void FastSpin::add_work(bool constrained) {
       return u[space_.rate_index(dof)] + 0.5 * step_ * du[space_.rate_index(dof)];
     };
     if (constrained) {
-      for (const int dof : tree.dofs) tree.energy += step_ * forces_[at(dof)] * mean(dof);
+      for (const int dof : tree.dofs) tree.energy += step_ * forces_[as_index(dof)] * mean(dof);
     } else {
       for (const double* work : tree.works) tree.energy += *work;
       for (const int node : tree.balls)
         for (int k = 0; k < 3; ++k)
-          tree.energy += step_ * mechanism_.view(at(node)).tau[at(k) * mechanism_.stride()] *
+          tree.energy += step_ * mechanism_.view(as_index(node)).tau[as_index(k) * mechanism_.stride()] *
                          mean(space_.first_dof(node) + k);
     }
   }

@@ -8,7 +8,7 @@
 namespace handsim::engine::articulated {
 
 void TreeBodies::add(const Mechanism& mechanism, int node) {
-  views_.push_back(&mechanism.view(at(node)));
+  views_.push_back(&mechanism.view(as_index(node)));
   stride_ = mechanism.stride();
   mass_ += *views_.back()->mass;
 }
@@ -48,7 +48,9 @@ MomentumBalance::MomentumBalance(Mechanism& mechanism) : mechanism_(mechanism), 
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     const bool root = nodes[i].kind == NodeKind::free;
     if (root) trees_.push_back({{}, static_cast<int>(i), nodes[i].island});
-    tree_of_.push_back(root ? trees_.size() - 1 : nodes[i].parent ? tree_of_[at(*nodes[i].parent)] : kHeld);
+    tree_of_.push_back(root              ? trees_.size() - 1
+                       : nodes[i].parent ? tree_of_[as_index(*nodes[i].parent)]
+                                         : kHeld);
     FreeTree& tree = trees_[tree_of_[i]];
     if (nodes[i].body) tree.bodies.add(mechanism, static_cast<int>(i));
     if (tree_of_[i] != kHeld && !root) tree.jointed = jointed_ = true;
@@ -94,9 +96,9 @@ void MomentumBalance::begin_step(std::span<const BodyForce> forces, const Contac
     tree.linear += step * tree.bodies.mass() * mechanism_.gravity();
   }
   for (const BodyForce& each : forces) {
-    const int node = mechanism_.topology().node_of_body[at(each.body)];
-    const Vec3 position = mechanism_.origin(mechanism_.topology().nodes[at(node)].island) +
-                          read3(mechanism_.view(at(node)).p, mechanism_.stride());
+    const int node = mechanism_.topology().node_of_body[as_index(each.body)];
+    const Vec3 position = mechanism_.origin(mechanism_.topology().nodes[as_index(node)].island) +
+                          read3(mechanism_.view(as_index(node)).p, mechanism_.stride());
     add(node, position, step * each.force, step * each.moment);
   }
   if (contacts)
@@ -123,15 +125,15 @@ bool MomentumBalance::correct(bool sound) {
   const std::size_t s = mechanism_.stride();
   for (FreeTree& tree : trees_) {
     if (!tree.active) continue;
-    const LaneSlot& slot = mechanism_.slot(at(tree.root));
+    const LaneSlot& slot = mechanism_.slot(as_index(tree.root));
     const Vec3 h = tree.bodies.moment(), c = h / tree.bodies.mass();
     Spatial missing;
     missing << tree.angular + c.cross(tree.linear), tree.linear;
     missing -= tree.bodies.momentum();
     const Spatial change = tree.bodies.rigid_velocity(h, tree.bodies.inertia(), missing);
     double *q = &mechanism_.q()[slot.q], *u = &mechanism_.u()[slot.u];
-    for (Eigen::Index k = 0; k < 3; ++k) q[at(k) * s] = tree.centre[k] - c[k];
-    for (Eigen::Index k = 0; k < 6; ++k) u[at(k) * s] += change[k];
+    for (Eigen::Index k = 0; k < 3; ++k) q[as_index(k) * s] = tree.centre[k] - c[k];
+    for (Eigen::Index k = 0; k < 6; ++k) u[as_index(k) * s] += change[k];
   }
   return mechanism_.kernel().velocities(mechanism_.tree());
 }

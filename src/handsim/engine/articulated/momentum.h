@@ -77,7 +77,7 @@ class MomentumBalance {
   };
   /// In trees_: stands for all that bases hold, and never takes part.
   static constexpr std::size_t kHeld = 0;
-  std::size_t tree_of(int node) const { return node == kNoNode ? kHeld : tree_of_[at(node)]; }
+  std::size_t tree_of(int node) const { return node == kNoNode ? kHeld : tree_of_[as_index(node)]; }
   void choose(const ContactDynamics* contacts, bool smooth);
   std::size_t group(std::size_t tree);
   void add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment);

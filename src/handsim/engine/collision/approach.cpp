@@ -25,7 +25,7 @@ dGeomID Approach::geom(std::size_t shape) {
 }
 
 Approach::Side Approach::side(std::size_t shape, const model::State& state, std::span<const Way> ways) const {
-  const auto index = at(model_.shapes[shape].body);
+  const auto index = as_index(model_.shapes[shape].body);
   const model::Body& body = model_.bodies[index];
   const bool told = body.kinematic || index == model::kWorld;
   return {shape, state.bodies[index].pose(), ways[index],

@@ -85,10 +85,10 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
   std::vector<std::size_t> mover_of(model.bodies.size(), model.bodies.size());
   const auto watch = [&](std::size_t index) {
     const Shape& shape = model.shapes[index];
-    std::size_t& mover = mover_of[at(shape.body)];
+    std::size_t& mover = mover_of[as_index(shape.body)];
     if (mover == model.bodies.size()) {
       mover = movers_.size();
-      movers_.emplace_back().body = at(shape.body);
+      movers_.emplace_back().body = as_index(shape.body);
     }
     placed_[index].mover = mover;
     const Extent& of = extents_[index];

@@ -62,7 +62,7 @@ void Collider::add_geoms(std::span<const dBodyID> bodies) {
     const model::Shape& shape = model_.shapes[i];
     if (!rules_.meets_any(shape.group)) continue;
     geoms_[i] = make_geom(space_.get(), shape, i);
-    const dBodyID body = bodies.empty() ? nullptr : bodies[at(shape.body)];
+    const dBodyID body = bodies.empty() ? nullptr : bodies[as_index(shape.body)];
     if (body != nullptr && shape.kind != model::ShapeKind::plane) fix_geom(geoms_[i], shape, body);
   }
 }
@@ -71,7 +71,7 @@ void Collider::place(const model::State& state) {
   if (clearance_) return;
   for (std::size_t i = 0; i < geoms_.size(); ++i)
     if (geoms_[i] != nullptr && dGeomGetBody(geoms_[i]) == nullptr)
-      place_geom(geoms_[i], model_.shapes[i], state.bodies[at(model_.shapes[i].body)].pose());
+      place_geom(geoms_[i], model_.shapes[i], state.bodies[as_index(model_.shapes[i].body)].pose());
 }
 
 void Collider::near(void* self, dGeomID a, dGeomID b) {
@@ -94,7 +94,7 @@ void Collider::collect_near(const model::State& state) {
 }
 
 model::Material Collider::surface(int shape_a, int shape_b) const {
-  const model::Shape &a = model_.shapes[at(shape_a)], &b = model_.shapes[at(shape_b)];
+  const model::Shape &a = model_.shapes[as_index(shape_a)], &b = model_.shapes[as_index(shape_b)];
   return rules_.meet(a.group, b.group) ? rules_.between(a, b) : model::Material{};
 }
 
@@ -118,7 +118,7 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
   if (!sweep_) return {};
   const double step2 = prospect.step * prospect.step;
   const auto fast = [&](int body) {
-    const model::BodyState& now = state.bodies[at(body)];
+    const model::BodyState& now = state.bodies[as_index(body)];
     return sweep_->fast(body, step2 * (now.v + prospect.fall).squaredNorm(), step2 * now.w.squaredNorm());
   };
   const auto driven_fast = [&](const StepForecast::Driven& each) {
@@ -128,10 +128,10 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
     return {};
   ways_.assign(state.bodies.size(), {});
   for (const int body : sweep_->bodies()) {
-    const model::BodyState& now = state.bodies[at(body)];
-    ways_[at(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
+    const model::BodyState& now = state.bodies[as_index(body)];
+    ways_[as_index(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
   }
-  for (const StepForecast::Driven& each : prospect.driven) ways_[at(each.body)] = each.way;
+  for (const StepForecast::Driven& each : prospect.driven) ways_[as_index(each.body)] = each.way;
   return sweep_->find(state, ways_);
 }
 
@@ -167,11 +167,11 @@ int Collider::collide(const model::State& state, const StepForecast& prospect) {
 /// point alone has all of K, as has the end of a capsule.
 void Collider::share_stiffness(const Touch& touch, bool flat) {
   double sum = 0;
-  for (std::size_t i = touch.first; flat && i < touch.first + at(touch.count); ++i) {
+  for (std::size_t i = touch.first; flat && i < touch.first + as_index(touch.count); ++i) {
     const double depth2 = contacts_[i].depth * contacts_[i].depth;
     sum += depth2 * depth2;
   }
-  for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+  for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
     const double depth = contacts_[i].depth;
     shares_.push_back(flat && sum > 0 ? std::max(depth * depth / std::sqrt(sum), kLeastShare)
                                       : 1.0 / touch.count);
@@ -190,7 +190,7 @@ int Collider::approach(std::size_t a, std::size_t b, bool touching, const model:
 Pose Collider::pose(std::size_t shape, const model::State& state) {
   if (clearance_) return clearance_->pose(shape);
   const model::Shape& of = model_.shapes[shape];
-  return state.bodies[at(of.body)].pose() * of.pose;
+  return state.bodies[as_index(of.body)].pose() * of.pose;
 }
 
 /// Appends the contact point of a capsule and a sphere. @return how many; nothing for other pairs
@@ -217,7 +217,7 @@ int Collider::narrow_phase(std::size_t a, const Pose& x_WA, std::size_t b, const
   };
   if (const auto own = narrow_.manifold(a, x_WA, b, x_WB, pad)) {
     for (int i = 0; i < own->count; ++i) {
-      const ManifoldPoint& point = own->points[at(i)];
+      const ManifoldPoint& point = own->points[as_index(i)];
       add(point.position, point.normal, point.depth);
     }
     return own->count;

@@ -60,7 +60,9 @@ class Collider {
   /// What the surfaces of two shapes are to each other.
   model::Material surface(int shape_a, int shape_b) const;
   /// @returns whether a touch's points share its stiffness by their depths
-  bool shares_by_depth(const Contact& any) const { return narrow_.flat(at(any.shape_a), at(any.shape_b)); }
+  bool shares_by_depth(const Contact& any) const {
+    return narrow_.flat(as_index(any.shape_a), as_index(any.shape_b));
+  }
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);

@@ -65,7 +65,7 @@ std::optional<Manifold> NarrowPhase::manifold(std::size_t a, const Pose& x_WA, s
   std::optional<Manifold> found;
   if (!in_order(a, x_WA, b, x_WB, found) && in_order(b, x_WB, a, x_WA, found))
     for (int i = 0; i < found->count; ++i) {
-      Vec3& normal = found->points[at(i)].normal;
+      Vec3& normal = found->points[as_index(i)].normal;
       normal = -normal;
     }
   return found;

@@ -24,7 +24,7 @@ int add_ode_points(dGeomID a, dGeomID b, const Add& add) {
   const int found_count = dCollide(a, b, kMaxPairContacts, found.data(), sizeof(dContactGeom));
   int count = 0;
   for (int i = 0; i < found_count; ++i) {
-    const dContactGeom& point = found[at(i)];
+    const dContactGeom& point = found[as_index(i)];
     const Vec3 normal(point.normal[0], point.normal[1], point.normal[2]);
     // Written so that NaN fails.
     if (!(normal.squaredNorm() > 0.5)) continue;

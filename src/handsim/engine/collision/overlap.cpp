@@ -35,13 +35,13 @@ std::vector<Overlap> overlaps(const model::Model& model, const model::State& sta
   std::vector<dGeomID> geoms;
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     geoms.push_back(make_geom(space.get(), model.shapes[i], i));
-    place_geom(geoms[i], model.shapes[i], state.bodies[at(model.shapes[i].body)].pose());
+    place_geom(geoms[i], model.shapes[i], state.bodies[as_index(model.shapes[i].body)].pose());
   }
   const NarrowPhase narrow(model);
   const UntestedPairs untested(model, immovable_bodies(model, {}));
   const auto pose_of = [&](std::size_t shape) {
     const model::Shape& of = model.shapes[shape];
-    return state.bodies[at(of.body)].pose() * of.pose;
+    return state.bodies[as_index(of.body)].pose() * of.pose;
   };
   std::vector<Overlap> found;
   for (std::size_t a = 0; a < geoms.size(); ++a)

@@ -67,7 +67,7 @@ class PadMemory {
       const Touch& touch = collider.touches()[k];
       if (!remembers(touch.surface)) continue;
       double force = 0, shares = 0;
-      for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+      for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
         const double elastic = touch.surface.compliance->elastic(depth_after(i)).force;
         force += collider.shares()[i] * std::max(elastic, 0.0);
         shares += collider.shares()[i];

@@ -7,7 +7,7 @@ namespace handsim::engine {
 PairTable::PairTable(const model::Model& model)
     : model_(model), rules_(model.groups.size() * model.groups.size(), nullptr) {
   for (const model::ContactRule& rule : model.contact_rules) {
-    const std::size_t a = at(rule.group_a), b = at(rule.group_b);
+    const std::size_t a = as_index(rule.group_a), b = as_index(rule.group_b);
     rules_[a * model.groups.size() + b] = rules_[b * model.groups.size() + a] = &rule;
   }
 }
@@ -42,7 +42,7 @@ model::Material sized(model::Material surface, double radius) {
 }  // namespace
 
 model::Material PairTable::between(const model::Shape& a, const model::Shape& b) const {
-  const auto material = [&](int index) { return model_.materials[at(index)]; };
+  const auto material = [&](int index) { return model_.materials[as_index(index)]; };
   const std::optional<int> ruled = rule(a.group, b.group)->material;
   return ruled ? sized(material(*ruled), pad_radius(a, b))
                : model::combined(sized(material(a.material), radius_of(a)),
@@ -62,10 +62,10 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
       untested_[a * count_ + b] = a == b || (immovable[a] && immovable[b]);
   // The world at a wrist is no forearm: a palm that hangs on it meets what stands still.
   std::vector<bool> palm(count_, false);
-  for (const model::HandIndex& hand : model.hands) palm[at(hand.palm)] = true;
+  for (const model::HandIndex& hand : model.hands) palm[as_index(hand.palm)] = true;
   for (const model::Joint& joint : model.joints) {
-    if (joint.parent == model::kWorld && palm[at(joint.child)]) continue;
-    const std::size_t a = at(joint.parent), b = at(joint.child);
+    if (joint.parent == model::kWorld && palm[as_index(joint.child)]) continue;
+    const std::size_t a = as_index(joint.parent), b = as_index(joint.child);
     untested_[a * count_ + b] = untested_[b * count_ + a] = true;
   }
   // What hangs on one part of a palm, or carries it, meets no part of it, as if the palm were one body.
@@ -79,7 +79,8 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
       if (std::ranges::find(parts, joint.parent) != parts.end()) near.push_back(joint.child);
     for (const int part : parts)
       for (const int other : near) {
-        untested_[at(part) * count_ + at(other)] = untested_[at(other) * count_ + at(part)] = true;
+        untested_[as_index(part) * count_ + as_index(other)] =
+            untested_[as_index(other) * count_ + as_index(part)] = true;
       }
   }
 }

@@ -18,7 +18,9 @@ class PairTable {
   model::Material between(const model::Shape& a, const model::Shape& b) const;
 
  private:
-  const model::ContactRule* rule(int a, int b) const { return rules_[at(a) * model_.groups.size() + at(b)]; }
+  const model::ContactRule* rule(int a, int b) const {
+    return rules_[as_index(a) * model_.groups.size() + as_index(b)];
+  }
   const model::Model& model_;
   std::vector<const model::ContactRule*> rules_;  ///< groups by groups, symmetric; null: never meet
 };
@@ -27,7 +29,9 @@ class PairTable {
 class UntestedPairs {
  public:
   UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);
-  bool operator()(int body_a, int body_b) const { return untested_[at(body_a) * count_ + at(body_b)]; }
+  bool operator()(int body_a, int body_b) const {
+    return untested_[as_index(body_a) * count_ + as_index(body_b)];
+  }
 
  private:
   std::size_t count_;

@@ -22,7 +22,7 @@ double CrossedBodies::inverse_mass(const Contact& contact) const {
   for (const int shape : {contact.shape_a, contact.shape_b}) {
     const int body = moving_body(shape);
     if (body == model::kWorld) continue;
-    inverse_mass += 1 / model_.bodies[at(body)].mass;
+    inverse_mass += 1 / model_.bodies[as_index(body)].mass;
     crossed = crossed || std::ranges::find(bodies_, body) != bodies_.end();
   }
   return crossed ? kCrossedSoftness * inverse_mass : 0;
@@ -30,8 +30,8 @@ double CrossedBodies::inverse_mass(const Contact& contact) const {
 
 /// The world where the shape is on a body that nothing pushes.
 int CrossedBodies::moving_body(int shape) const {
-  const int body = model_.shapes[at(shape)].body;
-  return model_.bodies[at(body)].kinematic ? model::kWorld : body;
+  const int body = model_.shapes[as_index(shape)].body;
+  return model_.bodies[as_index(body)].kinematic ? model::kWorld : body;
 }
 
 }  // namespace handsim::engine

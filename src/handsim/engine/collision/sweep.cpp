@@ -55,8 +55,8 @@ void Sweep::compute_limits() {
   const std::size_t n = model_.shapes.size();
   std::vector<double> least(limits_.size(), kEndless);
   const auto lower = [&](int body, int other, double radius) {
-    const double share = immovable_[at(other)] ? kSlowShare : 0.5 * kSlowShare;
-    double& limit = least[at(body)];
+    const double share = immovable_[as_index(other)] ? kSlowShare : 0.5 * kSlowShare;
+    double& limit = least[as_index(body)];
     limit = std::min(limit, share * radius);
   };
   for (std::size_t i = 0; i < n; ++i)
@@ -68,7 +68,7 @@ void Sweep::compute_limits() {
       lower(b, a, radius);
     }
   for (std::size_t i = 0; i < n; ++i) {
-    Limit& limit = limits_[at(model_.shapes[i].body)];
+    Limit& limit = limits_[as_index(model_.shapes[i].body)];
     limit.lever2 = std::max(limit.lever2, levers_[i] * levers_[i]);
   }
   for (std::size_t i = 0; i < limits_.size(); ++i) {
@@ -84,7 +84,7 @@ std::span<const Sweep::Pair> Sweep::find(const model::State& state, std::span<co
   for (std::size_t i = 0; i < tracks_.size(); ++i) {
     const Shape& shape = model_.shapes[i];
     if (!rules_.meets_any(shape.group)) continue;
-    const auto body = at(shape.body);
+    const auto body = as_index(shape.body);
     Track& track = tracks_[i];
     track.centre = state.bodies[body].p + state.bodies[body].q * shape.pose.p;
     track.way = ways[body].shift.norm() + ways[body].turn.norm() * levers_[i];
@@ -109,14 +109,16 @@ std::span<const Sweep::Pair> Sweep::find(const model::State& state, std::span<co
 void Sweep::add(std::size_t i, std::size_t j, const model::State& state, std::span<const Way> ways) {
   if (tracks_[i].way + tracks_[j].way <= kSlowShare * std::min(radii_[i], radii_[j])) return;
   const Shape &a = model_.shapes[i], &b = model_.shapes[j];
-  const Way &way_a = ways[at(a.body)], &way_b = ways[at(b.body)];
+  const Way &way_a = ways[as_index(a.body)], &way_b = ways[as_index(b.body)];
   const double way =
       (way_a.shift - way_b.shift).norm() + way_a.turn.norm() * levers_[i] + way_b.turn.norm() * levers_[j];
   if (way <= kSlowShare * std::min(radii_[i], radii_[j]) || !allowed(i, j)) return;
   const bool flat = a.kind == ShapeKind::plane || b.kind == ShapeKind::plane;
   const double apart = (tracks_[i].centre - tracks_[j].centre).norm() - tracks_[i].reach - tracks_[j].reach;
   if (!flat && apart > way) return;
-  const auto pose = [&](const Shape& shape) { return state.bodies[at(shape.body)].pose() * shape.pose; };
+  const auto pose = [&](const Shape& shape) {
+    return state.bodies[as_index(shape.body)].pose() * shape.pose;
+  };
   if (least_gap(a, pose(a), b, pose(b)) <= way) found_.emplace_back(i, j);
 }
 

@@ -51,7 +51,7 @@ class Sweep {
   std::span<const int> bodies() const { return bodies_; }
   /// True where a body goes far enough for its pairs to matter. @param shift2, turn2 squares [m^2], [rad^2]
   bool fast(int body, double shift2, double turn2) const {
-    const Limit& limit = limits_[at(body)];
+    const Limit& limit = limits_[as_index(body)];
     // (x + y)^2 is at most 2 (x^2 + y^2).
     return 2 * (shift2 + limit.lever2 * turn2) > limit.way2;
   }

@@ -27,9 +27,9 @@ Taxels::Taxels(const model::Model& model, double spacing) : model_(model), rules
 
 /// Rows along the capsule, and around its free end, each over the palmar half turn.
 void Taxels::add_pad(const model::HandIndex& hand, const model::Fingertip& tip, int shape, double spacing) {
-  const model::Shape& capsule = model_.shapes[at(shape)];
+  const model::Shape& capsule = model_.shapes[as_index(shape)];
   Pad pad{tip.name, tip.body, shape, points_.size(), 0};
-  const auto of_body = [&](int body) { return model_.bodies[at(body)].zero_pose; };
+  const auto of_body = [&](int body) { return model_.bodies[as_index(body)].zero_pose; };
   // Palmar, with the joints at zero: against the hand's z.
   const Vec3 dorsal = (of_body(hand.palm) * hand.wrist_frame).q * Vec3::UnitZ();
   const Quat to_shape = (of_body(tip.body) * capsule.pose).q.conjugate();
@@ -73,12 +73,12 @@ void Taxels::spread(const Pad& pad, const Contact& contact, const model::State& 
   const double force = contact.normal_force();
   if (!(force > 0)) return;
   const model::Material surface =
-      rules_.between(model_.shapes[at(contact.shape_a)], model_.shapes[at(contact.shape_b)]);
-  const double radius = model_.shapes[at(pad.shape)].radius;
+      rules_.between(model_.shapes[as_index(contact.shape_a)], model_.shapes[as_index(contact.shape_b)]);
+  const double radius = model_.shapes[as_index(pad.shape)].radius;
   const double flat2 =
       2 * (surface.compliance && surface.compliance->radius > 0 ? surface.compliance->radius : radius) *
       std::max(contact.depth, 0.0);
-  const Pose to_body = state.bodies[at(pad.body)].pose().inverse();
+  const Pose to_body = state.bodies[as_index(pad.body)].pose().inverse();
   const Vec3 place = to_body * contact.position, normal = to_body.q * contact.normal;
   const Vec3 e = normal.unitOrthogonal(), f = normal.cross(e);
   // Which way out of the pad the contact's normal points.

@@ -112,7 +112,7 @@ class Euler final : public Integrator {
     system_.constraints(state, rows);
     Vector wanted(static_cast<Index>(rows.size()));
     for (Index i = 0; i < wanted.size(); ++i) {
-      const ConstraintRow& row = rows[at(i)];
+      const ConstraintRow& row = rows[as_index(i)];
       wanted[i] = -erp_ / step * row.value - (rate(row, state) - system_.own_rate(row, u, state));
     }
     return solve_constrained(implicit_mass(system_, state, step, step), system_.times_mass(u) + step * force,

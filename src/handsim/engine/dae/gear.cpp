@@ -249,7 +249,7 @@ class Gear final : public Integrator {
     project_velocities(system_, state);
   }
 
-  const ConstraintRow& scratch_row(Index i) const { return scratch_rows_[at(rows_[at(i)])]; }
+  const ConstraintRow& scratch_row(Index i) const { return scratch_rows_[as_index(rows_[as_index(i)])]; }
 
   /// G^T multipliers.
   Vector joint_force(const Vector& multipliers) const {
@@ -291,7 +291,7 @@ class Gear final : public Integrator {
       quantity = position ? (linear ? "position [m]" : "rotation")
                           : (linear ? "velocity [m/s]" : "angular velocity [rad/s]");
     } else {
-      where = system_.joint_of_row(rows_[at((worst - nx - nu) % m)]).name;
+      where = system_.joint_of_row(rows_[as_index((worst - nx - nu) % m)]).name;
       quantity = "joint force [N or N m]";
     }
     throw Error(PhysicsFault{time, where, quantity,

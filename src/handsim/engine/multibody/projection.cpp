@@ -29,13 +29,13 @@ LeastSquares decompose(const Matrix& jacobian) { return {jacobian, kRankThreshol
 
 Vector values(const std::vector<ConstraintRow>& rows) {
   Vector out(static_cast<Index>(rows.size()));
-  for (Index i = 0; i < out.size(); ++i) out[i] = rows[at(i)].value;
+  for (Index i = 0; i < out.size(); ++i) out[i] = rows[as_index(i)].value;
   return out;
 }
 
 Vector rates(const std::vector<ConstraintRow>& rows, const model::State& state) {
   Vector out(static_cast<Index>(rows.size()));
-  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[at(i)], state);
+  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[as_index(i)], state);
   return out;
 }
 
@@ -57,7 +57,7 @@ double closed_error(const System& system, const model::State& state) {
 template <class Correct>
 void close_joints(const System& system, const model::State& state, Correct correct) {
   std::vector<ConstraintRow> rows;
-  rows.reserve(at(system.constraint_count()));
+  rows.reserve(as_index(system.constraint_count()));
   double last = INFINITY;
   for (int i = 0;; ++i) {
     system.constraints(state, rows);
@@ -152,7 +152,7 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
       if (u.norm() <= kAtRest) continue;
       island.set_velocities(u / u.norm(), state);
     }
-    std::vector<Index> all(at(island.constraint_count()));
+    std::vector<Index> all(as_index(island.constraint_count()));
     std::iota(all.begin(), all.end(), Index{0});
     const Vector drift = rate_drift(island, state, island.velocities(state), all);
     const Matrix scaled = scaled_jacobian(island, state);

@@ -14,8 +14,8 @@ struct Sides {
   Vec3 gap;                ///< from the parent's anchor to the child's
 
   Sides(const model::Joint& joint, const model::State& state) : parent(joint.parent), child(joint.child) {
-    const model::BodyState& p = state.bodies[at(parent)];
-    const model::BodyState& c = state.bodies[at(child)];
+    const model::BodyState& p = state.bodies[as_index(parent)];
+    const model::BodyState& c = state.bodies[as_index(child)];
     q_WF = p.q * joint.parent_frame.q;
     q_WM = c.q * joint.child_frame.q;
     r_parent = p.q * joint.parent_frame.p;
@@ -101,8 +101,8 @@ ConstraintRow coordinate_row(const model::Joint& joint, int coordinate, const mo
 }
 
 double rate(const ConstraintRow& row, const model::State& state) {
-  const model::BodyState& p = state.bodies[at(row.parent)];
-  const model::BodyState& c = state.bodies[at(row.child)];
+  const model::BodyState& p = state.bodies[as_index(row.parent)];
+  const model::BodyState& c = state.bodies[as_index(row.child)];
   return row.parent_v.dot(p.v) + row.parent_w.dot(p.w) + row.child_v.dot(c.v) + row.child_w.dot(c.w);
 }
 

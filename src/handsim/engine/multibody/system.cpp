@@ -19,8 +19,8 @@ System::System(const model::Model& model, const Settings& settings, std::vector<
       slot_of_(model.bodies.size()),
       joints_(std::move(joints)) {
   for (const int index : bodies_) {
-    slot_of_[at(index)] = static_cast<Index>(mass_.size());
-    const model::Body& each = model.bodies[at(index)];
+    slot_of_[as_index(index)] = static_cast<Index>(mass_.size());
+    const model::Body& each = model.bodies[as_index(index)];
     mass_.push_back(each.mass);
     inertia_.push_back(each.inertia);
     inverse_inertia_.push_back(each.inertia.inverse());
@@ -28,19 +28,21 @@ System::System(const model::Model& model, const Settings& settings, std::vector<
     root_.push_back(lower.transpose().inverse());
   }
   for (const model::Joint* joint : joints_)
-    joint_of_row_.insert(joint_of_row_.end(), at(engine::constraint_count(joint->kind)), joint);
+    joint_of_row_.insert(joint_of_row_.end(), as_index(engine::constraint_count(joint->kind)), joint);
   constraint_count_ = static_cast<Index>(joint_of_row_.size());
 }
 
 const model::BodyState& System::body(const model::State& state, Index slot) const {
-  return state.bodies[at(bodies_[at(slot)])];
+  return state.bodies[as_index(bodies_[as_index(slot)])];
 }
 
 model::BodyState& System::body(model::State& state, Index slot) const {
-  return state.bodies[at(bodies_[at(slot)])];
+  return state.bodies[as_index(bodies_[as_index(slot)])];
 }
 
-const std::string& System::body_name(Index slot) const { return model_.bodies[at(bodies_[at(slot)])].name; }
+const std::string& System::body_name(Index slot) const {
+  return model_.bodies[as_index(bodies_[as_index(slot)])].name;
+}
 
 void System::place_driven(double time, model::KeySide side, model::State& state) const {
   if (!settings_.effects.has(model::Effect::wrist_motion)) return;
@@ -48,14 +50,14 @@ void System::place_driven(double time, model::KeySide side, model::State& state)
     const Pose x_WD = drive.motion.at(time), x_WB = x_WD * drive.frame.inverse();
     const model::PoseRate rate = drive.motion.rate(time, side);
     // The origin of the driven frame D is not the centre of mass.
-    state.bodies[at(drive.body)] = {x_WB.p, x_WB.q, rate.v + rate.w.cross(x_WB.p - x_WD.p), rate.w};
+    state.bodies[as_index(drive.body)] = {x_WB.p, x_WB.q, rate.v + rate.w.cross(x_WB.p - x_WD.p), rate.w};
   }
 }
 
 void System::set_driven_velocities(double end, double step, model::State& state) const {
   if (!settings_.effects.has(model::Effect::wrist_motion)) return;
   for (const model::Drive& drive : model_.drives) {
-    model::BodyState& now = state.bodies[at(drive.body)];
+    model::BodyState& now = state.bodies[as_index(drive.body)];
     const Pose then = drive.motion.at(end) * drive.frame.inverse();
     now.v = (then.p - now.p) / step;
     now.w = rotation_vector(then.q * now.q.conjugate()) / step;
@@ -150,7 +152,7 @@ Matrix System::jacobian(const std::vector<ConstraintRow>& rows, const model::Sta
   Vector row(out.cols());
   for (Index i = 0; i < out.rows(); ++i) {
     row.setZero();
-    add_transposed(rows[at(i)], 1, state, row);
+    add_transposed(rows[as_index(i)], 1, state, row);
     out.row(i) = row.transpose();
   }
   return out;
@@ -159,7 +161,7 @@ Matrix System::jacobian(const std::vector<ConstraintRow>& rows, const model::Sta
 void System::add_transposed(const ConstraintRow& row, double scale, const model::State& state,
                             Vector& out) const {
   const auto add = [&](int index, const Vec3& v, const Vec3& w) {
-    const std::optional<Index> slot = slot_of_[at(index)];
+    const std::optional<Index> slot = slot_of_[as_index(index)];
     if (!slot) return;
     out.segment<3>(kTwistSize * *slot) += scale * v;
     out.segment<3>(kTwistSize * *slot + 3) += scale * (body(state, *slot).q.conjugate() * w);
@@ -179,13 +181,13 @@ Vector System::forces(const model::State& state, std::span<const double> torques
   const Vec3 gravity = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
   for (Index i = 0; i < body_count(); ++i) {
     const Vec3 w = body(state, i).q.conjugate() * body(state, i).w;
-    out.segment<3>(kTwistSize * i) = mass_[at(i)] * gravity;
+    out.segment<3>(kTwistSize * i) = mass_[as_index(i)] * gravity;
     out.segment<3>(kTwistSize * i + 3) = -w.cross(inertia(i) * w);
   }
   if (torques.empty()) return out;
   for (const model::Joint* joint : joints_)
     for (int k = 0; k < dof_count(joint->kind); ++k) {
-      const double torque = torques[at(joint->first_dof) + at(k)];
+      const double torque = torques[as_index(joint->first_dof) + as_index(k)];
       if (torque != 0) add_transposed(coordinate_row(*joint, k, state), torque, state, out);
     }
   return out;
@@ -201,7 +203,7 @@ std::vector<TissueRow> System::tissue(const model::State& state) const {
     for (std::size_t k = 0; k < joint->axes.size(); ++k) {
       model::Tissue each;
       if (with_tissue && joint->axes[k].tissue) each = *joint->axes[k].tissue;
-      if (!drag_.empty()) each.damping += drag_[at(joint->first_dof) + k];
+      if (!drag_.empty()) each.damping += drag_[as_index(joint->first_dof) + k];
       if (each.stiffness == 0 && each.damping == 0) continue;
       if (!known) model::joint_coordinates(*joint, state, q);
       known = true;
@@ -223,7 +225,7 @@ Vector System::all_forces(const model::State& state, std::span<const double> tor
 Matrix System::mass_matrix() const {
   Matrix out = Matrix::Zero(kTwistSize * body_count(), kTwistSize * body_count());
   for (Index i = 0; i < body_count(); ++i) {
-    out.block<3, 3>(kTwistSize * i, kTwistSize * i) = mass_[at(i)] * Mat3::Identity();
+    out.block<3, 3>(kTwistSize * i, kTwistSize * i) = mass_[as_index(i)] * Mat3::Identity();
     out.block<3, 3>(kTwistSize * i + 3, kTwistSize * i + 3) = inertia(i);
   }
   return out;
@@ -232,7 +234,7 @@ Matrix System::mass_matrix() const {
 Vector System::times_mass(const Vector& u) const {
   Vector out(u.size());
   for (Index i = 0; i < body_count(); ++i) {
-    out.segment<3>(kTwistSize * i) = mass_[at(i)] * u.segment<3>(kTwistSize * i);
+    out.segment<3>(kTwistSize * i) = mass_[as_index(i)] * u.segment<3>(kTwistSize * i);
     out.segment<3>(kTwistSize * i + 3) = inertia(i) * u.segment<3>(kTwistSize * i + 3);
   }
   return out;
@@ -241,8 +243,8 @@ Vector System::times_mass(const Vector& u) const {
 Vector System::over_mass(const Vector& force) const {
   Vector out(force.size());
   for (Index i = 0; i < body_count(); ++i) {
-    out.segment<3>(kTwistSize * i) = force.segment<3>(kTwistSize * i) / mass_[at(i)];
-    out.segment<3>(kTwistSize * i + 3) = inverse_inertia_[at(i)] * force.segment<3>(kTwistSize * i + 3);
+    out.segment<3>(kTwistSize * i) = force.segment<3>(kTwistSize * i) / mass_[as_index(i)];
+    out.segment<3>(kTwistSize * i + 3) = inverse_inertia_[as_index(i)] * force.segment<3>(kTwistSize * i + 3);
   }
   return out;
 }
@@ -250,8 +252,8 @@ Vector System::over_mass(const Vector& force) const {
 Vector System::from_scaled(const Vector& z) const {
   Vector out(z.size());
   for (Index i = 0; i < body_count(); ++i) {
-    out.segment<3>(kTwistSize * i) = z.segment<3>(kTwistSize * i) / std::sqrt(mass_[at(i)]);
-    out.segment<3>(kTwistSize * i + 3) = root_[at(i)] * z.segment<3>(kTwistSize * i + 3);
+    out.segment<3>(kTwistSize * i) = z.segment<3>(kTwistSize * i) / std::sqrt(mass_[as_index(i)]);
+    out.segment<3>(kTwistSize * i + 3) = root_[as_index(i)] * z.segment<3>(kTwistSize * i + 3);
   }
   return out;
 }
@@ -259,23 +261,26 @@ Vector System::from_scaled(const Vector& z) const {
 Matrix System::scaled(const Matrix& jacobian) const {
   Matrix out(jacobian.rows(), jacobian.cols());
   for (Index i = 0; i < body_count(); ++i) {
-    out.middleCols<3>(kTwistSize * i) = jacobian.middleCols<3>(kTwistSize * i) / std::sqrt(mass_[at(i)]);
-    out.middleCols<3>(kTwistSize * i + 3) = jacobian.middleCols<3>(kTwistSize * i + 3) * root_[at(i)];
+    out.middleCols<3>(kTwistSize * i) =
+        jacobian.middleCols<3>(kTwistSize * i) / std::sqrt(mass_[as_index(i)]);
+    out.middleCols<3>(kTwistSize * i + 3) = jacobian.middleCols<3>(kTwistSize * i + 3) * root_[as_index(i)];
   }
   return out;
 }
 
 std::vector<System> islands(const model::Model& model, const Settings& settings) {
-  const auto moves = [&](int body) { return !model.bodies[at(body)].kinematic && body != model::kWorld; };
+  const auto moves = [&](int body) {
+    return !model.bodies[as_index(body)].kinematic && body != model::kWorld;
+  };
   // Disjoint sets: each body refers to another of its island; a joint between moving bodies merges theirs.
   std::vector<int> root(model.bodies.size());
   std::iota(root.begin(), root.end(), 0);
   const auto find = [&](int body) {
-    while (root[at(body)] != body) body = root[at(body)];
+    while (root[as_index(body)] != body) body = root[as_index(body)];
     return body;
   };
   for (const model::Joint& joint : model.joints)
-    if (moves(joint.parent) && moves(joint.child)) root[at(find(joint.child))] = find(joint.parent);
+    if (moves(joint.parent) && moves(joint.child)) root[as_index(find(joint.child))] = find(joint.parent);
   std::vector<System> out;
   const int bodies = static_cast<int>(model.bodies.size());
   for (int island = 1; island < bodies; ++island) {

@@ -73,7 +73,7 @@ class System {
   /// The part of a row's rate that is due to the island's bodies, at velocities u.
   double own_rate(const ConstraintRow& row, const Vector& u, const model::State& state) const;
   /// The joint of a constraint row.
-  const model::Joint& joint_of_row(Index row) const { return *joint_of_row_[at(row)]; }
+  const model::Joint& joint_of_row(Index row) const { return *joint_of_row_[as_index(row)]; }
   const std::string& body_name(Index slot) const;
 
   /// Gravity, joint torques (size model.dof_count() or empty) and exact gyroscopic torques; no tissue.
@@ -87,7 +87,7 @@ class System {
   Vector all_forces(const model::State& state, std::span<const double> torques) const;
 
   /// Inertia of one body in body axes, a block of the mass matrix.
-  const Mat3& inertia(Index slot) const { return inertia_[at(slot)]; }
+  const Mat3& inertia(Index slot) const { return inertia_[as_index(slot)]; }
   Matrix mass_matrix() const;
   Vector times_mass(const Vector& u) const;     ///< M u
   Vector over_mass(const Vector& force) const;  ///< M^-1 force

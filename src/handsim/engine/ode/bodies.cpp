@@ -21,7 +21,7 @@ dBodyID make_kinematic(dWorldID world) {
 std::vector<bool> closed_onto(const model::Model& model, const std::vector<bool>& immovable) {
   std::vector<bool> needed(model.bodies.size(), false);
   for (const model::Joint& joint : model.joints)
-    if (!immovable[at(joint.parent)]) needed[at(joint.child)] = true;
+    if (!immovable[as_index(joint.parent)]) needed[as_index(joint.child)] = true;
   return needed;
 }
 
@@ -78,8 +78,9 @@ std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
   }
   std::vector<int> hanging(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
-    OdeBody& parent = bodies[at(joint.parent)];
-    if (parent.driven && hanging[at(joint.parent)]++ > 0) parent.copies.push_back(make_kinematic(world));
+    OdeBody& parent = bodies[as_index(joint.parent)];
+    if (parent.driven && hanging[as_index(joint.parent)]++ > 0)
+      parent.copies.push_back(make_kinematic(world));
   }
   return bodies;
 }
@@ -116,7 +117,7 @@ std::vector<StepForecast::Driven> drive(const model::Model& model, const std::ve
                                         std::span<const Pose> targets, double remaining, double step) {
   std::vector<StepForecast::Driven> out;
   for (std::size_t i = 0; i < targets.size(); ++i) {
-    const OdeBody& body = bodies[at(model.drives[i].body)];
+    const OdeBody& body = bodies[as_index(model.drives[i].body)];
     if (!body.driven) continue;
     const Pose target = targets[i] * model.drives[i].frame.inverse();
     const model::BodyState now = read_state(body);

@@ -76,7 +76,7 @@ void Contacts::join(const model::State& state, bool rigid_limits) {
     Known known;
     if (pads_) known.step = pads_->of(k);
     if (friction_ && iterative_) known.patch = &memory_.patches()[k];
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
       known.force = nullptr;
@@ -322,6 +322,6 @@ Vec3 Contacts::sliding(const Contact& contact, const model::State& state) const 
   return v - v.dot(contact.normal) * contact.normal;
 }
 
-std::size_t Contacts::body_index(int shape) const { return at(model_.shapes[at(shape)].body); }
+std::size_t Contacts::body_index(int shape) const { return as_index(model_.shapes[as_index(shape)].body); }
 
 }  // namespace handsim::engine::ode

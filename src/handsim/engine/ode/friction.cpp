@@ -68,16 +68,16 @@ void PreslidingMemory::recall(const Collider& collider, const model::State& stat
   for (const Touch& touch : collider.touches()) {
     const Contact& head = contacts[touch.first];
     const std::pair<int, int> shapes = {head.shape_a, head.shape_b};
-    Patch patch = patch_of({&head, at(touch.count)}, touch.first);
-    patch.body_a = model_.shapes[at(head.shape_a)].body;
-    patch.body_b = model_.shapes[at(head.shape_b)].body;
+    Patch patch = patch_of({&head, as_index(touch.count)}, touch.first);
+    patch.body_a = model_.shapes[as_index(head.shape_a)].body;
+    patch.body_b = model_.shapes[as_index(head.shape_b)].body;
     patch.reach = std::max(patch.reach, touch.surface.spinning_friction);
     patch.longest = touch.surface.compliance ? kLongestPadShift : kLongestRigidShift;
     while (known != pairs_.end() && shapes_of(*known) < shapes) ++known;
     // Surfaces that do not touch yet have not stuck.
     if (head.depth < 0) patch.normal = Vec3::Zero();
     if (known != pairs_.end() && shapes_of(*known) == shapes && patch.normal != Vec3::Zero()) {
-      patch.shift = tangential(state.bodies[at(patch.body_b)].q * known->shift, patch.normal);
+      patch.shift = tangential(state.bodies[as_index(patch.body_b)].q * known->shift, patch.normal);
       patch.turn = known->turn;
     }
     patches_.push_back(patch);
@@ -102,20 +102,20 @@ void PreslidingMemory::update(const model::State& before, double step) {
       turn = patch.turn + step * (spin(patch.body_a) - spin(patch.body_b)).dot(patch.normal);
       turn = std::clamp(turn, -most, most);
     }
-    pairs_[i].shift = before.bodies[at(patch.body_b)].q.conjugate() * shift;
+    pairs_[i].shift = before.bodies[as_index(patch.body_b)].q.conjugate() * shift;
     pairs_[i].turn = turn;
   }
 }
 
 /// Velocity after the step of the material point that was at a place before it.
 Vec3 PreslidingMemory::velocity(int body, const Vec3& place, const model::State& before) const {
-  const OdeBody& moved = bodies_[at(body)];
+  const OdeBody& moved = bodies_[as_index(body)];
   if (moved.id == nullptr) return Vec3::Zero();
-  return Vec3(moved.v[0], moved.v[1], moved.v[2]) + spin(body).cross(place - before.bodies[at(body)].p);
+  return Vec3(moved.v[0], moved.v[1], moved.v[2]) + spin(body).cross(place - before.bodies[as_index(body)].p);
 }
 
 Vec3 PreslidingMemory::spin(int body) const {
-  const OdeBody& moved = bodies_[at(body)];
+  const OdeBody& moved = bodies_[as_index(body)];
   return moved.id == nullptr ? Vec3(Vec3::Zero()) : Vec3(moved.w[0], moved.w[1], moved.w[2]);
 }
 
@@ -133,7 +133,7 @@ void FrictionLimits::recall(const Collider& collider) {
     while (known != end && of(*known) < pair) ++known;
     left.clear();
     for (; known != end && of(*known) == pair; ++known) left.push_back(&*known);
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       const auto away = [&](const PointForce* point) {
         return (point->position - collider.contacts()[i].position).squaredNorm();
       };
@@ -153,7 +153,7 @@ bool FrictionLimits::update(const Collider& collider, const std::vector<Vec3>& f
   double largest = 0, off = 0;  // in units of what it may be
   normals_.clear();
   for (const Touch& touch : collider.touches())
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       const Vec3& n = collider.contacts()[i].normal;
       const double normal = std::max(n.dot(forces[i]), 0.0), limit = touch.surface.friction * normal;
       const double friction = (forces[i] - n.dot(forces[i]) * n).norm();
@@ -180,7 +180,7 @@ bool FrictionLimits::update(const Collider& collider, const std::vector<Vec3>& f
   error_ = error;
   memory_.points.clear();
   for (const Touch& touch : collider.touches())
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       const Contact& contact = collider.contacts()[i];
       const double normal = contact.normal.dot(forces[i]), change = normal - normals_[i];
       // What carries nothing has no friction.

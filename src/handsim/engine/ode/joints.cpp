@@ -27,9 +27,9 @@ std::unique_ptr<dJointFeedback> with_feedback(dJointID motor) {
 
 /// By dof, whether a tendon in effect crosses it.
 std::vector<bool> crossed_by_tendons(const model::Model& model, const model::Effects& effects) {
-  std::vector<bool> out(at(model.dof_count()), false);
+  std::vector<bool> out(as_index(model.dof_count()), false);
   const auto add = [&](const model::TendonPath& path) {
-    for (const model::MomentArm& arm : path.arms) out[at(arm.dof)] = true;
+    for (const model::MomentArm& arm : path.arms) out[as_index(arm.dof)] = true;
   };
   if (effects.has(model::Effect::muscles))
     for (const model::Muscle& muscle : model.muscles) add(muscle.path);
@@ -67,10 +67,10 @@ Joints::Joints(dWorldID world, const model::Model& model, const Settings& settin
 
 Joints::Link Joints::make_link(dWorldID world, const model::Joint& joint, const std::vector<OdeBody>& bodies,
                                std::vector<std::size_t>& copies_used) const {
-  const auto parent_index = at(joint.parent);
+  const auto parent_index = as_index(joint.parent);
   Link link;
   link.joint = &joint;
-  link.child = bodies[at(joint.child)];
+  link.child = bodies[as_index(joint.child)];
   link.parent = bodies[parent_index];
   // The first joint of a driven body hangs on the body, every other on a copy of its own.
   if (link.parent.driven && copies_used[parent_index]++ > 0)
@@ -86,7 +86,7 @@ void Joints::place(const Link& link, const model::State& state) const {
   const model::Joint& joint = *link.joint;
   // A parent with an ODE body may stand anywhere: at the origin its anchors do not depend on the scene.
   model::BodyState parent;
-  if (link.parent.id == nullptr) parent = state.bodies[at(joint.parent)];
+  if (link.parent.id == nullptr) parent = state.bodies[as_index(joint.parent)];
   const Pose x_WF = parent.pose() * joint.parent_frame;
   const Pose x_WC = x_WF * joint.child_frame.inverse();
   model::BodyState child;
@@ -142,7 +142,7 @@ void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
     const std::optional<model::Tissue>& own = joint.axes[i].tissue;
     const bool tissue = with_tissue && own && (own->stiffness > 0 || own->damping > 0);
     has_tissue_ = has_tissue_ || tissue;
-    if (!tissue && !dragged_[at(joint.first_dof) + i]) continue;
+    if (!tissue && !dragged_[as_index(joint.first_dof) + i]) continue;
     link.motor_axes.push_back(i);
     link.tissue.push_back(tissue ? *own : model::Tissue{});
   }
@@ -156,8 +156,8 @@ void Joints::set_tissue(const Link& link) const {
   const model::Joint& joint = *link.joint;
   const int axes = static_cast<int>(link.motor_axes.size());
   for (int i = 0; i < axes; ++i) {
-    const model::Tissue& tissue = link.tissue[at(i)];
-    const std::size_t dof = at(joint.first_dof) + link.motor_axes[at(i)];
+    const model::Tissue& tissue = link.tissue[as_index(i)];
+    const std::size_t dof = as_index(joint.first_dof) + link.motor_axes[as_index(i)];
     // A row without stiffness and damping would not be one.
     const auto row = soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
     const int group = kParamGroup * i;
@@ -226,7 +226,7 @@ void Joints::prepare_tissue(const Watch& watched, const model::State& state) con
   }
   for (std::size_t i = 0; i < link.motor_axes.size(); ++i) {
     dJointSetAMotorAngle(link.motor, static_cast<int>(i), q[link.motor_axes[i]]);
-    const std::size_t dof = at(link.joint->first_dof) + link.motor_axes[i];
+    const std::size_t dof = as_index(link.joint->first_dof) + link.motor_axes[i];
     if (!dragged_[dof]) continue;
     // Drag holds the rate that the step starts with: as the row's target, which an iterative solver starts
     // near. With ERP 1 the row asks for v+ = (rest - q) / h.
@@ -246,7 +246,7 @@ int Joints::prepare_stops(Watch& watched, const model::State& state) const {
   int reached = 0;
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
-    const std::size_t dof = at(link.joint->first_dof) + i;
+    const std::size_t dof = as_index(link.joint->first_dof) + i;
     const Approach approach{i, watched.stops[i]->low(), watched.stops[i]->high(), state.q[dof], state.u[dof]};
     const bool on_stop = link.joint->kind == model::JointKind::slider
                              ? approach.q <= approach.low || approach.q >= approach.high
@@ -310,8 +310,8 @@ void Joints::read_torques(std::span<const double> given, std::vector<double>& ta
   tau_servo.assign(axes.size(), 0);
   for (const Link& link : links_) {
     if (link.id == nullptr) continue;
-    const auto first = at(link.joint->first_dof);
-    const auto count = at(dof_count(link.joint->kind));
+    const auto first = as_index(link.joint->first_dof);
+    const auto count = as_index(dof_count(link.joint->kind));
     const std::span<const Vec3> own = axes.subspan(first, count);
     if (!given.empty()) std::copy_n(given.data() + first, count, tau.data() + first);
     if (link.by_motor) add_feedback(*link.by_motor, link.joint->kind, own, tau.data() + first);
@@ -336,7 +336,7 @@ void Joints::add_torques(std::span<const double> torques, const model::State& st
         dJointAddSliderForce(link.id, tau[0]);
         break;
       case model::JointKind::ball: {
-        const Quat q_WF = state.bodies[at(link.joint->parent)].q * link.joint->parent_frame.q;
+        const Quat q_WF = state.bodies[as_index(link.joint->parent)].q * link.joint->parent_frame.q;
         const Vec3 torque = q_WF * Vec3(tau[0], tau[1], tau[2]);
         add_torque(link.child, torque);
         add_torque(link.parent, -torque);

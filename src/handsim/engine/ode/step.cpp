@@ -163,7 +163,7 @@ void OdeEngine::actuate(const StepInput& input) {
   if (!input.torques.empty()) joints_->add_torques(input.torques, state_);
   joints_->set_servos(input.servos);
   for (const BodyForce& each : input.forces) {
-    const dBodyID id = bodies_[at(each.body)].id;
+    const dBodyID id = bodies_[as_index(each.body)].id;
     dBodyAddForce(id, each.force.x(), each.force.y(), each.force.z());
     dBodyAddTorque(id, each.moment.x(), each.moment.y(), each.moment.z());
   }

@@ -8,12 +8,14 @@
 namespace handsim::output {
 
 bool has_parent(const model::Model& model, std::size_t body) {
-  return std::ranges::any_of(
-      model.joints, [&](const model::Joint& joint) { return !joint.closes_loop && at(joint.child) == body; });
+  return std::ranges::any_of(model.joints, [&](const model::Joint& joint) {
+    return !joint.closes_loop && as_index(joint.child) == body;
+  });
 }
 
 const model::Drive* drive_of(const model::Model& model, const engine::Settings& settings, int body) {
-  if (!model.bodies[at(body)].kinematic || !settings.effects.has(model::Effect::wrist_motion)) return nullptr;
+  if (!model.bodies[as_index(body)].kinematic || !settings.effects.has(model::Effect::wrist_motion))
+    return nullptr;
   const auto found = std::ranges::find(model.drives, body, &model::Drive::body);
   return found == model.drives.end() ? nullptr : &*found;
 }

@@ -64,7 +64,7 @@ class MjcfWriter {
 
  private:
   void line(const std::string& text) { out_ += text + "\n"; }
-  std::string name(int body) const { return attribute(model_.bodies[at(body)].name); }
+  std::string name(int body) const { return attribute(model_.bodies[as_index(body)].name); }
 
   /// Friction as handsim has it: a round cone, no creep where surfaces stick. With servos: implicit dampers.
   std::string solver() const {
@@ -106,8 +106,8 @@ class MjcfWriter {
   }
 
   void open(int index, const Pose& pose, int indent) {
-    const model::Body& body = model_.bodies[at(index)];
-    const std::string in(at(indent), ' ');
+    const model::Body& body = model_.bodies[as_index(index)];
+    const std::string in(as_index(indent), ' ');
     line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, name(index), numbers(pose.p),
                      wxyz(pose.q), drive_of(model_, settings_, index) ? " mocap=\"true\"" : ""));
     // Principal axes: those that MuJoCo finds itself have an error of 1e-9.
@@ -119,9 +119,9 @@ class MjcfWriter {
   }
 
   void root(int index) {
-    const model::BodyState& body = start_.bodies[at(index)];
+    const model::BodyState& body = start_.bodies[as_index(index)];
     open(index, body.pose(), 4);
-    if (!model_.bodies[at(index)].kinematic) {
+    if (!model_.bodies[as_index(index)].kinematic) {
       line(fmt::format("      <freejoint name=\"{}\"/>", name(index)));
       positions_ += " " + numbers(body.p) + " " + wxyz(body.q);
       velocities_ += " " + numbers(body.v) + " " + numbers(body.q.conjugate() * body.w);
@@ -133,7 +133,7 @@ class MjcfWriter {
     for (const model::Joint& joint : model_.joints) {
       if (joint.closes_loop || joint.parent != body) continue;
       open(joint.child, joint.parent_frame * joint.child_frame.inverse(), indent);
-      if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
+      if (!model_.bodies[as_index(joint.child)].kinematic) add_joint(joint, indent + 2);
       close(joint.child, indent);
     }
   }
@@ -141,11 +141,11 @@ class MjcfWriter {
   void close(int index, int indent) {
     shapes(index, indent + 2);
     children(index, indent + 2);
-    line(std::string(at(indent), ' ') + "</body>");
+    line(std::string(as_index(indent), ' ') + "</body>");
   }
 
   void add_joint(const model::Joint& joint, int indent) {
-    const std::string in(at(indent), ' ');
+    const std::string in(as_index(indent), ' ');
     const double *q = start_.q.data() + joint.first_dof, *u = start_.u.data() + joint.first_dof;
     if (joint.kind == JointKind::ball) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
@@ -171,7 +171,7 @@ class MjcfWriter {
         text += fmt::format(" stiffness=\"{:.17g}\" springref=\"{:.17g}\" damping=\"{:.17g}\"",
                             axis.tissue->stiffness, axis.tissue->rest, axis.tissue->damping);
       line(text + "/>");
-      add_actuator(name, at(joint.first_dof) + i);
+      add_actuator(name, as_index(joint.first_dof) + i);
       positions_ += fmt::format(" {:.17g}", q[i]);
       velocities_ += fmt::format(" {:.17g}", u[i]);
     }
@@ -197,8 +197,8 @@ class MjcfWriter {
   unsigned affinity(int group) const {
     unsigned bits = 0;
     for (const model::ContactRule& rule : model_.contact_rules) {
-      if (rule.group_a == group) bits |= 1U << at(rule.group_b);
-      if (rule.group_b == group) bits |= 1U << at(rule.group_a);
+      if (rule.group_a == group) bits |= 1U << as_index(rule.group_b);
+      if (rule.group_b == group) bits |= 1U << as_index(rule.group_a);
     }
     return bits;
   }
@@ -240,12 +240,12 @@ class MjcfWriter {
     for (const model::Shape& shape : model_.shapes) {
       if (shape.body != body) continue;
       const auto& [type, size] = form_of(shape);
-      line(
-          fmt::format("{}<geom name=\"{}\" type=\"{}\" {} pos=\"{}\" quat=\"{}\" contype=\"{}\" "
-                      "conaffinity=\"{}\"{} mass=\"0\"/>",
-                      std::string(at(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
-                      wxyz(shape.pose.q), 1U << at(shape.group), affinity(shape.group),
-                      mjcf_friction(model_.materials[at(shape.material)], settings_, false)));
+      line(fmt::format(
+          "{}<geom name=\"{}\" type=\"{}\" {} pos=\"{}\" quat=\"{}\" contype=\"{}\" "
+          "conaffinity=\"{}\"{} mass=\"0\"/>",
+          std::string(as_index(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
+          wxyz(shape.pose.q), 1U << as_index(shape.group), affinity(shape.group),
+          mjcf_friction(model_.materials[as_index(shape.material)], settings_, false)));
     }
   }
 

@@ -14,10 +14,10 @@ namespace handsim::output {
 namespace {
 
 std::vector<std::string> coordinate_labels(const model::Model& model) {
-  std::vector<std::string> out(at(model.dof_count()));
+  std::vector<std::string> out(as_index(model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      out[at(joint.first_dof) + a] = joint.name + "." + joint.axes[a].name;
+      out[as_index(joint.first_dof) + a] = joint.name + "." + joint.axes[a].name;
   return out;
 }
 
@@ -28,7 +28,7 @@ std::string fixed_tendon(const std::string& name, const model::TendonPath& path,
   std::string out = fmt::format("    <fixed name=\"{}\"{}>\n", attribute(name), attributes);
   for (std::size_t i = 0; i < path.arms.size(); ++i)
     out += fmt::format("      <joint joint=\"{}\" coef=\"{:.17g}\"/>\n",
-                       attribute(labels[at(path.arms[i].dof)]), -state.arm[i]);
+                       attribute(labels[as_index(path.arms[i].dof)]), -state.arm[i]);
   return out + "    </fixed>\n";
 }
 
@@ -54,7 +54,7 @@ void add_band(const model::Band& band, const model::State& state, const std::vec
   // MuJoCo's length is that of constant arms: its rest length differs as the lengths do at the state.
   double length = 0;
   for (std::size_t i = 0; i < band.path.arms.size(); ++i)
-    length -= path.arm[i] * state.q[at(band.path.arms[i].dof)];
+    length -= path.arm[i] * state.q[as_index(band.path.arms[i].dof)];
   const double rest = band.rest + length + path.excursion;
   // A band that goes slack is a limit there: MuJoCo's springs work both ways.
   const std::string law =
@@ -104,7 +104,7 @@ bool combined_there(const model::Material& a, const model::Material& b, const mo
 /// MuJoCo's `body_invweight0` of bodies by index [1/kg]: how fast a force at the centre of mass accelerates
 /// it, the mean over three directions, at zero coordinates. Zero for the world and kinematic bodies.
 std::vector<double> mobilities(const model::Model& model) {
-  const std::vector<double> zeros(at(model.dof_count()));
+  const std::vector<double> zeros(as_index(model.dof_count()));
   const model::State state = model::state_at(model, zeros);
   const std::vector<int> free = model::free_bodies(model);
   std::vector<int> bodies(model.bodies.size());
@@ -114,7 +114,7 @@ std::vector<double> mobilities(const model::Model& model) {
   std::vector<double> out;
   for (const int body : bodies) {
     const Eigen::MatrixXd J =
-        model::jacobian(model, state, body, state.bodies[at(body)].p, free).topRows<3>();
+        model::jacobian(model, state, body, state.bodies[as_index(body)].p, free).topRows<3>();
     out.push_back((J * factor.solve(J.transpose())).trace() / 3);
   }
   return out;
@@ -167,13 +167,15 @@ std::string mjcf_pairs(const model::Model& model, const engine::Settings& settin
         pair.compliance = straightened(*pair.compliance);
         pair.spinning_friction = pair.spinning(pair.friction, kPadLoad / pair.compliance->stiffness);
       }
-      if (combined_there(model.materials[at(a.material)], model.materials[at(b.material)], pair, friction))
+      if (combined_there(model.materials[as_index(a.material)], model.materials[as_index(b.material)], pair,
+                         friction))
         continue;
       out += fmt::format("    <pair geom1=\"{}\" geom2=\"{}\"{}", attribute(a.name), attribute(b.name),
                          mjcf_friction(pair, settings, true));
       if (pair.compliance) {
         if (mobility.empty()) mobility = mobilities(model);
-        out += spring_damper(*pair.compliance, mobility[at(a.body)] + mobility[at(b.body)], settings.step);
+        out += spring_damper(*pair.compliance, mobility[as_index(a.body)] + mobility[as_index(b.body)],
+                             settings.step);
       }
       out += "/>\n";
     }

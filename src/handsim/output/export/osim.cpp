@@ -115,7 +115,7 @@ class OsimWriter {
   }
 
   std::string path(int body) const {
-    return body == model::kWorld ? "/ground" : "/bodyset/" + attribute(model_.bodies[at(body)].name);
+    return body == model::kWorld ? "/ground" : "/bodyset/" + attribute(model_.bodies[as_index(body)].name);
   }
 
   void bodies() {
@@ -210,9 +210,9 @@ class OsimWriter {
 
   /// A body without a parent. Its coordinates are zero at the start, far from where three angles fail.
   void root(int index) {
-    const model::Body& body = model_.bodies[at(index)];
+    const model::Body& body = model_.bodies[as_index(index)];
     const model::Drive* drive = drive_of(model_, settings_, index);
-    const model::BodyState& start = start_.bodies[at(index)];
+    const model::BodyState& start = start_.bodies[as_index(index)];
     const Pose in_body = drive ? drive->frame : moving_frame(index);
     const Pose in_world = start.pose() * in_body;
     const std::string name = body.name + ".world";
@@ -229,8 +229,8 @@ class OsimWriter {
       const Vec3 w = in_world.q.conjugate() * start.w;
       const Vec3 v = in_world.q.conjugate() * (start.v + start.w.cross(in_world.p - start.p));
       for (int k = 0; k < 3; ++k) {
-        coordinates[at(k)].speed = w[k];
-        coordinates[at(k + 3)].speed = v[k];
+        coordinates[as_index(k)].speed = w[k];
+        coordinates[as_index(k + 3)].speed = v[k];
       }
     }
     joint("FreeJoint", name, in_world, model::kWorld, in_body, index, coordinates);
@@ -249,8 +249,8 @@ class OsimWriter {
       const Pose moved = start.inverse() * motion.at(time);
       const Vec3 angles = nearest_angles(moved.q, before);
       for (int k = 0; k < 3; ++k) {
-        values[at(k)] += fmt::format(" {:.17g}", angles[k]);
-        values[at(k + 3)] += fmt::format(" {:.17g}", moved.p[k]);
+        values[as_index(k)] += fmt::format(" {:.17g}", angles[k]);
+        values[as_index(k + 3)] += fmt::format(" {:.17g}", moved.p[k]);
       }
       before = angles;
       times += fmt::format(" {:.17g}", time);
@@ -262,7 +262,7 @@ class OsimWriter {
 
   void add_joint(const model::Joint& each) {
     const auto& [in_parent, in_child] = std::pair(each.parent_frame, each.child_frame);
-    if (model_.bodies[at(each.child)].kinematic)
+    if (model_.bodies[as_index(each.child)].kinematic)
       return joint("WeldJoint", each.name, in_parent, each.parent, in_child, each.child, {});
     const char* type = "BallJoint";
     // OpenSim's joints turn about fixed axes of their frames: a pin about z, a universal joint about x and
@@ -317,7 +317,7 @@ class OsimWriter {
     if (!settings_.effects.has(Effect::passive_tissue)) return;
     for (const model::Joint& each : model_.joints)
       for (const model::JointAxis& axis : each.axes) {
-        if (!axis.tissue || model_.bodies[at(each.child)].kinematic) continue;
+        if (!axis.tissue || model_.bodies[as_index(each.child)].kinematic) continue;
         const std::string name = attribute(each.name + "." + axis.name);
         line(fmt::format("<SpringGeneralizedForce name=\"{}.tissue\">{}{}{}{}</SpringGeneralizedForce>", name,
                          element("coordinate", name), element("stiffness", axis.tissue->stiffness),

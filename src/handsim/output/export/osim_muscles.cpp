@@ -20,10 +20,10 @@ struct Polynomial {
 
 /// Whether a coordinate is one of the exported file: joints of kinematic bodies are welded.
 std::vector<bool> moving_coordinates(const model::Model& model) {
-  std::vector<bool> out(at(model.dof_count()));
+  std::vector<bool> out(as_index(model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      out[at(joint.first_dof) + a] = !model.bodies[at(joint.child)].kinematic;
+      out[as_index(joint.first_dof) + a] = !model.bodies[as_index(joint.child)].kinematic;
   return out;
 }
 
@@ -33,26 +33,26 @@ Polynomial length_of(const model::TendonPath& path, double length, const std::ve
   Polynomial out;
   std::vector<int> variable;
   for (const model::MomentArm& arm : path.arms) {
-    variable.push_back(moves[at(arm.dof)] ? static_cast<int>(out.dofs.size()) : -1);
-    if (moves[at(arm.dof)]) out.dofs.push_back(arm.dof);
+    variable.push_back(moves[as_index(arm.dof)] ? static_cast<int>(out.dofs.size()) : -1);
+    if (moves[as_index(arm.dof)]) out.dofs.push_back(arm.dof);
   }
   // A term of up to two arms; that of a welded coordinate is a number.
   const auto subtract = [&](double factor, std::initializer_list<std::pair<std::size_t, int>> of) {
     Powers powers(out.dofs.size(), 0);
     for (const auto& [arm, power] : of) {
       if (variable[arm] < 0)
-        factor *= std::pow(start.q[at(path.arms[arm].dof)], power);
+        factor *= std::pow(start.q[as_index(path.arms[arm].dof)], power);
       else
-        powers[at(variable[arm])] = power;
+        powers[as_index(variable[arm])] = power;
     }
     out.terms[powers] -= factor;
   };
   subtract(-length, {});
   for (std::size_t i = 0; i < path.arms.size(); ++i)
     for (int k = 0; k < model::kArmTerms; ++k)
-      if (path.arms[i].c[at(k)] != 0) subtract(path.arms[i].c[at(k)] / (k + 1), {{i, k + 1}});
+      if (path.arms[i].c[as_index(k)] != 0) subtract(path.arms[i].c[as_index(k)] / (k + 1), {{i, k + 1}});
   for (const model::ArmProduct& each : path.products)
-    subtract(each.factor, {{at(each.a), each.power_a}, {at(each.b), each.power_b}});
+    subtract(each.factor, {{as_index(each.a), each.power_a}, {as_index(each.b), each.power_b}});
   return out;
 }
 
@@ -79,7 +79,7 @@ std::string path_element(const Polynomial& length, const std::vector<std::string
     order = std::max(order, sum);
   }
   std::string coordinates, coefficients;
-  for (const int dof : length.dofs) coordinates += (coordinates.empty() ? "" : " ") + places[at(dof)];
+  for (const int dof : length.dofs) coordinates += (coordinates.empty() ? "" : " ") + places[as_index(dof)];
   Powers powers(length.dofs.size(), 0);
   add_coefficients(length, powers, 0, order, coefficients);
   return fmt::format(
@@ -135,10 +135,10 @@ std::string band_element(const model::Band& band, const std::string& path) {
 std::string osim_muscles(const model::Model& model, const engine::Settings& settings,
                          const model::State& start) {
   const std::vector<bool> moves = moving_coordinates(model);
-  std::vector<std::string> places(at(model.dof_count()));
+  std::vector<std::string> places(as_index(model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      places[at(joint.first_dof) + a] =
+      places[as_index(joint.first_dof) + a] =
           attribute(fmt::format("/jointset/{0}/{0}.{1}", joint.name, joint.axes[a].name));
   std::string out;
   // OpenSim has no path that depends on no coordinate.

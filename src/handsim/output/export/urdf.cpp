@@ -79,7 +79,7 @@ class UrdfWriter {
   }
 
   void link(int index) {
-    const model::Body& body = model_.bodies[at(index)];
+    const model::Body& body = model_.bodies[as_index(index)];
     line(fmt::format("  <link name=\"{}\">", attribute(body.name)));
     if (index != model::kWorld) inertial(in_link(index), body.mass, body.inertia);
     for (const model::Shape& shape : model_.shapes)
@@ -130,11 +130,11 @@ class UrdfWriter {
   }
 
   void add_joints(const model::Joint& each) {
-    const std::string& child = model_.bodies[at(each.child)].name;
+    const std::string& child = model_.bodies[as_index(each.child)].name;
     // The joint frame F in the parent's link frame.
     Pose at_parent = in_link(each.parent) * each.parent_frame;
-    std::string parent = model_.bodies[at(each.parent)].name;
-    if (model_.bodies[at(each.child)].kinematic)
+    std::string parent = model_.bodies[as_index(each.parent)].name;
+    if (model_.bodies[as_index(each.child)].kinematic)
       return joint(each.name, "fixed", parent, child, at_parent, "");
     for (std::size_t i = 0; i < each.axes.size(); ++i) {
       const model::JointAxis& axis = each.axes[i];
@@ -146,7 +146,7 @@ class UrdfWriter {
         line("  </link>");
       }
       const bool stopped = has_stop(axis, settings_);
-      const double effort = torque_limit(at(each.first_dof) + i);
+      const double effort = torque_limit(as_index(each.first_dof) + i);
       const bool slider = each.kind == JointKind::slider;
       std::string more = fmt::format("<axis xyz=\"{}\"/>", numbers(axis.axis));
       const double far = slider ? 1e3 : 2 * M_PI;

@@ -27,7 +27,7 @@ Colour colour(const model::Shape& shape) {
 
 Colour axis_colour(std::size_t axis) { return from_srgb(axis == 0 ? 0x22282E : 0xC4123F); }
 
-Pose pose_of(const model::State& state, int body) { return state.bodies[at(body)].pose(); }
+Pose pose_of(const model::State& state, int body) { return state.bodies[as_index(body)].pose(); }
 
 /// A nail is a light tint of its finger, a stump a darker skin than the palm.
 Colour colour(const HandMark& mark, model::Part part) {
@@ -40,7 +40,7 @@ void add_mark(const model::Model& model, const model::State& state, const HandMa
   DrawShape out;
   out.solid = mark.solid;
   out.solid.pose = pose_of(state, mark.body) * mark.solid.pose;
-  out.colour = colour(mark, model.shapes[at(mark.shape)].part);
+  out.colour = colour(mark, model.shapes[as_index(mark.shape)].part);
   out.shape = mark.shape;
   out.mark = true;
   out.shades = !mark.nail;
@@ -185,13 +185,14 @@ std::optional<Segment> segment(const model::Model& model, const model::State& st
       std::ranges::find_if(model.shapes, [&](const model::Shape& each) { return each.body == joint.child; });
   // A palm is several shapes, and its tendons lie between them.
   if (shape == model.shapes.end() || shape->part == model::Part::palm) return std::nullopt;
-  const Pose parent = state.bodies[at(joint.parent)].pose(), child = state.bodies[at(joint.child)].pose();
+  const Pose parent = state.bodies[as_index(joint.parent)].pose(),
+             child = state.bodies[as_index(joint.child)].pose();
   const Vec3 o = (parent * joint.parent_frame).p, to_centre = child.p - o, along = to_centre.normalized();
   Vec3 n = Vec3::Zero();
   for (std::size_t k = 0; k < path.arms.size(); ++k) {
     const int axis = path.arms[k].dof - joint.first_dof;
     if (axis >= 0 && axis < static_cast<int>(joint.axes.size()))
-      n += now.arm[k] * model::axis_in_world(joint, at(axis), parent.q, child.q).cross(along);
+      n += now.arm[k] * model::axis_in_world(joint, as_index(axis), parent.q, child.q).cross(along);
   }
   if (!(n.norm() > 1e-6)) return std::nullopt;
   n.normalize();
@@ -291,7 +292,7 @@ std::vector<HandMark> hand_marks(const model::Model& model) {
   for (const model::HandIndex& hand : model.hands) {
     if (const auto mark = stump(model, hand)) out.push_back(*mark);
     for (const int index : hand.joints) {
-      const model::Joint& joint = model.joints[at(index)];
+      const model::Joint& joint = model.joints[as_index(index)];
       if (joint.child == hand.palm || !is_last(model, joint.child)) continue;
       if (const auto mark = nail(model, joint)) out.push_back(*mark);
     }

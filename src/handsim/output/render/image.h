@@ -17,7 +17,9 @@ struct Image {
   std::vector<std::uint8_t> rgb;
   std::string text = {};  ///< what the picture says, UTF-8; a PNG has it as its description
 
-  const std::uint8_t* pixel(int x, int y) const { return &rgb[3 * (at(y) * at(width) + at(x))]; }
+  const std::uint8_t* pixel(int x, int y) const {
+    return &rgb[3 * (as_index(y) * as_index(width) + as_index(x))];
+  }
 };
 
 /// @throws Error (input) in a build without pictures (HANDSIM_PICTURES), as all that draws in this folder, or

@@ -120,7 +120,7 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
   glGenTextures(1, &palette);
   glBindTexture(GL_TEXTURE_2D, palette);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-  pixels.resize(4UL * at(drawn.width) * at(drawn.height));
+  pixels.resize(4UL * as_index(drawn.width) * as_index(drawn.height));
 }
 
 Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
@@ -129,7 +129,7 @@ Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
   const std::vector<Part> parts = meshes.parts(scene, height);
-  image.rgb.resize(3UL * at(width) * at(height));
+  image.rgb.resize(3UL * as_index(width) * as_index(height));
   for (int y = 0; y < height; y += drawn.height)
     for (int x = 0; x < width; x += drawn.width) {
       const Tile tile = {x, y, std::min(drawn.width, width - x), std::min(drawn.height, height - y)};
@@ -355,7 +355,7 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
   const std::uint8_t* from = pixels.data();
   for (int row = 0; row < tile.height; ++row) {
     const int line = image.height - 1 - tile.y - row;
-    std::uint8_t* to = &image.rgb[3UL * (at(line) * at(image.width) + at(tile.x))];
+    std::uint8_t* to = &image.rgb[3UL * (as_index(line) * as_index(image.width) + as_index(tile.x))];
     for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::memcpy(to, from, 3);
   }
 }

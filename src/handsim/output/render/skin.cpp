@@ -34,7 +34,7 @@ class Grid {
 
  private:
   std::size_t index(const Corner& c) const {
-    return (at(c.z()) * at(size_.y()) + at(c.y())) * at(size_.x()) + at(c.x());
+    return (as_index(c.z()) * as_index(size_.y()) + as_index(c.y())) * as_index(size_.x()) + as_index(c.x());
   }
   bool inside(const Corner& c) const { return values_[index(c)] < 0; }
   int corners_inside(const Corner& cell) const {
@@ -61,7 +61,7 @@ Grid::Grid(const SkinField& field, double cell) : field_(field), cell_(cell) {
   low_ = field.low - Vec3::Constant(2 * cell);
   const Vec3 extent = (field.high - low_) / (cell * kBlock);
   size_ = kBlock * (extent.array().ceil().cast<int>() + 1).matrix();
-  values_.resize(at(size_.prod()));
+  values_.resize(as_index(size_.prod()));
   near_.resize(values_.size());
   for (int z = 0; z < size_.z(); z += kBlock)
     for (int y = 0; y < size_.y(); y += kBlock)
@@ -171,8 +171,8 @@ void smooth(const Skin& skin, Rows& rows, int times) {
       Eigen::ArrayXf count = Eigen::ArrayXf::Zero(rows.rows());
       for (const auto& face : skin.faces)
         for (int i = 0; i < 3; ++i) {
-          sum.row(face[at(i)]) += part.row(face[at((i + 1) % 3)]);
-          count[face[at(i)]] += 1;
+          sum.row(face[as_index(i)]) += part.row(face[as_index((i + 1) % 3)]);
+          count[face[as_index(i)]] += 1;
         }
       part = sum.colwise() / count;
     }
@@ -203,16 +203,16 @@ void set_weights(Skin& skin, const SkinField& field) {
   Rows shares(count, field.distances(skin.points[0]).size() - 1);
   std::vector<int> nearest;
   for (long i = 0; i < count; ++i) {
-    const Eigen::VectorXd distances = field.distances(skin.points[at(i)]);
+    const Eigen::VectorXd distances = field.distances(skin.points[as_index(i)]);
     shares.row(i) = field.shares(distances);
     skin.finger.push_back(static_cast<float>(field.beyond_palm(distances)));
-    nearest.push_back(field.nearest_shape(skin.points[at(i)]));
+    nearest.push_back(field.nearest_shape(skin.points[as_index(i)]));
   }
   for (const auto& face : skin.faces) skin.shapes.push_back(nearest[face[0]]);
   // A web between a bent and a straight finger turns over unless it is wide.
   smooth(skin, shares, kShareRelaxations);
   Rows weights(count, static_cast<long>(skin.bodies.size()));
-  for (long i = 0; i < count; ++i) weights.row(i) = field.weights(skin.points[at(i)], shares.row(i));
+  for (long i = 0; i < count; ++i) weights.row(i) = field.weights(skin.points[as_index(i)], shares.row(i));
   smooth(skin, weights, kWeightRelaxations);
   skin.weights = weights;
 }
@@ -233,7 +233,7 @@ struct Kept {
 Skin renamed(const Kept& like, const Kept& now) {
   const auto rename = [](std::vector<int>& indices, const std::vector<int>& from,
                          const std::vector<int>& to) {
-    for (int& index : indices) index = to[at(std::ranges::find(from, index) - from.begin())];
+    for (int& index : indices) index = to[as_index(std::ranges::find(from, index) - from.begin())];
   };
   Skin out = *like.skin;
   rename(out.bodies, like.bodies, now.bodies);
@@ -265,7 +265,7 @@ std::vector<std::shared_ptr<Mesh>> pieces(const Skin& skin, const std::vector<Ve
   std::vector<std::shared_ptr<Mesh>> out(shapes);
   std::vector<std::pair<int, std::uint32_t>> numbers(points.size(), {-1, 0});
   std::vector<std::vector<std::size_t>> faces(shapes);
-  for (std::size_t i = 0; i < skin.faces.size(); ++i) faces[at(skin.shapes[i])].push_back(i);
+  for (std::size_t i = 0; i < skin.faces.size(); ++i) faces[as_index(skin.shapes[i])].push_back(i);
   for (std::size_t shape = 0; shape < shapes; ++shape) {
     out[shape] = std::make_shared<Mesh>();
     Mesh& mesh = *out[shape];
@@ -344,20 +344,20 @@ std::vector<Vec3> posed(const Skin& skin, std::span<const Pose> bodies) {
 void put_on(const Skin& skin, const model::Model& model, const model::State& state, const Colour& tone,
             bool coloured, DrawList& list) {
   std::vector<Pose> bodies;
-  for (const int body : skin.bodies) bodies.push_back(state.bodies[at(body)].pose());
+  for (const int body : skin.bodies) bodies.push_back(state.bodies[as_index(body)].pose());
   const auto meshes = pieces(skin, posed(skin, bodies), model.shapes.size());
   const auto covered = [&](const DrawShape& drawn) {
-    return std::ranges::find(skin.bodies, model.shapes[at(drawn.shape)].body) != skin.bodies.end();
+    return std::ranges::find(skin.bodies, model.shapes[as_index(drawn.shape)].body) != skin.bodies.end();
   };
   std::erase_if(list.shapes, [&](const DrawShape& drawn) {
-    return drawn.mark && covered(drawn) && model.shapes[at(drawn.shape)].body == skin.bodies[0];
+    return drawn.mark && covered(drawn) && model.shapes[as_index(drawn.shape)].body == skin.bodies[0];
   });
   for (DrawShape& drawn : list.shapes) {
     // A forearm has no skin of its own.
-    if (!covered(drawn) && model.shapes[at(drawn.shape)].part == model::Part::palm) drawn.colour = tone;
+    if (!covered(drawn) && model.shapes[as_index(drawn.shape)].part == model::Part::palm) drawn.colour = tone;
     if (!covered(drawn)) continue;
-    if (!drawn.mark) drawn.skin = meshes[at(drawn.shape)];
-    const bool of_finger = model.shapes[at(drawn.shape)].part != model::Part::palm;
+    if (!drawn.mark) drawn.skin = meshes[as_index(drawn.shape)];
+    const bool of_finger = model.shapes[as_index(drawn.shape)].part != model::Part::palm;
     drawn.finger = coloured && of_finger ? drawn.colour : tone;
     if (!coloured || !drawn.mark) drawn.colour = drawn.mark ? mixed(tone, {1, 1, 1}, kNailShare) : tone;
   }

@@ -67,7 +67,7 @@ const Flesh& nearest(const std::vector<Flesh>& flesh, const Vec3& x) {
 
 /// A shape at pose X_HB of its body; a box is as round as it can be.
 Flesh flesh_of(const model::Model& model, int shape, int body, const Pose& x_HB) {
-  const Solid exact = solid(model.shapes[at(shape)], x_HB * model.shapes[at(shape)].pose);
+  const Solid exact = solid(model.shapes[as_index(shape)], x_HB * model.shapes[as_index(shape)].pose);
   const double round = is_capsule(exact) ? 0 : exact.half.minCoeff();
   return {exact.pose, exact.half - Vec3::Constant(round), exact.round + round, exact.round + round, shape,
           body};
@@ -90,7 +90,7 @@ double Flesh::distance(const Vec3& x) const {
 }
 
 SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
-    : x_HW_((model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse()) {
+    : x_HW_((model.bodies[as_index(hand.palm)].zero_pose * hand.wrist_frame).inverse()) {
   add_palm(model, hand);
   add_rays(model, hand);
   spread();
@@ -122,12 +122,12 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
 void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand) {
   bodies = {hand.palm};
   bodies.insert(bodies.end(), hand.palm_parts.begin(), hand.palm_parts.end());
-  for (const int body : bodies) rest.push_back(x_HW_ * model.bodies[at(body)].zero_pose);
+  for (const int body : bodies) rest.push_back(x_HW_ * model.bodies[as_index(body)].zero_pose);
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
     const auto found = std::ranges::find(bodies, model.shapes[i].body);
     if (found == bodies.end()) continue;
     const auto body = static_cast<int>(found - bodies.begin());
-    palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[at(body)]));
+    palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[as_index(body)]));
     if (palm_.back().half.x() > 0) palm_.back().taper = kPalmTaper;
     scale_ += palm_.back().near;
   }
@@ -140,7 +140,7 @@ void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand
   const std::size_t roots = bodies.size();
   std::vector<std::pair<int, std::size_t>> ray_of;  // bodies of rays, with those that have no shape
   for (const int index : hand.joints) {
-    const model::Joint& joint = model.joints[at(index)];
+    const model::Joint& joint = model.joints[as_index(index)];
     if (joint.closes_loop || joint.child == hand.forearm ||
         std::find(bodies.begin(), bodies.begin() + static_cast<long>(roots), joint.child) !=
             bodies.begin() + static_cast<long>(roots))
@@ -149,7 +149,7 @@ void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand
     const std::size_t ray = parent == ray_of.end() ? rays_.size() : parent->second;
     if (ray == rays_.size()) rays_.emplace_back();
     ray_of.emplace_back(joint.child, ray);
-    const Pose x_HB = x_HW_ * model.bodies[at(joint.child)].zero_pose;
+    const Pose x_HB = x_HW_ * model.bodies[as_index(joint.child)].zero_pose;
     const auto body = static_cast<int>(bodies.size());
     std::vector<Flesh>& flesh = rays_[ray].flesh;
     const std::size_t before = flesh.size();
@@ -179,7 +179,7 @@ void SkinField::spread() {
     for (Flesh& each : fingers[i]->flesh) each.pose = turned * each.pose;
     for (Hinge& hinge : fingers[i]->hinges) {
       hinge.centre = turned * hinge.centre;
-      rest[at(hinge.body)] = turned * rest[at(hinge.body)];
+      rest[as_index(hinge.body)] = turned * rest[as_index(hinge.body)];
     }
   }
 }

@@ -50,9 +50,9 @@ std::string contact_head() {
 std::string contact_row(const model::Model& model, double time, const engine::Contact& contact) {
   const Vec3 &p = contact.position, &n = contact.normal, f = contact.friction_force();
   return fmt::format("{:.12g},{},{},{},{},{},{},{},{},{},{},{},{},{}\n", time,
-                     model.shapes[at(contact.shape_a)].name, model.shapes[at(contact.shape_b)].name, p.x(),
-                     p.y(), p.z(), n.x(), n.y(), n.z(), contact.depth, contact.normal_force(), f.x(), f.y(),
-                     f.z());
+                     model.shapes[as_index(contact.shape_a)].name,
+                     model.shapes[as_index(contact.shape_b)].name, p.x(), p.y(), p.z(), n.x(), n.y(), n.z(),
+                     contact.depth, contact.normal_force(), f.x(), f.y(), f.z());
 }
 
 }  // namespace handsim::output

@@ -50,7 +50,7 @@ class Surfaces {
   }
   std::optional<Reason> of_object(std::size_t object) const {
     if (object >= model_.objects.size()) return std::nullopt;
-    return of(model_.shapes[at(model_.objects[object].shapes.front())].material);
+    return of(model_.shapes[as_index(model_.objects[object].shapes.front())].material);
   }
   std::optional<Reason> of_hand(std::size_t hand) const {
     if (hand >= model_.hands.size()) return std::nullopt;
@@ -60,7 +60,7 @@ class Surfaces {
   }
   std::optional<Reason> of_material(const std::string& name) const {
     for (const int acting : acting_)
-      if (model_.materials[at(acting)].name == name) return std::nullopt;
+      if (model_.materials[as_index(acting)].name == name) return std::nullopt;
     return Reason{fmt::format("no contact has the material {}", name)};
   }
 
@@ -85,7 +85,7 @@ class Surfaces {
     const bool acts = acting_.contains(material);
     if (winner == winner_.end())
       return acts ? std::nullopt : std::optional(Reason{"no effect of contact acts on this surface"});
-    const std::string& name = model_.materials[at(winner->second)].name;
+    const std::string& name = model_.materials[as_index(winner->second)].name;
     const auto& rules = *scene_.spec.contacts.rules;
     for (std::size_t i = rules.size(); i-- > 0;)
       if (rules[i].material == name)

@@ -65,8 +65,8 @@ void add_joint(model::Model& model, const MechanismJointSpec& spec) {
   joint.axes = spec.axes;
   // Frames F and M are parallel to the world at the start.
   const Pose x_WF{spec.position, Quat::Identity()};
-  joint.parent_frame = model.bodies[at(joint.parent)].zero_pose.inverse() * x_WF;
-  joint.child_frame = model.bodies[at(joint.child)].zero_pose.inverse() * x_WF;
+  joint.parent_frame = model.bodies[as_index(joint.parent)].zero_pose.inverse() * x_WF;
+  joint.child_frame = model.bodies[as_index(joint.child)].zero_pose.inverse() * x_WF;
   joint.closes_loop = std::ranges::any_of(
       model.joints, [&](const model::Joint& other) { return other.child == joint.child; });
   joint.first_dof = model.dof_count();

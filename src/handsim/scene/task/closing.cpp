@@ -36,15 +36,15 @@ std::vector<FingerChain> finger_chains(HandOnObject& hand) {
     const model::Joint& joint = model.joints[index];
     if (index != last) {
       if (joint.parent == hand.palm()) {
-        chain_of[at(joint.child)] = out.size();
+        chain_of[as_index(joint.child)] = out.size();
         out.push_back({hand.part(joint.child), {}, {}, 0});
       } else {
-        chain_of[at(joint.child)] = chain_of[at(joint.parent)];
+        chain_of[as_index(joint.child)] = chain_of[as_index(joint.parent)];
       }
-      out[chain_of[at(joint.child)]].bodies.push_back(joint.child);
+      out[chain_of[as_index(joint.child)]].bodies.push_back(joint.child);
       last = index;
     }
-    out[chain_of[at(joint.child)]].axes.push_back(i);
+    out[chain_of[as_index(joint.child)]].axes.push_back(i);
   }
   for (FingerChain& chain : out) chain.watched = hand.watch(chain.bodies);
   return out;
@@ -86,7 +86,7 @@ std::vector<double> Closing::angles_at(double share) const {
 
 bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
   const std::vector<double>& depths = hand_.depths(q, chain.watched);
-  return std::ranges::any_of(chain.bodies, [&](int body) { return depths[at(body)] > 0; });
+  return std::ranges::any_of(chain.bodies, [&](int body) { return depths[as_index(body)] > 0; });
 }
 
 bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
@@ -126,7 +126,7 @@ void Closing::close(const FingerChain& chain, const std::vector<double>& depth, 
   const auto touching = [&]() -> std::optional<std::size_t> {
     const std::vector<double>& depths = hand_.depths(q, chain.watched);
     for (std::size_t k = chain.bodies.size(); k-- > part;) {
-      const auto body = at(chain.bodies[k]);
+      const auto body = as_index(chain.bodies[k]);
       if (depths[body] > depth[body]) return k;
     }
     return std::nullopt;
@@ -184,13 +184,13 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
         hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
     const Mat3 into = contact.normal * contact.normal.transpose();
     const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
-    const Vec3 wanted = moved + deeper[at(contact.body)] * contact.normal;
+    const Vec3 wanted = moved + deeper[as_index(contact.body)] * contact.normal;
     a += rows.transpose() * weight * rows;
     b += rows.transpose() * weight * wanted;
   }
   const Eigen::VectorXd turn = a.ldlt().solve(b);
   for (Eigen::Index k = 0; k < n; ++k) {
-    const std::size_t axis = chain.axes[at(k)];
+    const std::size_t axis = chain.axes[as_index(k)];
     q[axis] += turn[k];
     if (const auto& stop = hand_.axes().axes[axis].stop) q[axis] = std::clamp(q[axis], stop->low, stop->high);
   }
@@ -224,9 +224,9 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   add_contact_rules(model_, site.scene.contacts, groups, touch, nullptr);
   axes_ = control::hand_axes(model_, model_.hands.front());
   parts_.assign(model_.bodies.size(), model::Part::palm);
-  for (const model::Shape& shape : model_.shapes) parts_[at(shape.body)] = shape.part;
+  for (const model::Shape& shape : model_.shapes) parts_[as_index(shape.body)] = shape.part;
   collider_ = std::make_unique<engine::Collider>(model_, model::Effects{}, false);
-  q_.assign(at(model_.dof_count()), 0.0);
+  q_.assign(as_index(model_.dof_count()), 0.0);
   state_ = model::state_at(model_, q_);
 }
 
@@ -235,16 +235,17 @@ void HandOnObject::move(std::span<const double> q) {
   moved_.assign(model_.bodies.size(), false);
   for (const model::Joint& joint : model_.joints) {
     const auto first = q.begin() + joint.first_dof, end = first + model::dof_count(joint.kind);
-    const bool moves = moved_[at(joint.parent)] || !std::equal(first, end, q_.begin() + joint.first_dof);
-    moved_[at(joint.child)] = moves;
+    const bool moves =
+        moved_[as_index(joint.parent)] || !std::equal(first, end, q_.begin() + joint.first_dof);
+    moved_[as_index(joint.child)] = moves;
     if (!moves) continue;
-    const Pose pose = state_.bodies[at(joint.parent)].pose() * joint.parent_frame *
+    const Pose pose = state_.bodies[as_index(joint.parent)].pose() * joint.parent_frame *
                       model::joint_transform(joint, {first, end}) * joint.child_frame.inverse();
-    state_.bodies[at(joint.child)].p = pose.p;
-    state_.bodies[at(joint.child)].q = pose.q;
+    state_.bodies[as_index(joint.child)].p = pose.p;
+    state_.bodies[as_index(joint.child)].q = pose.q;
   }
   q_.assign(q.begin(), q.end());
-  model::BodyState& object = state_.bodies[at(object_)];
+  model::BodyState& object = state_.bodies[as_index(object_)];
   const Pose x_HB = x_HO_ * body_frame_;
   object.p = x_HB.p;
   object.q = x_HB.q;
@@ -255,10 +256,10 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
   collider_->collide(state_, {});
   touches_.clear();
   for (const engine::Touch& touch : collider_->touches())
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       const engine::Contact& contact = collider_->contacts()[i];
-      const int a = model_.shapes[at(contact.shape_a)].body;
-      const int b = model_.shapes[at(contact.shape_b)].body;
+      const int a = model_.shapes[as_index(contact.shape_a)].body;
+      const int b = model_.shapes[as_index(contact.shape_b)].body;
       const bool hand_is_a = b == object_;
       const double share = collider_->shares()[i];
       TouchPoint& point = touches_.emplace_back();
@@ -302,7 +303,7 @@ const std::vector<double>& HandOnObject::depths(std::span<const double> q, std::
   depths_.assign(model_.bodies.size(), 0);
   for (const engine::Contact& contact : of.collider->contacts())
     for (const int shape : {contact.shape_a, contact.shape_b}) {
-      double& depth = depths_[at(of.model.shapes[at(shape)].body)];
+      double& depth = depths_[as_index(of.model.shapes[as_index(shape)].body)];
       depth = std::max(depth, contact.depth);
     }
   return depths_;

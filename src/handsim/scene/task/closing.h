@@ -40,7 +40,7 @@ class HandOnObject {
   const model::Model& model() const { return model_; }
   const control::HandAxes& axes() const { return axes_; }
   int palm() const { return model_.hands.front().palm; }
-  model::Part part(int body) const { return parts_[at(body)]; }
+  model::Part part(int body) const { return parts_[as_index(body)]; }
   /// Puts the object. @param x_HO its frame in the hand frame
   void place(const Pose& x_HO) { x_HO_ = x_HO; }
   /// All points at which the hand touches the object. @param q size model().dof_count() [rad]

@@ -73,9 +73,9 @@ GripForces balance(const GripTask& task) {
   Eigen::MatrixXd a = Eigen::MatrixXd::Zero(6 + pressers, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + pressers);
   b.head<3>() = -task.load;
-  for (Eigen::Index i = 0; i < pressers; ++i) b[6 + i] = kAskedWeight * task.asked[at(i)].value_or(0);
+  for (Eigen::Index i = 0; i < pressers; ++i) b[6 + i] = kAskedWeight * task.asked[as_index(i)].value_or(0);
   for (Eigen::Index k = 0; k < n; ++k) {
-    const GripContact& contact = task.contacts[at(k / kEdges)];
+    const GripContact& contact = task.contacts[as_index(k / kEdges)];
     const Vec3 force = edge(contact, static_cast<int>(k % kEdges));
     a.block<3, 1>(0, k) = force;
     a.block<3, 1>(3, k) = (contact.point - task.centre).cross(force) / task.size;
@@ -83,7 +83,7 @@ GripForces balance(const GripTask& task) {
   }
   const Eigen::VectorXd x = solve_nonnegative(a, b, kSmallWeight);
   for (Eigen::Index k = 0; k < n; ++k) {
-    const auto i = at(k / kEdges);
+    const auto i = as_index(k / kEdges);
     out.forces[i] += x[k] * edge(task.contacts[i], static_cast<int>(k % kEdges));
   }
   const double sum = x.sum();

@@ -205,9 +205,9 @@ class Fit {
     const auto depth_at = [&](double z) {
       x_HO_.p.z() = z;
       hand_.place(x_HO_);
-      return hand_.depths(closing_.open(), palm_)[at(hand_.palm())];
+      return hand_.depths(closing_.open(), palm_)[as_index(hand_.palm())];
     };
-    const double wanted = depth_[at(hand_.palm())];
+    const double wanted = depth_[as_index(hand_.palm())];
     double z = from;
     while (depth_at(z) <= wanted && z < 0) z += kNearer;
     double low = z - kNearer, high = z;
@@ -251,7 +251,7 @@ class Fit {
   std::vector<double> lacking() const {
     std::vector<double> out(depth_.size());
     for (std::size_t i = 0; i < contacts_.size(); ++i)
-      if (contacts_[i].stiffness > 0) out[at(contacts_[i].body)] += normal_force(i) - contacts_[i].push;
+      if (contacts_[i].stiffness > 0) out[as_index(contacts_[i].body)] += normal_force(i) - contacts_[i].push;
     return out;
   }
 
@@ -263,14 +263,14 @@ class Fit {
       // A pad that stiffens goes by its chord to the depth that has the force.
       const double lacks = normal_force(i) - contact.push,
                    chord = contact.pad && contact.pad->law ? lacks / contact.deeper_for(normal_force(i)) : 0;
-      stiffness[at(contact.body)] += chord > 0 ? chord : contact.stiffness;
+      stiffness[as_index(contact.body)] += chord > 0 ? chord : contact.stiffness;
     }
     for (std::size_t b = 0; b < deeper.size(); ++b)
       deeper[b] = stiffness[b] > 0 ? std::clamp(deeper[b] / stiffness[b], -kDeeper, kDeeper) : 0;
     const Vec3 before = x_HO_.p;
     if (place_.on_palm) {
-      double& depth = depth_[at(hand_.palm())];
-      depth = std::max(kTouchDepth, depth + deeper[at(hand_.palm())]);
+      double& depth = depth_[as_index(hand_.palm())];
+      depth = std::max(kTouchDepth, depth + deeper[as_index(hand_.palm())]);
       put_on_palm(x_HO_.p.z() - 2 * kNearer);
     }
     hand_.place(x_HO_);
@@ -382,7 +382,7 @@ class Fit {
   /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].
   double opening() const {
     const model::State state = model::state_at(hand_.model(), closing_.angles_at(-kWideOpen));
-    const auto tip = [&](const FingerChain& chain) { return state.bodies[at(chain.bodies.back())].p; };
+    const auto tip = [&](const FingerChain& chain) { return state.bodies[as_index(chain.bodies.back())].p; };
     double most = 0;
     for (const FingerChain& thumb : closing_.chains())
       for (const FingerChain& chain : closing_.chains())

@@ -119,7 +119,7 @@ void add_muscles(const std::filesystem::path& path, const scene::Scene& scene, C
 }
 
 void add_coordinates(const RunFiles& run, Curves& curves) {
-  for (std::size_t c = 1; c <= at(run.scene.model.dof_count()); ++c) {
+  for (std::size_t c = 1; c <= as_index(run.scene.model.dof_count()); ++c) {
     const auto [name, unit] = parted(run.trajectory.columns[c]);
     const bool angle = unit == "rad";
     curves.add(angle ? "Angles" : "Sliders", angle ? "deg" : "mm", name, "value", run.times,
@@ -134,7 +134,7 @@ void add_gaps(const RunFiles& run, Curves& curves) {
   std::vector<std::string> names = {"joints"};
   std::vector<std::size_t> owner(model.joints.size(), 0);
   for (const model::HandIndex& hand : model.hands) {
-    for (const int joint : hand.joints) owner[at(joint)] = names.size();
+    for (const int joint : hand.joints) owner[as_index(joint)] = names.size();
     names.push_back(hand.name);
   }
   std::vector<std::vector<float>> gaps(names.size(), std::vector<float>(run.times.size()));
@@ -184,7 +184,7 @@ std::vector<PartCurve> part_sums(const RunFiles& run, const RecordedContacts& ro
   const model::Model& model = run.scene.model;
   std::map<std::pair<std::size_t, std::size_t>, std::vector<double>> sums;
   const auto add = [&](std::size_t row, int shape, double force) {
-    const model::Shape& of = model.shapes[at(shape)];
+    const model::Shape& of = model.shapes[as_index(shape)];
     for (std::size_t h = 0; h < model.hands.size(); ++h) {
       const std::vector<int>& bodies = model.hands[h].bodies;
       if (!hand_part(of.part) || std::ranges::find(bodies, of.body) == bodies.end()) continue;
@@ -211,7 +211,7 @@ Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums, Json& 
                               muscles = run.folder / "muscles.sto";
   const scene::Scene& scene = run.scene;
   const bool driven = scene.control.has_value();
-  Curves curves((driven ? 3 * scene.control->axes.size() : at(scene.model.dof_count())) +
+  Curves curves((driven ? 3 * scene.control->axes.size() : as_index(scene.model.dof_count())) +
                 2 * scene.model.muscles.size() + sums.size() + 8);
   const bool has_control = has_entry(control);
   if (!has_control || !driven) add_coordinates(run, curves);

@@ -110,7 +110,7 @@ std::string run_report(const std::vector<std::filesystem::path>& folders,
                              data.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
-std::size_t RunFiles::first_pose() const { return 1 + 2 * at(scene.model.dof_count()); }
+std::size_t RunFiles::first_pose() const { return 1 + 2 * as_index(scene.model.dof_count()); }
 
 model::State RunFiles::state(std::size_t row) const {
   model::State out = model::initial_state(scene.model);

@@ -57,13 +57,13 @@ Json shapes_json(const model::Model& model, const model::State& start) {
   const output::DrawList drawn = output::draw_list(model, start, {});
   Json out = Json::array();
   for (const output::DrawShape& draw : drawn.shapes) {
-    const model::Shape& shape = model.shapes[at(draw.shape)];
+    const model::Shape& shape = model.shapes[as_index(draw.shape)];
     Json entry = solid_json(output::bevelled(draw.solid));
     entry["name"] = shape.name;
     entry["body"] = shape.body;
     entry["part"] = kPartNames[static_cast<std::size_t>(shape.part)];
     entry["hand"] = hand_of(model, shape.body);
-    entry["pose"] = pose_json(start.bodies[at(shape.body)].pose().inverse() * draw.solid.pose);
+    entry["pose"] = pose_json(start.bodies[as_index(shape.body)].pose().inverse() * draw.solid.pose);
     entry["colour"] = colour_json(draw.colour);
     if (draw.mark) entry["mark"] = true;
     out.push_back(std::move(entry));
@@ -80,7 +80,7 @@ Json axes_json(const model::Model& model, const model::State& start) {
     for (std::size_t axis = 0; axis < joint.axes.size(); ++axis) {
       const output::DrawArrow& arrow = drawn.arrows[next++];
       const int body = joint.kind == model::JointKind::universal && axis == 0 ? joint.parent : joint.child;
-      const Pose x_BW = start.bodies[at(body)].pose().inverse();
+      const Pose x_BW = start.bodies[as_index(body)].pose().inverse();
       out.push_back({{"name", joint.name + "." + joint.axes[axis].name},
                      {"body", body},
                      {"from", numbers(x_BW * arrow.from)},
@@ -270,7 +270,7 @@ Json poses_json(const RunFiles& run) {
   for (const std::size_t b : moving) {
     double reach = 0.01;
     for (const model::Shape& shape : model.shapes)
-      if (at(shape.body) == b && shape.kind != model::ShapeKind::plane) {
+      if (as_index(shape.body) == b && shape.kind != model::ShapeKind::plane) {
         const output::Solid solid = output::solid(shape, shape.pose);
         reach = std::max(reach, solid.pose.p.norm() + solid.reach());
       }

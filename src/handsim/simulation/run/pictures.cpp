@@ -33,7 +33,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
   if (model.hands.empty()) return out;
   for (std::size_t i = 1; i < out.size(); ++i)
     out[i] = std::ranges::none_of(model.hands, [&](const model::HandIndex& hand) {
-      return (state.bodies[i].p - state.bodies[at(hand.palm)].p).norm() < kLost;
+      return (state.bodies[i].p - state.bodies[as_index(hand.palm)].p).norm() < kLost;
     });
   return out;
 }
@@ -41,7 +41,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
 void add_shake(const model::Model& model, const PictureState& moment, output::DrawList& list) {
   if (moment.shaken.isZero() || model.hands.empty()) return;
   const model::HandIndex& hand = model.hands.front();
-  const Vec3 wrist = moment.state.bodies[at(hand.palm)].pose() * hand.wrist_frame.p;
+  const Vec3 wrist = moment.state.bodies[as_index(hand.palm)].pose() * hand.wrist_frame.p;
   list.arrows.push_back({wrist - moment.shaken, wrist, kShakeRadius, {0.05F, 0.06F, 0.08F}, true});
 }
 
@@ -63,7 +63,7 @@ output::Framing framing(const Pictured& of) {
   model::Side side = model::Side::right;
   if (!model.hands.empty()) {
     const model::HandIndex& first = model.hands.front();
-    hand = model.bodies[at(first.palm)].zero_pose * first.wrist_frame;
+    hand = model.bodies[as_index(first.palm)].zero_pose * first.wrist_frame;
     side = first.side;
   }
   return {of.pictures.view, hand, side, static_cast<double>(of.pictures.size[0]) / of.pictures.size[1]};
@@ -143,8 +143,8 @@ PictureState picture_state(const engine::Engine& engine) {
 }
 
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
-  const model::Shape& a = model.shapes[at(contact.shape_a)];
-  const model::Shape& b = model.shapes[at(contact.shape_b)];
+  const model::Shape& a = model.shapes[as_index(contact.shape_a)];
+  const model::Shape& b = model.shapes[as_index(contact.shape_b)];
   const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
@@ -166,8 +166,9 @@ output::DrawList shown(const Pictured& of, const PictureState& moment, std::opti
   const model::Model& model = of.model;
   output::DrawList list = output::draw_list(model, moment.state, {of.pictures.joint_axes});
   const std::vector<bool> lost = lost_bodies(model, moment.state);
-  std::erase_if(list.shapes,
-                [&](const output::DrawShape& drawn) { return lost[at(model.shapes[at(drawn.shape)].body)]; });
+  std::erase_if(list.shapes, [&](const output::DrawShape& drawn) {
+    return lost[as_index(model.shapes[as_index(drawn.shape)].body)];
+  });
   if (of.pictures.muscles) output::add_tendons(model, moment.state, list);
   if (force_scale)
     for (const engine::Contact& contact : moment.contacts)
@@ -188,7 +189,7 @@ output::DrawList followed(const Pictured& of, const PictureState& moment, const 
   std::vector<bool> in(shapes.size(), false);
   for (std::size_t i = 0; i < shapes.size(); ++i) in[i] = is_hand(shapes[i].part);
   for (const engine::Contact& contact : moment.contacts) {
-    const auto a = at(contact.shape_a), b = at(contact.shape_b);
+    const auto a = as_index(contact.shape_a), b = as_index(contact.shape_b);
     if (is_hand(shapes[a].part) == is_hand(shapes[b].part)) continue;
     const std::size_t other = is_hand(shapes[a].part) ? b : a;
     in[other] = true;
@@ -198,7 +199,7 @@ output::DrawList followed(const Pictured& of, const PictureState& moment, const 
   }
   output::DrawList out;
   for (const output::DrawShape& drawn : shown.shapes)
-    if (in[at(drawn.shape)]) out.shapes.push_back(drawn);
+    if (in[as_index(drawn.shape)]) out.shapes.push_back(drawn);
   return out;
 }
 

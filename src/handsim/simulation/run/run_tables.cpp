@@ -111,7 +111,7 @@ std::vector<model::Marker> table_markers(const model::Model& model) {
   for (const model::HandIndex& hand : model.hands) {
     out.push_back({hand.name + ".wrist", hand.palm, hand.wrist_frame.p});
     for (const int index : hand.joints) {
-      const model::Joint& joint = model.joints[at(index)];
+      const model::Joint& joint = model.joints[as_index(index)];
       if (joint.name == hand.name + ".wrist") continue;
       out.push_back({joint.name, joint.child, joint.child_frame.p});
       for (const model::Fingertip& tip : hand.fingertips)
@@ -127,7 +127,7 @@ std::vector<model::Wrench> contact_loads(const Simulation& simulation) {
   std::vector<model::Wrench> out(state.bodies.size());
   for (const engine::Contact& contact : simulation.engine().contacts()) {
     const auto add = [&](int shape, const Vec3& force) {
-      const std::size_t body = at(simulation.model().shapes[at(shape)].body);
+      const std::size_t body = as_index(simulation.model().shapes[as_index(shape)].body);
       out[body].force += force;
       out[body].moment += (contact.position - state.bodies[body].p).cross(force);
     };
@@ -260,7 +260,7 @@ void RunTables::add_markers() {
   const auto row = [this, points] {
     Row out;
     for (const model::Marker& marker : points)
-      append(out, simulation_.state().bodies[at(marker.body)].pose() * marker.point);
+      append(out, simulation_.state().bodies[as_index(marker.body)].pose() * marker.point);
     return out;
   };
   add_csv("markers.csv", columns_of(points, {"x[m]", "y[m]", "z[m]"}), row);

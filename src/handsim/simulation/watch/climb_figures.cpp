@@ -56,7 +56,7 @@ void ClimbWatch::collect_flexors(const model::Model& model, const hand::BuiltHan
     for (const model::Muscle& muscle : hand.muscles.muscles)
       if (muscle.name == name)
         for (model::MomentArm arm : muscle.path.arms)
-          if (const auto found = dof(hand.axes[at(arm.dof)].name)) {
+          if (const auto found = dof(hand.axes[as_index(arm.dof)].name)) {
             arm.dof = *found;
             out.arms.push_back(arm);
           }
@@ -74,8 +74,8 @@ void ClimbWatch::collect_flexors(const model::Model& model, const hand::BuiltHan
     Flexors each{finger, path("FDP" + number),      path("FDS" + number),     0,
                  0,      in_effect("FDP" + number), in_effect("FDS" + number)};
     if (!dip || !pip || each.deep.arms.empty() || each.superficial.arms.empty()) continue;
-    each.dip = at(*dip);
-    each.pip = at(*pip);
+    each.dip = as_index(*dip);
+    each.pip = as_index(*pip);
     flexors_.push_back(std::move(each));
   }
 }
@@ -84,7 +84,7 @@ FingerLoad ClimbWatch::Flexors::load(const model::State& state, const Eigen::Vec
   const auto arm = [&](const model::TendonPath& path, std::size_t dof) {
     const model::PathState now = model::path_state(path, state.q);
     for (std::size_t i = 0; i < path.arms.size(); ++i)
-      if (at(path.arms[i].dof) == dof) return now.arm[i];
+      if (as_index(path.arms[i].dof) == dof) return now.arm[i];
     return 0.0;
   };
   model::FlexorTensions tensions;
@@ -104,7 +104,7 @@ ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, 
     : model_(&model), plan_(plan), half_step_(step / 2) {
   collect_flexors(model, built);
   const model::HandIndex& hand = model.hands[plan.hand];
-  dof_ = at(model.joints[at(*hand.rail)].first_dof);
+  dof_ = as_index(model.joints[as_index(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::ranges::find(hand.bodies, shape.body) != hand.bodies.end();
     part_of_shape_.push_back(mine ? hand_part(shape.part) : std::nullopt);
@@ -123,7 +123,7 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   PartForces parts;
   Eigen::VectorXd held = Eigen::VectorXd::Zero(model_->dof_count());
   for (const engine::Contact& contact : engine.contacts()) {
-    const auto a = at(contact.shape_a), b = at(contact.shape_b);
+    const auto a = as_index(contact.shape_a), b = as_index(contact.shape_b);
     const bool first = of_hold_[b];
     const std::optional<std::size_t> part = part_of_shape_[first ? a : b];
     if (!(first || of_hold_[a]) || !part || contact.normal_force() <= 0) continue;

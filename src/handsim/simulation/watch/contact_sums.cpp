@@ -52,7 +52,7 @@ ContactSums::ContactSums(const Watched& watched) {
     std::string name = objects[i] ? model.objects[*objects[i]].name : shape.name;
     if (part) name = shape.name.substr(0, shape.name.find('.') + 1) + kHandParts[*part];
     const auto found = std::ranges::find(things_, name);
-    thing_.push_back(at(found - things_.begin()));
+    thing_.push_back(as_index(found - things_.begin()));
     if (found != things_.end()) continue;
     things_.push_back(name);
     is_finger_.push_back(part.has_value());
@@ -64,8 +64,8 @@ void ContactSums::update(Step& step) {
   begin_step(pairs_);
   begin_step(fingers_);
   for (const engine::Contact& contact : step.engine.contacts()) {
-    const std::size_t a = thing_[at(contact.shape_a)];
-    const std::size_t b = thing_[at(contact.shape_b)];
+    const std::size_t a = thing_[as_index(contact.shape_a)];
+    const std::size_t b = thing_[as_index(contact.shape_b)];
     add(pairs_[{std::min(a, b), std::max(a, b)}], contact, a <= b ? 1 : -1);
     if (is_finger_[a]) add(fingers_[a], contact, 1);
     if (is_finger_[b] && b != a) add(fingers_[b], contact, -1);

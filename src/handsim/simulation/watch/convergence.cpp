@@ -35,7 +35,7 @@ void Convergence::update(Step& step) {
   if (!report.residual) return;
   ++measured_;
   const auto raise = [&](Peak& peak, const engine::ResidualPeak& found, const auto& named) {
-    if (found.value > peak.value) peak = {found.value, time, named[at(found.where)].name};
+    if (found.value > peak.value) peak = {found.value, time, named[as_index(found.where)].name};
   };
   raise(linear_, report.residual->linear, scene_.model.joints);
   raise(angular_, report.residual->angular, scene_.model.joints);

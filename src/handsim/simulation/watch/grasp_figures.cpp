@@ -36,12 +36,12 @@ void serialize_figures(Archive& archive, T& figures) {
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
     : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size()) {
   const model::HandIndex& hand = model.hands[plan.hand];
-  palm_ = at(hand.palm);
+  palm_ = as_index(hand.palm);
   for (const model::ObjectIndex& object : model.objects)
-    if (object.name == plan.object) object_ = at(object.body.value_or(model::kWorld));
+    if (object.name == plan.object) object_ = as_index(object.body.value_or(model::kWorld));
   for (const model::Shape& shape : model.shapes) {
     if (std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
-      part_of_body_[at(shape.body)] = hand_part(shape.part);
+      part_of_body_[as_index(shape.body)] = hand_part(shape.part);
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
@@ -63,8 +63,8 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
   std::vector<WrenchContact> wrenches;
   const Vec3 centre = engine.state().bodies[object_].p;
   for (const engine::Contact& contact : engine.contacts()) {
-    const std::size_t a = at(model_.shapes[at(contact.shape_a)].body),
-                      b = at(model_.shapes[at(contact.shape_b)].body);
+    const std::size_t a = as_index(model_.shapes[as_index(contact.shape_a)].body),
+                      b = as_index(model_.shapes[as_index(contact.shape_b)].body);
     if (a != object_ && b != object_) continue;
     const std::optional<std::size_t> part = part_of_body_[a == object_ ? b : a];
     const double normal = contact.normal_force();
@@ -78,7 +78,7 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     ++out.contacts;
     WrenchContact wrench;
     const model::Material between =
-        rules_.between(model_.shapes[at(contact.shape_a)], model_.shapes[at(contact.shape_b)]);
+        rules_.between(model_.shapes[as_index(contact.shape_a)], model_.shapes[as_index(contact.shape_b)]);
     wrench.friction = between.friction;
     wrench.spinning = between.spinning_friction;
     wrench.position = contact.position - centre;
@@ -135,8 +135,8 @@ void GraspWatch::watch_touch(const engine::Engine& engine) {
   const engine::Contact* deepest = nullptr;
   std::optional<std::size_t> part;
   for (const engine::Contact& contact : engine.contacts()) {
-    const std::size_t a = at(model_.shapes[at(contact.shape_a)].body),
-                      b = at(model_.shapes[at(contact.shape_b)].body);
+    const std::size_t a = as_index(model_.shapes[as_index(contact.shape_a)].body),
+                      b = as_index(model_.shapes[as_index(contact.shape_b)].body);
     if ((a != object_ && b != object_) || contact.depth <= 0) continue;
     const std::optional<std::size_t> touching = part_of_body_[a == object_ ? b : a];
     if (!touching || (deepest != nullptr && deepest->depth >= contact.depth)) continue;

@@ -38,8 +38,8 @@ Ledger::Ledger(const Watched& watched)
 }
 
 Effect Ledger::kind_of(const engine::Contact& contact) const {
-  const model::Part a = model_.shapes[at(contact.shape_a)].part;
-  const model::Part b = model_.shapes[at(contact.shape_b)].part;
+  const model::Part a = model_.shapes[as_index(contact.shape_a)].part;
+  const model::Part b = model_.shapes[as_index(contact.shape_b)].part;
   if (a == model::Part::ground || b == model::Part::ground) return Effect::ground_contact;
   if (a == model::Part::object || b == model::Part::object) return Effect::object_contact;
   return Effect::self_contact;

@@ -38,7 +38,7 @@ Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(mo
       if (joint.axes[a].stop) stopped_.push_back({&joint, a});
 }
 
-std::size_t Monitor::StoppedAxis::dof() const { return at(joint->first_dof) + axis; }
+std::size_t Monitor::StoppedAxis::dof() const { return as_index(joint->first_dof) + axis; }
 
 double Monitor::StoppedAxis::overshoot_in(const model::State& state) const {
   const model::Stop& stop = *joint->axes[axis].stop;
@@ -63,7 +63,7 @@ void Monitor::update(const model::State& state) {
 void Monitor::update_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
-    const model::BodyState& child = state.bodies[at(joint.child)];
+    const model::BodyState& child = state.bodies[as_index(joint.child)];
     const bool slides = joint.kind == model::JointKind::slider;
     Vec3 apart = child.p + child.q * joint.child_frame.p;
     Vec3 axis = slides ? slider_axes_[i] : Vec3::Zero();
@@ -71,7 +71,7 @@ void Monitor::update_gaps(const model::State& state) {
     if (joint.parent == model::kWorld) {
       apart -= joint.parent_frame.p;
     } else {
-      const model::BodyState& parent = state.bodies[at(joint.parent)];
+      const model::BodyState& parent = state.bodies[as_index(joint.parent)];
       apart -= parent.p + parent.q * joint.parent_frame.p;
       if (slides) axis = parent.q * axis;
     }

@@ -23,7 +23,7 @@ Tunnelling::Tunnelling(const Watched& watched)
       tested_(watched.engine.tests_contacts()),
       sweep_(model_, watched.scene.spec.solver.effects) {
   for (const model::Shape& shape : model_.shapes)
-    radii_.push_back(model_.bodies[at(shape.body)].kinematic || shape.body == model::kWorld
+    radii_.push_back(model_.bodies[as_index(shape.body)].kinematic || shape.body == model::kWorld
                          ? std::numeric_limits<double>::infinity()
                          : model::inner_radius(shape));
   start_from(watched.engine.state());
@@ -40,7 +40,7 @@ void Tunnelling::update(Step& step) {
   update_depths(step.engine);
   bool fast = false;
   for (const int body : sweep_.bodies()) {
-    const model::BodyState &before = last_.bodies[at(body)], &now = state.bodies[at(body)];
+    const model::BodyState &before = last_.bodies[as_index(body)], &now = state.bodies[as_index(body)];
     const double change2 = std::min((now.q.coeffs() - before.q.coeffs()).squaredNorm(),
                                     (now.q.coeffs() + before.q.coeffs()).squaredNorm());
     fast = fast ||
@@ -59,7 +59,7 @@ void Tunnelling::update_depths(const engine::Engine& engine) {
       deep_a_ = contact.shape_a;
       deep_b_ = contact.shape_b;
     }
-    const double most = std::min(radii_[at(contact.shape_a)], radii_[at(contact.shape_b)]);
+    const double most = std::min(radii_[as_index(contact.shape_a)], radii_[as_index(contact.shape_b)]);
     if (!(contact.depth > most)) continue;
     Event& met = event(contact.shape_a, contact.shape_b, last_.time);
     if (!(contact.depth > met.depth)) continue;
@@ -82,8 +82,8 @@ void Tunnelling::collect_passages(const model::State& state) {
 bool Tunnelling::passes(std::size_t a, std::size_t b, const model::State& state) const {
   const model::Shape &point = model_.shapes[a], &solid = model_.shapes[b];
   const auto seen = [&](const model::State& then) -> Vec3 {
-    const Pose x_WS = then.bodies[at(solid.body)].pose() * solid.pose;
-    return x_WS.inverse() * (then.bodies[at(point.body)].pose() * point.pose.p);
+    const Pose x_WS = then.bodies[as_index(solid.body)].pose() * solid.pose;
+    return x_WS.inverse() * (then.bodies[as_index(point.body)].pose() * point.pose.p);
   };
   return point.kind != model::ShapeKind::plane && engine::crosses(solid, seen(last_), seen(state));
 }
@@ -99,7 +99,7 @@ Tunnelling::Event& Tunnelling::event(int a, int b, double time) {
 }
 
 std::string Tunnelling::names(int a, int b) const {
-  const auto name = [&](int shape) { return model_.shapes[at(shape)].name; };
+  const auto name = [&](int shape) { return model_.shapes[as_index(shape)].name; };
   return name(a) + " and " + name(b);
 }
 
@@ -112,10 +112,10 @@ Peak Tunnelling::penetration() const {
 }
 
 std::string Tunnelling::warning(const Event& met) const {
-  const auto radius = [&](int shape) { return radii_[at(shape)]; };
+  const auto radius = [&](int shape) { return radii_[as_index(shape)]; };
   const bool first = radius(met.a) <= radius(met.b);
-  const std::string& body = model_.shapes[at(first ? met.a : met.b)].name;
-  const std::string& other = model_.shapes[at(first ? met.b : met.a)].name;
+  const std::string& body = model_.shapes[as_index(first ? met.a : met.b)].name;
+  const std::string& other = model_.shapes[as_index(first ? met.b : met.a)].name;
   std::string text = met.passed ? fmt::format("{} passed through {} at {:.3f} s", body, other, met.time) : "";
   if (met.depth > 0)
     text += fmt::format("{} {:.3g} mm deep in {} at {:.3f} s, beyond its smallest radius of {:.3g} mm",

@@ -101,7 +101,7 @@ void add_tissue(const model::Model& model, std::span<const double> q, std::span<
                 double step, std::vector<double>& torques) {
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-      const std::size_t dof = at(joint.first_dof) + a;
+      const std::size_t dof = as_index(joint.first_dof) + a;
       if (const auto& tissue = joint.axes[a].tissue)
         torques[dof] +=
             -tissue->stiffness * (next[dof] - tissue->rest) - tissue->damping * (next[dof] - q[dof]) / step;
@@ -112,18 +112,18 @@ void add_tissue(const model::Model& model, std::span<const double> q, std::span<
 engine::TendonLayout::Solves solved(const scene::Scene& scene) {
   if (scene.spec.solver.engine() != engine::EngineKind::articulated) return std::equal_to<int>();
   const model::Model& model = scene.model;
-  std::vector<int> child(at(model.dof_count()));  // body that each coordinate moves
+  std::vector<int> child(as_index(model.dof_count()));  // body that each coordinate moves
   std::vector<int> parent(model.bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
-    parent[at(joint.child)] = joint.parent;
-    for (std::size_t a = 0; a < joint.axes.size(); ++a) child[at(joint.first_dof) + a] = joint.child;
+    parent[as_index(joint.child)] = joint.parent;
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) child[as_index(joint.first_dof) + a] = joint.child;
   }
   return [child, parent](int a, int b) {
     const auto carries = [&](int body, int other) {
-      while (other != body && other != 0) other = parent[at(other)];
+      while (other != body && other != 0) other = parent[as_index(other)];
       return other == body;
     };
-    return carries(child[at(a)], child[at(b)]) || carries(child[at(b)], child[at(a)]);
+    return carries(child[as_index(a)], child[as_index(b)]) || carries(child[as_index(b)], child[as_index(a)]);
   };
 }
 
@@ -146,8 +146,8 @@ class Recursion {
     state.time = motion_.start + static_cast<double>(n) * motion_.step;
     for (const model::Drive& drive : scene_.model.drives) {
       const Pose pose = drive.motion.at(state.time) * drive.frame.inverse();
-      state.bodies[at(drive.body)].p = pose.p;
-      state.bodies[at(drive.body)].q = pose.q;
+      state.bodies[as_index(drive.body)].p = pose.p;
+      state.bodies[as_index(drive.body)].q = pose.q;
     }
     model::place_joints(scene_.model, motion_.angles[n], rates(n), state);
   }
@@ -181,7 +181,7 @@ class Recursion {
     tendons_.begin_step(motion_.angles[n], u, excitations);
     for (std::size_t i = 0; i < u.size(); ++i) torques[i] += tendons_.torques()[i];
     for (const engine::Muscles::Slope& each : tendons_.slopes()) {
-      const auto a = at(each.row), b = at(each.column);
+      const auto a = as_index(each.row), b = as_index(each.column);
       torques[a] -= each.value * (next[b] - u[b]);
       if (a != b) torques[b] -= each.value * (next[a] - u[a]);
     }

@@ -21,7 +21,7 @@ class LoadReader {
  public:
   LoadReader(std::string file, const model::Model& model) : file_(std::move(file)) {
     for (std::size_t i = 0; i < model.bodies.size(); ++i) bodies_[model.bodies[i].name] = i;
-    for (const model::Shape& shape : model.shapes) shapes_[shape.name] = handsim::at(shape.body);
+    for (const model::Shape& shape : model.shapes) shapes_[shape.name] = handsim::as_index(shape.body);
   }
   void line(int number) { number_ = number; }
   [[noreturn]] void fail(std::string key, std::string got, std::string need) const {

@@ -19,11 +19,13 @@ constexpr std::size_t kMostMuscles = 4;
 }  // namespace
 
 UndoneCauses::UndoneCauses(const model::Model& model, std::span<const std::size_t> axes)
-    : model_(model), pull_(model.muscles.size() * at(model.dof_count())), waits_(at(model.dof_count())) {
-  std::vector<bool> fused(at(model.dof_count()));
+    : model_(model),
+      pull_(model.muscles.size() * as_index(model.dof_count())),
+      waits_(as_index(model.dof_count())) {
+  std::vector<bool> fused(as_index(model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      fused[at(joint.first_dof) + a] = model::fused(joint.axes[a]);
+      fused[as_index(joint.first_dof) + a] = model::fused(joint.axes[a]);
   for (const std::size_t dof : axes) (fused[dof] ? fused_ : asked_).push_back(dof);
 }
 
@@ -50,7 +52,7 @@ void UndoneCauses::add(std::span<const double> q, std::span<const double> missin
     if (!late && best[m] < kFull) continue;
     const model::PathState path = model::path_state(muscle.path, q);
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
-      const std::size_t dof = at(muscle.path.arms[i].dof);
+      const std::size_t dof = as_index(muscle.path.arms[i].dof);
       if (late) waits_[dof] = 1;
       if (best[m] >= kFull) pull_[m * waits_.size() + dof] = path.arm[i] * muscle.force * muscle.excitable;
     }

@@ -132,7 +132,7 @@ void add_curves(const Simulation& simulation, TimeSeries& to) {
   const std::vector<std::string> names = output::coordinate_names(model);
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size() && joint.kind != model::JointKind::slider; ++a)
-      add(names[at(joint.first_dof) + a] + "[rad]", state.q[at(joint.first_dof) + a]);
+      add(names[as_index(joint.first_dof) + a] + "[rad]", state.q[as_index(joint.first_dof) + a]);
   if (simulation.scene().control)
     for (const control::DrivenAxis& axis : simulation.scene().control->axes)
       add(axis.name + ".torque[N_m]", state.tau[axis.dof]);
@@ -144,7 +144,7 @@ void add_curves(const Simulation& simulation, TimeSeries& to) {
     std::array<double, simulation::kHandParts.size()> forces{};
     for (const engine::Contact& contact : simulation.engine().contacts())
       for (const int index : {contact.shape_a, contact.shape_b}) {
-        const model::Shape& shape = model.shapes[at(index)];
+        const model::Shape& shape = model.shapes[as_index(index)];
         const std::optional<std::size_t> part = simulation::hand_part(shape.part);
         if (part && std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
           forces[*part] += contact.normal_force();

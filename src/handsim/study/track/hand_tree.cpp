@@ -22,7 +22,7 @@ HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, mode
   const model::HandIndex& index = model_.hands.front();
   frames_.push_back({index.palm, index.wrist_frame});
   for (const hand::BuiltSegment& segment : hand.segments) {
-    const auto body = at(segment.body);
+    const auto body = as_index(segment.body);
     const Pose in_body = hand.bodies[body].zero_pose.inverse() * segment.frame;
     frames_.push_back({index.bodies[body], side == model::Side::left ? mirrored(in_body) : in_body});
   }
@@ -48,7 +48,8 @@ void HandTree::place(std::span<const double> angles) { model::place_children(mod
 Pose HandTree::pose(const Feature& feature) const {
   const Pose own{feature.at, feature.rotation};
   const Frame& of = frame(feature);
-  return state_.bodies[at(of.body)].pose() * of.in_body * (side_ == model::Side::left ? mirrored(own) : own);
+  return state_.bodies[as_index(of.body)].pose() * of.in_body *
+         (side_ == model::Side::left ? mirrored(own) : own);
 }
 
 model::Jacobian HandTree::jacobian(const Feature& feature) const {

@@ -114,7 +114,7 @@ Eigen::MatrixXd free_columns(const Eigen::MatrixXd& J, const HandPose& pose, con
   constexpr double kNear = 1e-9;
   std::vector<Eigen::Index> kept;
   for (Eigen::Index k = 0; k < J.cols(); ++k) {
-    const auto axis = at(k) - 6;
+    const auto axis = as_index(k) - 6;
     const bool held = k >= 6 && (pose.angles[axis] <= tree.axes()[axis].low + kNear ||
                                  pose.angles[axis] >= tree.axes()[axis].high - kNear);
     if (!held) kept.push_back(k);

@@ -55,7 +55,7 @@ std::vector<Feature> features_of(const MarkerSet& set, const hand::HandSpec& spe
       continue;
     }
     out.push_back({marker.kind, marker.name, std::nullopt, marker.at, marker.rotation});
-    if (found != known.begin()) out.back().segment = at(found - known.begin() - 1);
+    if (found != known.begin()) out.back().segment = as_index(found - known.begin() - 1);
   }
   if (!problems.empty()) throw Error(problems);
   return out;

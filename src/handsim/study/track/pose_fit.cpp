@@ -40,7 +40,7 @@ std::vector<Eigen::Index> free_parameters(const HandTree& tree, const HandPose& 
                                           const Eigen::VectorXd& slope) {
   std::vector<Eigen::Index> out;
   for (Eigen::Index i = 0; i < slope.size(); ++i) {
-    const auto axis = at(i - 6);
+    const auto axis = as_index(i - 6);
     const bool held = i >= 6 && (slope[i] > 0 ? pose.angles[axis] <= tree.axes()[axis].low
                                               : pose.angles[axis] >= tree.axes()[axis].high);
     if (!held) out.push_back(i);
@@ -131,7 +131,7 @@ FitResult PoseFit::fit(const MeasuredFrame& frame, const HandPose& start, double
     const auto worst = std::ranges::max_element(out.distances);
     // An absent distance is less than any other.
     if (round == kMostRejected || !*worst || **worst <= outlier) return out;
-    out.rejected[at(worst - out.distances.begin())] = true;
+    out.rejected[as_index(worst - out.distances.begin())] = true;
   }
 }
 

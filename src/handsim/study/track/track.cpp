@@ -278,7 +278,8 @@ void collect_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
       overlaps = overlaps || each.depth > kDepth;
       if (each.depth <= out.deepest) continue;
       out.deepest = each.depth;
-      out.where = model.shapes[at(each.shape_a)].name + " and " + model.shapes[at(each.shape_b)].name;
+      out.where =
+          model.shapes[as_index(each.shape_a)].name + " and " + model.shapes[as_index(each.shape_b)].name;
     }
     ++out.tested;
     if (overlaps) ++out.frames;
@@ -296,7 +297,7 @@ void compare(const control::MotionTable& table, const std::vector<double>& times
     for (std::size_t k = 0; k < times.size(); ++k) {
       if (tracked.frames[k].status != FrameStatus::tracked) continue;
       known.at(times[k], row);
-      const double error = tracked.frames[k].pose.angles[i] - row[at(column - table.names.begin())];
+      const double error = tracked.frames[k].pose.angles[i] - row[as_index(column - table.names.begin())];
       squares += error * error;
       count += 1;
     }

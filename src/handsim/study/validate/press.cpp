@@ -21,7 +21,7 @@ namespace {
 
 /// A posture is one within this angle of each joint: tissue holds moments of up to its stiffness times it.
 constexpr double kGives = 20 * M_PI / 180;
-constexpr double kAtStop = 1e-6;  ///< an axis this near to its stop lies on it [rad]
+constexpr double kAtStop = 1e-6;   ///< an axis this near to its stop lies on it [rad]
 constexpr double kInwards = -0.5;  ///< cosine beyond which the other end lies inside the finger's shaft
 constexpr int kConeEdges = 8;
 
@@ -45,8 +45,7 @@ class Press {
       : subject_(subject), q_(q.begin(), q.end()) {
     for (const model::Joint& joint : subject.model().joints)
       for (std::size_t a = 0; a < joint.axes.size(); ++a)
-        if (const int dof = joint.first_dof + static_cast<int>(a);
-            std::ranges::find(dofs, dof) != dofs.end())
+        if (const int dof = joint.first_dof + static_cast<int>(a); std::ranges::find(dofs, dof) != dofs.end())
           add_axis(dof, joint.axes[a]);
   }
 
@@ -73,32 +72,32 @@ class Press {
     most.segment(forces, muscles).setOnes();
     const std::vector<double> passive = subject_.passive(q_), bands = subject_.bands(q_);
     for (Eigen::Index i = 0; i < rows; ++i) {
-      const Axis& axis = axes_[at(static_cast<int>(i))];
-      for (Eigen::Index k = 0; k < forces; ++k) equal(i, k) = columns_[at(static_cast<int>(k))][axis.dof];
+      const Axis& axis = axes_[as_index(static_cast<int>(i))];
+      for (Eigen::Index k = 0; k < forces; ++k)
+        equal(i, k) = columns_[as_index(static_cast<int>(k))][axis.dof];
       equal(i, forces + muscles + i) = -axis.side;
       if (!axis.on_stop) most[forces + muscles + i] = 2 * axis.gives;
-      to[i] = passive[at(axis.dof)] + bands[at(axis.dof)] - axis.side * axis.gives;
+      to[i] = passive[as_index(axis.dof)] + bands[as_index(axis.dof)] - axis.side * axis.gives;
     }
     for (Eigen::Index m = 0; m < muscles; ++m) {
-      const model::Muscle& muscle = subject_.model().muscles[at(static_cast<int>(m))];
+      const model::Muscle& muscle = subject_.model().muscles[as_index(static_cast<int>(m))];
       const model::PathState path = model::path_state(muscle.path, q_);
       const double force = model::isometric_force(muscle, path.excursion);
       for (std::size_t a = 0; a < muscle.path.arms.size(); ++a)
         for (Eigen::Index i = 0; i < rows; ++i)
-          if (axes_[at(static_cast<int>(i))].dof == muscle.path.arms[a].dof)
+          if (axes_[as_index(static_cast<int>(i))].dof == muscle.path.arms[a].dof)
             equal(i, forces + m) = -path.arm[a] * force;
     }
     for (Eigen::Index k = 0; k < forces; ++k) {
-      gain[k] = gains_[at(static_cast<int>(k))];
+      gain[k] = gains_[as_index(static_cast<int>(k))];
       for (Eigen::Index w = 0; w < walls; ++w)
-        equal(rows + w, k) = (w % 2 == 0 ? 1 : -1) * across_[at(static_cast<int>(k))][w / 2] -
+        equal(rows + w, k) = (w % 2 == 0 ? 1 : -1) * across_[as_index(static_cast<int>(k))][w / 2] -
                              palm_friction.value_or(0) * gain[k];
     }
     for (Eigen::Index w = 0; w < walls; ++w) equal(rows + w, forces + muscles + rows + w) = 1;
     const std::optional<Eigen::VectorXd> found = study::largest(gain, equal, to, most);
     if (!found) return {};
-    return {std::max(0.0, gain.dot(*found)),
-            {found->data() + forces, found->data() + forces + muscles}};
+    return {std::max(0.0, gain.dot(*found)), {found->data() + forces, found->data() + forces + muscles}};
   }
 
  private:
@@ -118,8 +117,8 @@ class Press {
     if (model::fused(axis)) return;
     Axis out{dof, axis.tissue ? kGives * axis.tissue->stiffness : 0};
     if (const auto& stop = axis.stop) {
-      const bool high = q_[at(dof)] >= stop->high - kAtStop;
-      out.on_stop = high || q_[at(dof)] <= stop->low + kAtStop;
+      const bool high = q_[as_index(dof)] >= stop->high - kAtStop;
+      out.on_stop = high || q_[as_index(dof)] <= stop->low + kAtStop;
       out.side = high ? -1 : 1;
     }
     axes_.push_back(out);
@@ -160,9 +159,9 @@ std::vector<Touch> touches_of(const simulation::Simulation& run) {
   std::vector<Touch> out;
   for (const engine::Contact& contact : run.engine().contacts())
     for (const auto& [mine, side] : {std::pair(contact.shape_a, 1.0), std::pair(contact.shape_b, -1.0)}) {
-      const int body = model.shapes[at(mine)].body;
-      if (body < 0 || contact.depth < 0 || !model.bodies[at(body)].name.starts_with("right.")) continue;
-      const std::string segment = model.bodies[at(body)].name.substr(6);
+      const int body = model.shapes[as_index(mine)].body;
+      if (body < 0 || contact.depth < 0 || !model.bodies[as_index(body)].name.starts_with("right.")) continue;
+      const std::string segment = model.bodies[as_index(body)].name.substr(6);
       if (segment.find('_') != std::string::npos && !segment.starts_with("thumb_"))
         out.push_back({segment, contact.position, side * contact.normal, side * contact.force});
     }
@@ -230,7 +229,8 @@ class GripRun {
     for (const model::Joint& joint : run_.model().joints)
       for (std::size_t a = 0; a < joint.axes.size(); ++a)
         if (joint.name.starts_with("right."))
-          pose[joint.name.substr(6) + "." + joint.axes[a].name] = run_.state().q[at(joint.first_dof) + a];
+          pose[joint.name.substr(6) + "." + joint.axes[a].name] =
+              run_.state().q[as_index(joint.first_dof) + a];
     const std::vector<double> q = subject_.coordinates(pose);
     std::vector<int> dofs;
     for (const char* finger : {"index", "middle", "ring", "little"})
@@ -263,8 +263,8 @@ class GripRun {
 double largest_tip_force(const Subject& subject, const Measurement& of) {
   const std::vector<double> q = subject.coordinates(of.pose);
   const std::string segment = of.segment.empty() ? last_segment(of.finger) : of.segment;
-  const Eigen::MatrixXd J =
-      subject.point_jacobian(segment, of.segment.empty() ? subject.tip(of.finger) : subject.middle(segment), q);
+  const Eigen::MatrixXd J = subject.point_jacobian(
+      segment, of.segment.empty() ? subject.tip(of.finger) : subject.middle(segment), q);
   Press press(subject, q, with_balanced(subject, subject.finger_dofs(of.finger), of));
   for (const Vec3& edge : cone(tip_direction(of.direction), of.friction))
     press.add(torques_of(subject, segment, J, edge), 1);

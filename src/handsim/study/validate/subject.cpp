@@ -16,7 +16,8 @@ template <class Path, class Force>
 void pull(const Path& path, std::span<const double> q, const Force& force, std::vector<double>& out) {
   const model::PathState state = model::path_state(path, q);
   const double tension = force(state.excursion);
-  for (std::size_t i = 0; i < path.arms.size(); ++i) out[at(path.arms[i].dof)] += state.arm[i] * tension;
+  for (std::size_t i = 0; i < path.arms.size(); ++i)
+    out[as_index(path.arms[i].dof)] += state.arm[i] * tension;
 }
 
 }  // namespace
@@ -43,9 +44,9 @@ const model::Muscle* Subject::muscle(const std::string& name) const {
 }
 
 std::vector<double> Subject::coordinates(const Angles& pose) const {
-  std::vector<double> q(at(model_.dof_count()));
+  std::vector<double> q(as_index(model_.dof_count()));
   for (const auto& [axis, angle] : pose)
-    if (const std::optional<int> found = dof(axis)) q[at(*found)] = angle;
+    if (const std::optional<int> found = dof(axis)) q[as_index(*found)] = angle;
   return q;
 }
 
@@ -60,7 +61,7 @@ std::vector<double> Subject::tissue(std::span<const double> q) const {
   std::vector<double> out(q.size());
   for (const model::Joint& joint : model_.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-      const std::size_t i = at(joint.first_dof) + a;
+      const std::size_t i = as_index(joint.first_dof) + a;
       if (const auto& tissue = joint.axes[a].tissue) out[i] -= tissue->stiffness * (q[i] - tissue->rest);
     }
   return out;
@@ -97,7 +98,7 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
           [&](double x) { return tension.second - model::passive_force(*tension.first, x); }, all);
     Eigen::VectorXd out(static_cast<Eigen::Index>(free.size()));
     for (std::size_t i = 0; i < free.size(); ++i)
-      out[static_cast<Eigen::Index>(i)] = all[at(free[i])] + of_bands[at(free[i])];
+      out[static_cast<Eigen::Index>(i)] = all[as_index(free[i])] + of_bands[as_index(free[i])];
     return out;
   };
   const auto range = [&](int dof) {
@@ -114,7 +115,7 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
     double out = 0;
     for (std::size_t i = 0; i < free.size(); ++i) {
       const auto [low, high] = range(free[i]);
-      const double m = moment[static_cast<Eigen::Index>(i)], x = q[at(free[i])];
+      const double m = moment[static_cast<Eigen::Index>(i)], x = q[as_index(free[i])];
       if ((x <= low && m < 0) || (x >= high && m > 0)) continue;
       out = std::max(out, std::abs(m));
     }
@@ -125,7 +126,7 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
     std::vector<double> next = q;
     for (std::size_t i = 0; i < free.size(); ++i) {
       const auto [low, high] = range(free[i]);
-      double& x = next[at(free[i])];
+      double& x = next[as_index(free[i])];
       x = std::clamp(x + std::clamp(step * now[static_cast<Eigen::Index>(i)], -0.05, 0.05), low, high);
     }
     const Eigen::VectorXd then = moments(next);
@@ -172,7 +173,7 @@ std::size_t Subject::body(const std::string& segment) const {
 const model::Shape& Subject::shape(const std::string& segment) const {
   const std::size_t of = body(segment);
   return *std::ranges::find_if(model_.shapes,
-                               [&](const model::Shape& shape) { return at(shape.body) == of; });
+                               [&](const model::Shape& shape) { return as_index(shape.body) == of; });
 }
 
 double Subject::tip_centre(const std::string& finger) const {

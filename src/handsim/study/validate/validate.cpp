@@ -63,10 +63,10 @@ double measure_tip_share(const Subject& subject, const Measurement& of) {
   Eigen::Matrix3d A;
   Eigen::Vector3d tau = Eigen::Vector3d::Zero();
   for (Eigen::Index k = 0; k < 3; ++k) {
-    const Eigen::Index column = planar[at(static_cast<int>(k))];
+    const Eigen::Index column = planar[as_index(static_cast<int>(k))];
     A.row(k) << J(1, column), J(2, column), J(3, column);
     for (const std::string& name : of.muscles)
-      tau[k] += subject.arm(*subject.muscle(name), dofs[at(static_cast<int>(column))], q);
+      tau[k] += subject.arm(*subject.muscle(name), dofs[as_index(static_cast<int>(column))], q);
   }
   const Eigen::Vector3d force = A.inverse() * tau;
   if (of.direction == "any") return force.head<2>().norm();
@@ -94,7 +94,7 @@ std::vector<double> with_resting_fingers(const Subject& subject, const Angles& p
   std::vector<double> out = subject.coordinates(pose);
   for (const hand::HandAxis& axis : subject.hand().axes)
     if (const std::optional<int> dof = subject.dof(axis.name); dof && !pose.contains(axis.name))
-      out[at(*dof)] = axis.rest;
+      out[as_index(*dof)] = axis.rest;
   return out;
 }
 
@@ -103,7 +103,7 @@ double measure_rotation(const Subject& subject, const Measurement& of) {
   const std::vector<double> rest = subject.balance(with_resting_fingers(subject, of.pose), free, {});
   const model::Muscle& muscle = *subject.muscle(of.muscle);
   const std::vector<double> loaded = subject.balance(rest, free, {{&muscle, of.load * muscle.force}});
-  const auto dof = at(*subject.dof(of.axis));
+  const auto dof = as_index(*subject.dof(of.axis));
   return loaded[dof] - rest[dof];
 }
 
@@ -123,14 +123,14 @@ double measure_once(const Subject& subject, const Measurement& of) {
     case Measured::joint_moment:
       return of.balanced.empty() ? measure_joint_moment(subject, of) : largest_moment(subject, of);
     case Measured::passive_moment:
-      return subject.passive(with_resting_fingers(subject, of.pose))[at(*subject.dof(of.axis))];
+      return subject.passive(with_resting_fingers(subject, of.pose))[as_index(*subject.dof(of.axis))];
     case Measured::loaded_rotation:
       return measure_rotation(subject, of);
     case Measured::coupled_angle:
       return subject.balance(
           with_resting_fingers(subject, of.pose),
           of.finger.empty() ? std::vector{*subject.dof(of.axis)} : subject.finger_dofs(of.finger),
-          {})[at(*subject.dof(of.axis))];
+          {})[as_index(*subject.dof(of.axis))];
     case Measured::pulley_force:
       if (of.segment == "A4") return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a4;
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
@@ -249,7 +249,7 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
   std::map<std::string, UncertainPersons> drawn;
   for (const auto& [name, person] : spec.people)
     drawn.emplace(name, uncertain_persons(spec.hand, person, true, count));
-  std::vector<std::vector<double>> ours(out.rows.size(), std::vector<double>(at(count)));
+  std::vector<std::vector<double>> ours(out.rows.size(), std::vector<double>(as_index(count)));
   std::atomic<int> next = 0;
   std::atomic<bool> stop = false;
   std::mutex mutex;
@@ -259,11 +259,11 @@ void draw_hands(const ValidateSpec& spec, int count, const std::function<void(do
       Subjects subjects{spec};
       for (std::size_t r = 0; r < out.rows.size(); ++r)
         if (const Measurement& of = *out.rows[r].of; !of.has_scene()) try {
-            ours[r][at(i)] = measure(subjects.of(of, drawn.at(of.person).persons[at(i)]), of);
-            if (of.over_row) ours[r][at(i)] /= ours[*of.over_row][at(i)];
+            ours[r][as_index(i)] = measure(subjects.of(of, drawn.at(of.person).persons[as_index(i)]), of);
+            if (of.over_row) ours[r][as_index(i)] /= ours[*of.over_row][as_index(i)];
           } catch (const Error&) {
             // Such a hand has no posture in which moments balance.
-            ours[r][at(i)] = NAN;
+            ours[r][as_index(i)] = NAN;
           }
       const std::lock_guard lock(mutex);
       if (progress) progress(++done / count);

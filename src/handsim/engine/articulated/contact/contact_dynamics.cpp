@@ -46,12 +46,12 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   frames_.reserve(kUsualContacts);
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
-  memory_.change.reserve(at(space_.size()));
+  memory_.change.reserve(as_index(space_.size()));
   std::size_t most = 0;
   for (const std::vector<int>& each : carriers_) most = std::max(most, 2 * each.size());
   moving_dofs_.resize(kUsualPairs);
   for (MovingDofs& each : moving_dofs_) reserve_each(most, each.dofs, each.signs);
-  reserve_each(at(space_.size()), loop_dofs_, loop_entries_);
+  reserve_each(as_index(space_.size()), loop_dofs_, loop_entries_);
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i)
     if (rate_count(topology.nodes[i].kind) == 1) singles_.push_back(static_cast<int>(i));
@@ -67,11 +67,11 @@ void ContactDynamics::refresh() {
 /// Children before parents, trees on a base before free ones: fill-in only where contacts couple branches.
 void ContactDynamics::order_dofs() {
   const int n = space_.size();
-  place_.assign(at(n), kNoDof);
+  place_.assign(as_index(n), kNoDof);
   const auto visit = [&](auto&& self, int dof) -> void {
     for (int child = dof + 1; child < n; ++child)
       if (space_.parent_dof(child) == dof) self(self, child);
-    place_[at(dof)] = static_cast<int>(order_.size());
+    place_[as_index(dof)] = static_cast<int>(order_.size());
     order_.push_back(dof);
   };
   const Topology& topology = mechanism_.topology();
@@ -79,39 +79,40 @@ void ContactDynamics::order_dofs() {
     for (std::size_t i = 0; i < topology.nodes.size(); ++i)
       if (!topology.nodes[i].parent && (topology.nodes[i].kind == NodeKind::free) == free)
         visit(visit, space_.first_dof(static_cast<int>(i)));
-  std::vector<int> first(at(n));
-  for (int i = 0; i < n; ++i) first[at(i)] = i;
+  std::vector<int> first(as_index(n));
+  for (int i = 0; i < n; ++i) first[as_index(i)] = i;
   for (int dof = 0; dof < n; ++dof)
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
-      first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
+      first[as_index(place_[as_index(j)])] =
+          std::min(first[as_index(place_[as_index(j)])], place_[as_index(dof)]);
   system_.assign(first, workspace());
-  inverse_inertia_.resize(at(n));
-  change_.resize(at(n));
-  constrained_.resize(at(n));
+  inverse_inertia_.resize(as_index(n));
+  change_.resize(as_index(n));
+  constrained_.resize(as_index(n));
   for (int dof = 0; dof < n; ++dof)
-    root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[at(space_.parent_dof(dof))]);
+    root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[as_index(space_.parent_dof(dof))]);
   carriers_.resize(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i)
     for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
-      carriers_[i].push_back(place_[at(dof)]);
+      carriers_[i].push_back(place_[as_index(dof)]);
   dof_of_ = order_;
-  chosen_.reserve(at(n));
+  chosen_.reserve(as_index(n));
 }
 
 void ContactDynamics::select_dofs() {
   chosen_.clear();
   for (int i = 0; i < space_.size(); ++i)
-    if (is_constrained(order_[at(i)])) chosen_.push_back(i);
+    if (is_constrained(order_[as_index(i)])) chosen_.push_back(i);
   if (!system_.chosen.choose(system_.all, chosen_)) return;
   dof_of_.clear();
   std::ranges::fill(place_, kNoDof);
   for (const int i : chosen_) {
-    place_[at(order_[at(i)])] = static_cast<int>(dof_of_.size());
-    dof_of_.push_back(order_[at(i)]);
+    place_[as_index(order_[as_index(i)])] = static_cast<int>(dof_of_.size());
+    dof_of_.push_back(order_[as_index(i)]);
   }
   for (std::size_t i = 0; i < carriers_.size(); ++i) {
     int dof = space_.last_dof(static_cast<int>(i));
-    for (int& each : carriers_[i]) each = place_[at(std::exchange(dof, space_.parent_dof(dof)))];
+    for (int& each : carriers_[i]) each = place_[as_index(std::exchange(dof, space_.parent_dof(dof)))];
   }
   for (MovingDofs& each : moving_dofs_) each.node_a = each.node_b = kNoNode;
 }
@@ -141,7 +142,7 @@ void ContactDynamics::restore(ArchiveReader& in) {
         in.refuse(fmt::format("a friction of {:g} over its speed", tangent_stiffness), "0 or more");
   }
   in(memory_.change);
-  if (!memory_.change.empty() && memory_.change.size() != at(space_.size()))
+  if (!memory_.change.empty() && memory_.change.size() != as_index(space_.size()))
     in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
   system_.restore(in);
   if (pads_) pads_->restore(in, model_);
@@ -161,11 +162,11 @@ ContactDynamics::BodyVelocity ContactDynamics::velocity_of(int shape) const {
     return {base.pose.p, base.v, base.w};
   }
   const Spatial v = space_.velocity(node);
-  return {mechanism_.origin(mechanism_.topology().nodes[at(node)].island), v.tail<3>(), v.head<3>()};
+  return {mechanism_.origin(mechanism_.topology().nodes[as_index(node)].island), v.tail<3>(), v.head<3>()};
 }
 
 ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
-  const model::Body& body = model_.bodies[at(body_of(shape))];
+  const model::Body& body = model_.bodies[as_index(body_of(shape))];
   if (body.kinematic || body.mass <= 0) return {};
   return {1 / body.mass, 3 / body.inertia.trace()};
 }
@@ -178,7 +179,7 @@ void ContactDynamics::collect_moving_dofs(MovingDofs& of) const {
     of.signs.push_back(sign);
   };
   const auto carriers = [&](int node) {
-    return node == kNoNode ? std::span<const int>() : std::span<const int>(carriers_[at(node)]);
+    return node == kNoNode ? std::span<const int>() : std::span<const int>(carriers_[as_index(node)]);
   };
   const std::span<const int> a = carriers(of.node_a), b = carriers(of.node_b);
   for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
@@ -195,7 +196,7 @@ void ContactDynamics::collect_moving_dofs(MovingDofs& of) const {
 
 /// Whether a coordinate's servo and stops agree with the step that knows of no contacts and stops.
 bool ContactDynamics::free_step_holds(std::size_t single, double step) const {
-  const NodeView& a = mechanism_.view(at(singles_[single]));
+  const NodeView& a = mechanism_.view(as_index(singles_[single]));
   const double rate = *a.u + step * *a.du;
   if (*a.servo_limit > 0) {
     const double pull = a.servo().pull(step * rate, rate);
@@ -213,10 +214,10 @@ void ContactDynamics::choose_trees(double step) {
   for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
     for (const int node : {node_of(any.shape_a), node_of(any.shape_b)})
-      if (node != kNoNode) constrained_[at(root_of_[at(space_.first_dof(node))])] = true;
+      if (node != kNoNode) constrained_[as_index(root_of_[as_index(space_.first_dof(node))])] = true;
   }
   for (std::size_t i = 0; i < singles_.size(); ++i)
-    if (const auto root = at(root_of_[at(space_.first_dof(singles_[i]))]);
+    if (const auto root = as_index(root_of_[as_index(space_.first_dof(singles_[i]))]);
         !constrained_[root] && !free_step_holds(i, step))
       constrained_[root] = true;
   select_dofs();
@@ -233,32 +234,32 @@ void ContactDynamics::compute_free(ContactProblem& p, double step) {
   space_.compute_inertia([&](int dof) { return is_constrained(dof); });
   for (const int single : singles_)
     if (const int dof = space_.first_dof(single); is_constrained(dof))
-      space_.add_to_diagonal(dof, *mechanism_.view(at(single)).weight);
+      space_.add_to_diagonal(dof, *mechanism_.view(as_index(single)).weight);
   if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return is_constrained(dof); });
   // A, and g = A x of the free step.
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
   for (int dof = 0; dof < n; ++dof) {
     if (!is_constrained(dof)) continue;
-    const int i = place_[at(dof)];
+    const int i = place_[as_index(dof)];
     const double* S = space_.axis_data(dof);
     double* motion = p.motion(i);
     for (std::size_t k = 0; k < 3; ++k) {
       motion[k] = S[k * mechanism_.stride()];
       motion[4 + k] = S[(3 + k) * mechanism_.stride()];
     }
-    if (!memory_.change.empty()) p.start[at(i)] = memory_.change[at(dof)];
-    const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
+    if (!memory_.change.empty()) p.start[as_index(i)] = memory_.change[as_index(dof)];
+    const double change = change_[as_index(dof)] = step * du[space_.rate_index(dof)];
     const double own = p.inertia(i, i) = space_.inertia(dof, dof);
-    inverse_inertia_[at(i)] = 1 / own;
+    inverse_inertia_[as_index(i)] = 1 / own;
     double sum = own * change;
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j)) {
-      const int k = place_[at(j)];
+      const int k = place_[as_index(j)];
       const double entry = p.inertia(i, k) = space_.inertia(dof, j);
-      p.g[at(k)] += entry * change;
-      sum += entry * change_[at(j)];
+      p.g[as_index(k)] += entry * change;
+      sum += entry * change_[as_index(j)];
     }
-    p.g[at(i)] += sum;
+    p.g[as_index(i)] += sum;
   }
 }
 
@@ -272,16 +273,16 @@ void ContactDynamics::bound_axes(ContactProblem& p, double step) {
   for (std::size_t i = 0; i < singles_.size(); ++i) {
     const int place = place_of(singles_[i]);
     if (place == kNoDof) continue;
-    const NodeView& a = mechanism_.view(at(singles_[i]));
+    const NodeView& a = mechanism_.view(as_index(singles_[i]));
     const double u = *a.u, q = *a.q;
-    Limits& limits = p.limits[at(place)];
+    Limits& limits = p.limits[as_index(place)];
     if (*a.servo_limit > 0) {
       const ServoLaw<double> law = a.servo();
       limits.offset = step * law.start(step, u);
       limits.slope = step * law.slope(step);
       limits.limit = step * *a.servo_limit;
       limits.saturated = side_of(*a.saturated);
-      p.g[at(place)] -= limits.torque(limits.offset);
+      p.g[as_index(place)] -= limits.torque(limits.offset);
       if (limits.saturated == LimitSide::within) p.inertia(place, place) -= limits.slope;
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
@@ -297,13 +298,13 @@ bool ContactDynamics::apply_restitution(ContactProblem& p) {
   for (const int single : singles_) {
     const int place = place_of(single);
     if (place == kNoDof) continue;
-    const NodeView& a = mechanism_.view(at(single));
-    Limits& bound = p.limits[at(place)];
+    const NodeView& a = mechanism_.view(as_index(single));
+    Limits& bound = p.limits[as_index(place)];
     const int side = sign(bound.side);
     const double speed = side * *a.u;
     if (bound.bounced || side == 0 || !(speed > 0) || !(*a.restitution > 0)) continue;
     // Speeds towards the stop after the step: without and with restitution.
-    const double now = side * p.x[at(place)] + speed, bounced = -*a.restitution * speed;
+    const double now = side * p.x[as_index(place)] + speed, bounced = -*a.restitution * speed;
     if (!(bounced < now)) continue;
     bound.bounced = any = true;
     // The opposite stop stays, and the rebound ends there at the latest.
@@ -335,7 +336,7 @@ NewtonReport ContactDynamics::solve(double step) {
   ContactProblem& p = w.problem;
   // Stops are bounds here, and not locks.
   for (std::size_t i = 0; i < singles_.size(); ++i)
-    sides_[i] = side_of(std::exchange(*mechanism_.view(at(singles_[i])).side, 0.0));
+    sides_[i] = side_of(std::exchange(*mechanism_.view(as_index(singles_[i])).side, 0.0));
   compute_free(p, step);
   bound_axes(p, step);
   add_contacts(p, step);
@@ -355,17 +356,17 @@ NewtonReport ContactDynamics::solve(double step) {
 /// The solution: accelerations, what is in force, and the warm start of the next step.
 void ContactDynamics::store_solution(ContactProblem& p, double step) {
   const std::span<double> du = mechanism_.du();
-  memory_.change.assign(at(space_.size()), 0.0);
+  memory_.change.assign(as_index(space_.size()), 0.0);
   for (std::size_t i = 0; i < dof_of_.size(); ++i) {
     const int dof = dof_of_[i];
-    memory_.change[at(dof)] = p.x[i];
-    du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
+    memory_.change[as_index(dof)] = p.x[i];
+    du[space_.rate_index(dof)] = memory_.change[as_index(dof)] / step;
   }
   for (const int single : singles_) {
     const int place = place_of(single);
     if (place == kNoDof) continue;
-    *mechanism_.view(at(single)).side = sign(p.limits[at(place)].side);
-    *mechanism_.view(at(single)).saturated = sign(p.limits[at(place)].saturated);
+    *mechanism_.view(as_index(single)).side = sign(p.limits[as_index(place)].side);
+    *mechanism_.view(as_index(single)).saturated = sign(p.limits[as_index(place)].saturated);
   }
   store_warm_start(p, step);
   if (pads_) store_pads(p, step);

@@ -59,8 +59,8 @@ class ContactDynamics {
     auto point = memory_.points.begin();
     for (const Touch& touch : collider_.touches())
       for (int index = 0; touches_constrained(touch) && index < touch.count; ++index, ++point)
-        f(node_of(point->shape_a), node_of(point->shape_b), contacts()[touch.first + at(index)].position,
-          point->impulse, point->moment);
+        f(node_of(point->shape_a), node_of(point->shape_b),
+          contacts()[touch.first + as_index(index)].position, point->impulse, point->moment);
   }
 
   /// Computes accelerations, into Mechanism::du(), of a step [s] at whose end contacts, stops and torque
@@ -102,7 +102,7 @@ class ContactDynamics {
   bool free_step_holds(std::size_t single, double step) const;
   double stop_target(double room, double step) const;
   void choose_trees(double step);
-  bool is_constrained(int dof) const { return constrained_[at(root_of_[at(dof)])]; }
+  bool is_constrained(int dof) const { return constrained_[as_index(root_of_[as_index(dof)])]; }
   bool touches_constrained(const Touch& touch) const;
   void add_contacts(ContactProblem& p, double step);
   void add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface, double share,
@@ -122,10 +122,10 @@ class ContactDynamics {
   void bound_axes(ContactProblem& p, double step);
   bool apply_restitution(ContactProblem& p);
   bool stiffen(ContactProblem& p);
-  int body_of(int shape) const { return model_.shapes[at(shape)].body; }
+  int body_of(int shape) const { return model_.shapes[as_index(shape)].body; }
   /// In the solver, or kNoDof. @param single a node of one rate
-  int place_of(int single) const { return place_[at(space_.first_dof(single))]; }
-  int node_of(int shape) const { return mechanism_.topology().node_of_body[at(body_of(shape))]; }
+  int place_of(int single) const { return place_[as_index(space_.first_dof(single))]; }
+  int node_of(int shape) const { return mechanism_.topology().node_of_body[as_index(body_of(shape))]; }
   Mobility mobility_of(int shape) const;
 
   const model::Model& model_;

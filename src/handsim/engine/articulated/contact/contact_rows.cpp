@@ -31,7 +31,9 @@ void ContactDynamics::compute_pair(ContactProblem& p, std::size_t index, int sha
     moving.node_b = node_b;
     collect_moving_dofs(moving);
   }
-  const auto last = [&](int node) { return node == kNoNode ? kNone : place_[at(space_.last_dof(node))]; };
+  const auto last = [&](int node) {
+    return node == kNoNode ? kNone : place_[as_index(space_.last_dof(node))];
+  };
   p.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
 }
 
@@ -44,7 +46,7 @@ double ContactDynamics::mobility_across(ContactProblem& p, const Contact& contac
     const double* S = p.motion(i);
     const Vec3 v = Vec3(S[4], S[5], S[6]) + Vec3(S[0], S[1], S[2]).cross(moving_->signs[k] > 0 ? r_a : r_b);
     const double along = contact.normal.dot(v);
-    sum += (v.squaredNorm() - along * along) * inverse_inertia_[at(i)];
+    sum += (v.squaredNorm() - along * along) * inverse_inertia_[as_index(i)];
     if (sum >= enough) return sum;
   }
   return sum;
@@ -116,7 +118,7 @@ void ContactDynamics::add_contact(ContactProblem& p, const Contact& contact, con
   };
   const Vec3 arm = contact.position - pair_.a.origin;
   for (Eigen::Index k = 0; k < (friction > 0 ? 3 : 1); ++k)
-    set_wrench(G + kSpatial * at(k), arm.cross(frame.col(k)), frame.col(k));
+    set_wrench(G + kSpatial * as_index(k), arm.cross(frame.col(k)), frame.col(k));
   std::size_t row = 1;
   const auto add = [&](Disc::Kind kind, double coefficient, double regularization) {
     Disc& disc = rows.discs[rows.disc_count++];
@@ -169,9 +171,9 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
     if (const auto last = std::exchange(bodies, these); pairs == 0 || last != these)
       compute_pair(p, pairs++, any.shape_a, any.shape_b);
-    if (pads_) pad_ = pads_->of(at(&touch - collider_.touches().data()));
+    if (pads_) pad_ = pads_->of(as_index(&touch - collider_.touches().data()));
     for (int index = 0; index < touch.count; ++index) {
-      const std::size_t i = touch.first + at(index);
+      const std::size_t i = touch.first + as_index(index);
       const Contact& contact = collider_.contacts()[i];
       add_contact(p, contact, touch.surface, collider_.shares()[i], step);
       warm_start(p.contacts.back(), contact, frames_.back(), index);
@@ -181,7 +183,7 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
 
 void ContactDynamics::add_loop_rows(ContactProblem& p) {
   if (!loops_) return;
-  const std::size_t n = at(space_.size());
+  const std::size_t n = as_index(space_.size());
   const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
   std::vector<double>& entries = loop_entries_;
   for (std::size_t i = 0; i < rates.size(); ++i) {
@@ -189,7 +191,7 @@ void ContactDynamics::add_loop_rows(ContactProblem& p) {
     entries.clear();
     double mobility = 0;
     for (int place = 0; place < space_.size(); ++place) {
-      const double entry = J[i * n + at(dof_of_[at(place)])];
+      const double entry = J[i * n + as_index(dof_of_[as_index(place)])];
       if (entry == 0) continue;
       loop_dofs_.push_back(place);
       entries.push_back(entry);
@@ -240,7 +242,7 @@ void ContactDynamics::store_warm_start(const ContactProblem& p, double step) {
   for (const Touch& touch : collider_.touches()) {
     if (!touches_constrained(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
-      Contact& contact = collider_.contacts()[touch.first + at(index)];
+      Contact& contact = collider_.contacts()[touch.first + as_index(index)];
       const ContactRows& rows = p.contacts[i];
       ContactMemory::Point& point = memory_.points.emplace_back();
       point.shape_a = contact.shape_a;
@@ -274,7 +276,7 @@ void ContactDynamics::store_pads(ContactProblem& p, double step) {
   std::size_t row = 0;
   for (const Touch& touch : collider_.touches()) {
     if (!touches_constrained(touch)) continue;
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i, ++row) {
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i, ++row) {
       const ContactRows& rows = p.contacts[row];
       const double rate = rows.r0[0] + w.s[kMostRows * row];
       // What bounces parts.

@@ -15,7 +15,7 @@ namespace {
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 
 double* motion_of(const ContactProblem& p, Workspace& w, int body) {
-  return w.carried.data() + kSpatial * at(body == kNone ? p.size() : body);
+  return w.carried.data() + kSpatial * as_index(body == kNone ? p.size() : body);
 }
 
 /// Motion of body a relative to b at a's origin: angular velocity, 0, velocity, 0.
@@ -60,7 +60,7 @@ void add_contact_impulses(ContactProblem& p, Workspace& w) {
   std::array<double, kSpatial> wrench{};
   int pair = kNone;
   const auto add_pair = [&] {
-    if (pair != kNone) add_pair_wrench(p, w, p.pairs[at(pair)], wrench.data());
+    if (pair != kNone) add_pair_wrench(p, w, p.pairs[as_index(pair)], wrench.data());
     wrench.fill(0);
   };
   for (std::size_t c = 0; c < p.contacts.size(); ++c) {
@@ -84,7 +84,7 @@ void add_contact_impulses(ContactProblem& p, Workspace& w) {
 }  // namespace
 
 void Workspace::reserve(const Unknowns& most) {
-  const std::size_t n = at(most.size());
+  const std::size_t n = as_index(most.size());
   problem.reserve(most);
   island.reserve(most);
   reserve_each(n + 1, F, rounding, d, Ad, smooth, island_of_tree, place, members, first_member,
@@ -98,8 +98,8 @@ void Workspace::reserve(const Unknowns& most) {
 }
 
 void Workspace::resize(const ContactProblem& of) {
-  for (std::vector<double>* each : {&F, &rounding, &d, &Ad, &smooth}) each->resize(at(of.size()));
-  carried.resize(kSpatial * at(of.size() + 1));
+  for (std::vector<double>* each : {&F, &rounding, &d, &Ad, &smooth}) each->resize(as_index(of.size()));
+  carried.resize(kSpatial * as_index(of.size() + 1));
 }
 
 void apply_law(ContactRows& contact, const double* r, Law law) {
@@ -165,7 +165,7 @@ void multiply_rows(ContactProblem& p, Workspace& w, const double* x, double* out
     if (contact.pair == kNone) {
       w.kernel.multiply(p.block(contact, 0, contact.rows), x, out);
     } else {
-      if (contact.pair != pair) compute_relative_motion(p, w, p.pairs[at(contact.pair)], motion.data());
+      if (contact.pair != pair) compute_relative_motion(p, w, p.pairs[as_index(contact.pair)], motion.data());
       pair = contact.pair;
       w.kernel.project(p.wrenches_of(contact), contact.rows, motion.data(), out);
     }
@@ -178,21 +178,21 @@ void evaluate(ContactProblem& p, Workspace& w, Law law, bool whole_step) {
   w.rounding_known = false;
   const int n = p.size();
   const bool still = std::ranges::all_of(p.x, [](double x) { return x == 0; });
-  for (int i = 0; i < n; ++i) w.F[at(i)] = -p.g[at(i)];
+  for (int i = 0; i < n; ++i) w.F[as_index(i)] = -p.g[as_index(i)];
   if (!still)
     w.kernel.add_product({p.A.data(), p.unknowns->row_start.data()}, p.unknowns->last.data(), n, p.x.data(),
                          w.F.data());
   for (int i = 0; i < n; ++i) {
-    const double x = p.x[at(i)];
-    Limits& limits = p.limits[at(i)];
+    const double x = p.x[as_index(i)];
+    Limits& limits = p.limits[as_index(i)];
     if (law == Law::fixed_limits) {
       limits.side = x < limits.low ? LimitSide::low : (x > limits.high ? LimitSide::high : LimitSide::within);
-      if (limits.side != LimitSide::within) w.F[at(i)] += (x - limits.bound()) / stop_compliance(p, i);
+      if (limits.side != LimitSide::within) w.F[as_index(i)] += (x - limits.bound()) / stop_compliance(p, i);
     }
     if (!(limits.limit > 0)) continue;
     const double pull = limits.offset - limits.slope * x;
     if (law != Law::active_set) limits.saturated = limits.side_of_pull(pull);
-    w.F[at(i)] -= limits.torque(pull);
+    w.F[as_index(i)] -= limits.torque(pull);
   }
   compute_row_velocities(p, w, still, whole_step);
   add_contact_impulses(p, w);
@@ -202,10 +202,10 @@ void compute_rounding(ContactProblem& p, Workspace& w) {
   if (std::exchange(w.rounding_known, true)) return;
   p.compute_jacobians(w.kernel);
   for (int i = 0; i < p.size(); ++i) {
-    double& sum = w.rounding[at(i)];
-    const double x = p.x[at(i)];
-    sum = std::abs(p.g[at(i)]);
-    const Limits& limits = p.limits[at(i)];
+    double& sum = w.rounding[as_index(i)];
+    const double x = p.x[as_index(i)];
+    sum = std::abs(p.g[as_index(i)]);
+    const Limits& limits = p.limits[as_index(i)];
     if (w.law == Law::fixed_limits && limits.side != LimitSide::within)
       sum += (std::abs(x) + std::abs(limits.bound())) / stop_compliance(p, i);
     if (limits.limit > 0) sum += std::abs(limits.torque(limits.offset - limits.slope * x));
@@ -217,11 +217,11 @@ void compute_rounding(ContactProblem& p, Workspace& w) {
     for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
       double size = std::abs(contact.r0[k]), regularization = contact.regularization;
       if (k == 0 && contact.pad) size += std::abs(contact.pad->depth) / contact.pad->step;
-      for (std::size_t j = 0; j < dofs.size(); ++j) size += std::abs(J[j] * p.x[at(dofs[j])]);
+      for (std::size_t j = 0; j < dofs.size(); ++j) size += std::abs(J[j] * p.x[as_index(dofs[j])]);
       for (std::size_t i = 0; i < contact.disc_count; ++i)
         if (k >= contact.discs[i].row) regularization = contact.discs[i].regularization;
       for (std::size_t j = 0; j < dofs.size(); ++j)
-        w.rounding[at(dofs[j])] += std::abs(J[j]) * size / regularization;
+        w.rounding[as_index(dofs[j])] += std::abs(J[j]) * size / regularization;
     }
   }
 }
@@ -230,8 +230,9 @@ double largest_residual(const ContactProblem& p, const Workspace& w) {
   double most = 0;
   for (int i = 0; i < p.size(); ++i) {
     // A bound holds it.
-    if (w.law != Law::fixed_limits && p.limits[at(i)].side != LimitSide::within) continue;
-    const double left = std::abs(w.F[at(i)]) - (w.rounding_known ? kRounding * w.rounding[at(i)] : 0);
+    if (w.law != Law::fixed_limits && p.limits[as_index(i)].side != LimitSide::within) continue;
+    const double left =
+        std::abs(w.F[as_index(i)]) - (w.rounding_known ? kRounding * w.rounding[as_index(i)] : 0);
     // Written so that NaN counts.
     if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / p.inertia(i));
   }
@@ -248,11 +249,11 @@ double residual(ContactProblem& p, Workspace& w, double tolerance) {
 bool release_bounds(ContactProblem& p, Workspace& w) {
   bool any = false;
   for (int i = 0; i < p.size(); ++i) {
-    Limits& bound = p.limits[at(i)];
-    const double push = sign(bound.side) * w.F[at(i)];
+    Limits& bound = p.limits[as_index(i)];
+    const double push = sign(bound.side) * w.F[as_index(i)];
     if (bound.side == LimitSide::within || !(push > 0)) continue;
     compute_rounding(p, w);
-    if (!(push > kRounding * w.rounding[at(i)])) continue;
+    if (!(push > kRounding * w.rounding[as_index(i)])) continue;
     bound.side = LimitSide::within;
     any = true;
   }

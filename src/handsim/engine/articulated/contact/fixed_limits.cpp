@@ -31,10 +31,10 @@ void each_disc(std::vector<ContactRows>& contacts, const F& f) {
 Slope energy_slope(const ContactProblem& p, const Workspace& w, double share) {
   Slope out;
   for (int i = 0; i < p.size(); ++i) {
-    const double d = w.d[at(i)], x = p.x[at(i)] + share * d;
-    out.rise += d * w.Ad[at(i)];
-    out.value += d * (w.smooth[at(i)] + share * w.Ad[at(i)]);
-    const Limits& limits = p.limits[at(i)];
+    const double d = w.d[as_index(i)], x = p.x[as_index(i)] + share * d;
+    out.rise += d * w.Ad[as_index(i)];
+    out.value += d * (w.smooth[as_index(i)] + share * w.Ad[as_index(i)]);
+    const Limits& limits = p.limits[as_index(i)];
     const double beyond = x - std::clamp(x, limits.low, limits.high);
     if (beyond != 0) {
       out.value += d * beyond / stop_compliance(p, i);
@@ -68,18 +68,18 @@ Slope energy_slope(const ContactProblem& p, const Workspace& w, double share) {
 /// safeguard.
 double line_search(const ContactProblem& p, Workspace& w) {
   for (int i = 0; i < p.size(); ++i) {
-    w.Ad[at(i)] = 0;
-    w.smooth[at(i)] = -p.g[at(i)];
+    w.Ad[as_index(i)] = 0;
+    w.smooth[as_index(i)] = -p.g[as_index(i)];
   }
   for (int i = 0; i < p.size(); ++i) {
-    const double* row = p.A.data() + p.unknowns->row_start[at(i)];
-    w.Ad[at(i)] += row[i] * w.d[at(i)];
-    w.smooth[at(i)] += row[i] * p.x[at(i)];
-    for (int j = i + 1; j <= p.unknowns->last[at(i)]; ++j) {
-      w.Ad[at(i)] += row[j] * w.d[at(j)];
-      w.Ad[at(j)] += row[j] * w.d[at(i)];
-      w.smooth[at(i)] += row[j] * p.x[at(j)];
-      w.smooth[at(j)] += row[j] * p.x[at(i)];
+    const double* row = p.A.data() + p.unknowns->row_start[as_index(i)];
+    w.Ad[as_index(i)] += row[i] * w.d[as_index(i)];
+    w.smooth[as_index(i)] += row[i] * p.x[as_index(i)];
+    for (int j = i + 1; j <= p.unknowns->last[as_index(i)]; ++j) {
+      w.Ad[as_index(i)] += row[j] * w.d[as_index(j)];
+      w.Ad[as_index(j)] += row[j] * w.d[as_index(i)];
+      w.smooth[as_index(i)] += row[j] * p.x[as_index(j)];
+      w.smooth[as_index(j)] += row[j] * p.x[as_index(i)];
     }
   }
   const double start = energy_slope(p, w, 0).value;
@@ -185,7 +185,8 @@ void solve_fixed_limits(ContactProblem& p, SparseFactor& factor, Workspace& w, d
     if (report.solved) return;
     p.iterate() = w.latest;
     const bool restart = i % kTuning.restart == kTuning.restart - 1;
-    if (restart) restart_limits(p, kTuning.restart_at[at(i / kTuning.restart) % kTuning.restart_at.size()]);
+    if (restart)
+      restart_limits(p, kTuning.restart_at[as_index(i / kTuning.restart) % kTuning.restart_at.size()]);
     if (!restart && !predicted)
       relaxation =
           update_limits(p, relaxation, i % 4 == 3 ? kTuning.long_relaxation : kTuning.short_relaxation);

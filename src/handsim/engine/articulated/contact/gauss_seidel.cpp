@@ -45,9 +45,9 @@ class Sweeps {
     for (std::size_t c = 0; c < p.contacts.size(); ++c)
       add({.kind = Block::Kind::contact, .index = c, .rows = p.contacts[c].rows});
     for (int i = 0; i < p.size(); ++i) {
-      if (p.limits[at(i)].limit > 0) add({.kind = Block::Kind::servo, .index = at(i)});
-      if (std::isfinite(p.limits[at(i)].low) || std::isfinite(p.limits[at(i)].high))
-        add({.kind = Block::Kind::stop, .index = at(i)});
+      if (p.limits[as_index(i)].limit > 0) add({.kind = Block::Kind::servo, .index = as_index(i)});
+      if (std::isfinite(p.limits[as_index(i)].low) || std::isfinite(p.limits[as_index(i)].high))
+        add({.kind = Block::Kind::stop, .index = as_index(i)});
     }
     p.x = p.g;
     factor.solve_tree(w, p.x.data(), *p.unknowns, {0, p.size()});
@@ -86,11 +86,11 @@ class Sweeps {
     for (std::size_t row = 0; row < block.rows; ++row) {
       std::size_t k = 0;
       for (const Run& tree : trees_of(block)) {
-        for (; k < dofs.size() && dofs[k] < tree.end; ++k) w_.d[at(dofs[k])] = J(row, k);
+        for (; k < dofs.size() && dofs[k] < tree.end; ++k) w_.d[as_index(dofs[k])] = J(row, k);
         factor_.solve_tree(w_, w_.d.data(), *p_.unknowns, tree);
         for (int i = tree.first; i < tree.end; ++i) {
-          Y_.push_back(w_.d[at(i)]);
-          w_.d[at(i)] = 0;
+          Y_.push_back(w_.d[as_index(i)]);
+          w_.d[as_index(i)] = 0;
         }
       }
     }
@@ -101,8 +101,8 @@ class Sweeps {
         std::size_t place = block.first_entry + col * width, k = 0;
         for (const Run& tree : trees_of(block)) {
           for (; k < dofs.size() && dofs[k] < tree.end; ++k)
-            sum += J(row, k) * Y_[place + at(dofs[k] - tree.first)];
-          place += at(tree.size());
+            sum += J(row, k) * Y_[place + as_index(dofs[k] - tree.first)];
+          place += as_index(tree.size());
         }
         block.D[row * kMostRows + col] = sum;
       }
@@ -114,7 +114,7 @@ class Sweeps {
   }
   std::size_t width_of(const Block& block) const {
     std::size_t width = 0;
-    for (const Run& tree : trees_of(block)) width += at(tree.size());
+    for (const Run& tree : trees_of(block)) width += as_index(tree.size());
     return width;
   }
 
@@ -122,7 +122,7 @@ class Sweeps {
   double velocity(const ContactRows& contact, std::size_t row) const {
     const double* J = p_.entries_of(contact) + row * contact.dof_count;
     double out = contact.r0[row];
-    for (const int dof : p_.dofs_of(contact)) out += *J++ * p_.x[at(dof)];
+    for (const int dof : p_.dofs_of(contact)) out += *J++ * p_.x[as_index(dof)];
     return out;
   }
 
@@ -131,7 +131,7 @@ class Sweeps {
     if (impulse == 0) return;
     const double* Y = Y_.data() + block.first_entry + row * width_of(block);
     for (const Run& tree : trees_of(block))
-      for (int i = tree.first; i < tree.end; ++i) p_.x[at(i)] += *Y++ * impulse;
+      for (int i = tree.first; i < tree.end; ++i) p_.x[as_index(i)] += *Y++ * impulse;
   }
 
   /// Solves one block with all others fixed. @returns the largest change of velocity [m/s, rad/s]

@@ -13,7 +13,7 @@ namespace handsim::engine::articulated {
 namespace {
 
 std::size_t island_of(const ContactProblem& p, const Workspace& w, int unknown) {
-  return at(w.island_of_tree[at(p.unknowns->tree_of[at(unknown)])]);
+  return as_index(w.island_of_tree[as_index(p.unknowns->tree_of[as_index(unknown)])]);
 }
 
 std::size_t island_of(const ContactProblem& p, const Workspace& w, const ContactRows& contact) {
@@ -28,7 +28,7 @@ int find_islands(const ContactProblem& p, Workspace& w) {
   island.resize(p.unknowns->trees.size());
   std::iota(island.begin(), island.end(), 0);
   const auto root = [&](int tree) {
-    while (island[at(tree)] != tree) tree = island[at(tree)];
+    while (island[as_index(tree)] != tree) tree = island[as_index(tree)];
     return tree;
   };
   std::size_t last_run = p.runs.size();
@@ -37,14 +37,15 @@ int find_islands(const ContactProblem& p, Workspace& w) {
     if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
     const std::span<const Run> runs = p.runs_of(contact);
     for (const Run& run : runs) {
-      const int a = root(tree_of[at(runs[0].first)]), b = root(tree_of[at(run.first)]);
-      island[at(std::max(a, b))] = std::min(a, b);
+      const int a = root(tree_of[as_index(runs[0].first)]), b = root(tree_of[as_index(run.first)]);
+      island[as_index(std::max(a, b))] = std::min(a, b);
     }
   }
   int count = 0;
   // A tree points to a lower one, which has its island's number already.
   for (int tree = 0; tree < static_cast<int>(island.size()); ++tree)
-    island[at(tree)] = island[at(tree)] == tree ? count++ : island[at(island[at(tree)])];
+    island[as_index(tree)] =
+        island[as_index(tree)] == tree ? count++ : island[as_index(island[as_index(tree)])];
   return count;
 }
 
@@ -52,24 +53,24 @@ int find_islands(const ContactProblem& p, Workspace& w) {
 template <class IslandOf>
 void sort(int count, int islands, std::vector<int>& items, std::vector<int>& first, std::vector<int>& next,
           const IslandOf& island_of_item) {
-  first.assign(at(islands) + 1, 0);
+  first.assign(as_index(islands) + 1, 0);
   for (int i = 0; i < count; ++i) ++first[island_of_item(i) + 1];
   std::partial_sum(first.begin(), first.end(), first.begin());
   next = first;
-  items.resize(at(count));
-  for (int i = 0; i < count; ++i) items[at(next[island_of_item(i)]++)] = i;
+  items.resize(as_index(count));
+  for (int i = 0; i < count; ++i) items[as_index(next[island_of_item(i)]++)] = i;
 }
 
 std::span<const int> part(const std::vector<int>& items, const std::vector<int>& first, int island) {
-  return {items.data() + first[at(island)], items.data() + first[at(island) + 1]};
+  return {items.data() + first[as_index(island)], items.data() + first[as_index(island) + 1]};
 }
 
 void load_dofs(const ContactProblem& whole, const Workspace& w, const Dofs& from, Dofs& to,
                ContactProblem& island) {
   to = {island.dofs.size(), from.dof_count, island.runs.size(), from.run_count};
-  for (const int dof : whole.dofs_of(from)) island.dofs.push_back(w.place[at(dof)]);
+  for (const int dof : whole.dofs_of(from)) island.dofs.push_back(w.place[as_index(dof)]);
   for (const Run& run : whole.runs_of(from)) {
-    const int first = w.place[at(run.first)];
+    const int first = w.place[as_index(run.first)];
     island.runs.push_back({first, first + run.size()});
   }
 }
@@ -83,8 +84,8 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
                 out.begin() + static_cast<std::ptrdiff_t>(place));
   };
   for (std::size_t i = 0; i < members.size(); ++i) {
-    const std::size_t from = at(members[i]);
-    const std::size_t entries = at(to.unknowns->last[i]) - i + 1;
+    const std::size_t from = as_index(members[i]);
+    const std::size_t entries = as_index(to.unknowns->last[i]) - i + 1;
     copy(whole.A, whole.unknowns->row_start[from] + from, entries, to.A, to.unknowns->row_start[i] + i);
     to.g[i] = whole.g[from];
     to.start[i] = whole.start[from];
@@ -93,7 +94,7 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
   }
   const ContactRows* last = nullptr;
   for (const int c : touching) {
-    const ContactRows& from = whole.contacts[at(c)];
+    const ContactRows& from = whole.contacts[as_index(c)];
     const Dofs shared = to.contacts.empty() ? Dofs() : to.contacts.back();
     ContactRows& contact = to.contacts.emplace_back(from);
     if (last && last->first_run == from.first_run)
@@ -107,10 +108,10 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
       copy(whole.J, from.first_entry, from.rows * from.dof_count, to.J, contact.first_entry);
     } else {
       if (!last || last->pair != from.pair) {
-        Pair& pair = to.pairs.emplace_back(whole.pairs[at(from.pair)]);
+        Pair& pair = to.pairs.emplace_back(whole.pairs[as_index(from.pair)]);
         static_cast<Dofs&>(pair) = contact;
         for (int* body : {&pair.a, &pair.b})
-          if (*body != kNone) *body = w.place[at(*body)];
+          if (*body != kNone) *body = w.place[as_index(*body)];
       }
       contact.pair = static_cast<int>(to.pairs.size()) - 1;
       contact.first_wrench = to.wrenches.size() / kSpatial;
@@ -126,13 +127,13 @@ void load(const Workspace& w, std::span<const int> members, std::span<const int>
 void store(const ContactProblem& island, std::span<const int> members, std::span<const int> touching,
            ContactProblem& whole) {
   for (std::size_t i = 0; i < members.size(); ++i) {
-    const std::size_t to = at(members[i]);
+    const std::size_t to = as_index(members[i]);
     whole.x[to] = island.x[i];
     whole.limits[to].side = island.limits[i].side;
     whole.limits[to].saturated = island.limits[i].saturated;
   }
   for (std::size_t c = 0; c < touching.size(); ++c) {
-    ContactRows& to = whole.contacts[at(touching[c])];
+    ContactRows& to = whole.contacts[as_index(touching[c])];
     const ContactRows& from = island.contacts[c];
     to.impulse = from.impulse;
     to.discs = from.discs;
@@ -195,16 +196,16 @@ NewtonReport solve(ContactSystem& system, Workspace& w, double tolerance) {
   const int islands = find_islands(p, w);
   if (islands == 1) return solve_island(p, system.factor, w, tolerance);
   const auto island_of_unknown = [&](int i) { return island_of(p, w, i); };
-  const auto island_of_contact = [&](int c) { return island_of(p, w, p.contacts[at(c)]); };
+  const auto island_of_contact = [&](int c) { return island_of(p, w, p.contacts[as_index(c)]); };
   sort(p.size(), islands, w.members, w.first_member, w.next, island_of_unknown);
   sort(static_cast<int>(p.contacts.size()), islands, w.touching, w.first_touching, w.next, island_of_contact);
   NewtonReport report;
   report.solved = true;
-  w.place.resize(at(p.size()));
+  w.place.resize(as_index(p.size()));
   for (int island = 0; island < islands; ++island) {
     const std::span<const int> members = part(w.members, w.first_member, island),
                                touching = part(w.touching, w.first_touching, island);
-    for (std::size_t i = 0; i < members.size(); ++i) w.place[at(members[i])] = static_cast<int>(i);
+    for (std::size_t i = 0; i < members.size(); ++i) w.place[as_index(members[i])] = static_cast<int>(i);
     system.island.choose(*p.unknowns, members);
     w.island.reset(system.island);
     load(w, members, touching, w.island);

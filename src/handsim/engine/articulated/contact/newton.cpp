@@ -106,9 +106,9 @@ bool keeps_active_set(const ContactProblem& p, const Workspace& w) {
 /// Whether the start passes no stop, which steps are projected on.
 bool keeps_bounds(const ContactProblem& p) {
   for (int i = 0; i < p.size(); ++i)
-    if (const Limits& bound = p.limits[at(i)];
+    if (const Limits& bound = p.limits[as_index(i)];
         bound.side == LimitSide::within &&
-        (p.x[at(i)] < bound.low - kBeyond || p.x[at(i)] > bound.high + kBeyond))
+        (p.x[as_index(i)] < bound.low - kBeyond || p.x[as_index(i)] > bound.high + kBeyond))
       return false;
   return true;
 }
@@ -144,13 +144,13 @@ bool reuse_factor(ContactProblem& p, SparseFactor& factor, Workspace& w, double 
 
 void compute_step(ContactProblem& p, SparseFactor& factor, Workspace& w, NewtonReport& report) {
   const auto kept = [&](int i) {
-    return w.law != Law::fixed_limits && p.limits[at(i)].side != LimitSide::within;
+    return w.law != Law::fixed_limits && p.limits[as_index(i)].side != LimitSide::within;
   };
-  for (int i = 0; i < p.size(); ++i) w.d[at(i)] = kept(i) ? 0 : -w.F[at(i)];
+  for (int i = 0; i < p.size(); ++i) w.d[as_index(i)] = kept(i) ? 0 : -w.F[as_index(i)];
   factor.solve(w, w.d.data());
   // An earlier problem's factor does not know which unknowns are at a bound.
   for (int i = 0; i < p.size(); ++i)
-    if (kept(i)) w.d[at(i)] = 0;
+    if (kept(i)) w.d[as_index(i)] = 0;
   w.s.resize(w.r.size());
   multiply_rows(p, w, w.d.data(), w.s.data());
   ++report.iterations;
@@ -159,11 +159,11 @@ void compute_step(ContactProblem& p, SparseFactor& factor, Workspace& w, NewtonR
 bool advance(ContactProblem& p, const Workspace& w, double share) {
   bool whole = share == 1;
   for (int i = 0; i < p.size(); ++i) {
-    double& x = p.x[at(i)];
-    Limits& bound = p.limits[at(i)];
+    double& x = p.x[as_index(i)];
+    Limits& bound = p.limits[as_index(i)];
     const bool penalty = w.law == Law::fixed_limits;
     if (!penalty && bound.side != LimitSide::within) continue;
-    x += share * w.d[at(i)];
+    x += share * w.d[as_index(i)];
     if (penalty) continue;
     if (x < bound.low - kBeyond) bound.side = LimitSide::low;
     if (x > bound.high + kBeyond) bound.side = LimitSide::high;

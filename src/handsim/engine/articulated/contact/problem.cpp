@@ -8,7 +8,7 @@
 namespace handsim::engine::articulated {
 
 void ContactProblem::reserve(const Unknowns& most) {
-  const std::size_t n = at(most.size()), widest = most.widest();
+  const std::size_t n = as_index(most.size()), widest = most.widest();
   A.reserve(most.entries);
   Iterate::reserve(n);
   reserve_each(n, g, start);
@@ -22,7 +22,7 @@ void ContactProblem::reserve(const Unknowns& most) {
 
 void ContactProblem::reset(const Unknowns& of) {
   unknowns = &of;
-  const std::size_t n = at(of.size());
+  const std::size_t n = as_index(of.size());
   A.assign(of.entries, 0.0);
   g.assign(n, 0.0);
   start.assign(n, 0.0);
@@ -97,12 +97,12 @@ void ContactProblem::compute_jacobians(const RowKernel& kernel) {
   std::array<double, kMostRows> column;
   for (const ContactRows& contact : contacts) {
     if (contact.pair == kNone) continue;
-    const Pair& pair = pairs[at(contact.pair)];
+    const Pair& pair = pairs[as_index(contact.pair)];
     double* to = J.data() + contact.first_entry;
     int up = pair.a;
     for (std::size_t k = 0; k < contact.dof_count; ++k) {
       const int dof = dofs[contact.first_dof + k];
-      while (up != kNone && up < dof) up = unknowns->parent[at(up)];
+      while (up != kNone && up < dof) up = unknowns->parent[as_index(up)];
       std::array<double, kSpatial> moved{};
       const double* S = motion(dof);
       if (up != dof) {
@@ -121,16 +121,18 @@ void check([[maybe_unused]] const ContactProblem& p) {
 #ifndef NDEBUG
   const Unknowns& u = *p.unknowns;
   const int n = p.size();
-  assert(p.A.size() == u.entries && p.motions.size() == kSpatial * at(n));
+  assert(p.A.size() == u.entries && p.motions.size() == kSpatial * as_index(n));
   assert(!p.with_jacobians || p.J.size() >= p.entries);
   for (const std::size_t size : {p.g.size(), p.start.size(), p.x.size(), p.limits.size()})
-    assert(size == at(n));
+    assert(size == as_index(n));
   for (int i = 0; i < n; ++i) {
     // A row and its column have the same ends: the pattern is symmetric, and fills along branches alone.
-    const int up = u.parent[at(i)], last = u.last[at(i)];
-    assert(u.first[at(i)] <= i && u.first[at(last)] <= i && i <= last && last < n);
-    assert(up > i && (up == n ? last == i : u.last[at(up)] == last && u.first[at(up)] <= u.first[at(i)]));
-    assert(!(p.limits[at(i)].low > p.limits[at(i)].high) && !(p.limits[at(i)].limit < 0));
+    const int up = u.parent[as_index(i)], last = u.last[as_index(i)];
+    assert(u.first[as_index(i)] <= i && u.first[as_index(last)] <= i && i <= last && last < n);
+    assert(up > i &&
+           (up == n ? last == i
+                    : u.last[as_index(up)] == last && u.first[as_index(up)] <= u.first[as_index(i)]));
+    assert(!(p.limits[as_index(i)].low > p.limits[as_index(i)].high) && !(p.limits[as_index(i)].limit < 0));
   }
   std::size_t entries = 0;
   for (const ContactRows& contact : p.contacts) {

@@ -127,9 +127,9 @@ struct ContactProblem : Iterate {
   int size() const { return unknowns->size(); }
   Iterate& iterate() { return *this; }
   /// A's entry, i <= j.
-  double& inertia(int i, int j) { return A[unknowns->row_start[at(i)] + at(j)]; }
-  double inertia(int i) const { return A[unknowns->row_start[at(i)] + at(i)]; }
-  double* motion(int i) { return motions.data() + kSpatial * at(i); }
+  double& inertia(int i, int j) { return A[unknowns->row_start[as_index(i)] + as_index(j)]; }
+  double inertia(int i) const { return A[unknowns->row_start[as_index(i)] + as_index(i)]; }
+  double* motion(int i) { return motions.data() + kSpatial * as_index(i); }
   /// Adds a contact on these unknowns (at least one, in ascending order). The caller fills in its J.
   ContactRows& add(std::span<const int> of, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {

@@ -22,17 +22,17 @@ void list_active_set(const ContactProblem& p, std::vector<int>& out) {
     out.push_back(code);
   }
   for (int i = 0; i < p.size(); ++i)
-    out.push_back(4 * (sign(p.limits[at(i)].side) + 1) + sign(p.limits[at(i)].saturated) + 1);
+    out.push_back(4 * (sign(p.limits[as_index(i)].side) + 1) + sign(p.limits[as_index(i)].saturated) + 1);
 }
 
 }  // namespace
 
 void SparseFactor::reserve(const Unknowns& most) {
-  const std::size_t n = at(most.size()), chains = most.chains.size();
-  const std::size_t rows = std::min(n, at(kTuning.heap));
+  const std::size_t n = as_index(most.size()), chains = most.chains.size();
+  const std::size_t rows = std::min(n, as_index(kTuning.heap));
   M_.reserve(rows * (rows + 1) / 2);
   reserve_each(n, chains_, last_, row_start_, column_range_);
-  runs_.reserve(std::min(chains * chains, at(kTuning.heap * kTuning.heap)));
+  runs_.reserve(std::min(chains * chains, as_index(kTuning.heap * kTuning.heap)));
   reserve_each(kUsualSliding * n, C_, G_);
   K_.reserve(kUsualSliding * kUsualSliding);
   reserve_each(kUsualContacts, pivots_, columns_, h_);
@@ -69,20 +69,20 @@ void SparseFactor::compute_pattern(const ContactProblem& p, Workspace& w,
   const auto link = [&](std::size_t from, std::size_t to) {
     w.links[from * words + to / 64] |= std::uint64_t{1} << to % 64;
   };
-  const auto above = [&](std::size_t chain) { return unknowns.parent[at(chains_[chain].own.end - 1)]; };
+  const auto above = [&](std::size_t chain) { return unknowns.parent[as_index(chains_[chain].own.end - 1)]; };
   for (std::size_t c = 0; c < count; ++c)
-    for (int up = above(c); up < n; up = above(chain_of[at(up)])) link(c, chain_of[at(up)]);
+    for (int up = above(c); up < n; up = above(chain_of[as_index(up)])) link(c, chain_of[as_index(up)]);
   std::size_t last_run = p.runs.size();
   for (const ContactRows& contact : contacts) {
     // Contacts of one pair have the same unknowns.
     if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
-    const std::size_t first = chain_of[at(p.runs_of(contact).front().first)];
+    const std::size_t first = chain_of[as_index(p.runs_of(contact).front().first)];
     for (const Run& run : p.runs_of(contact))
-      for (std::size_t c = chain_of[at(run.first)]; c < count && chains_[c].own.first < run.end; ++c)
+      for (std::size_t c = chain_of[as_index(run.first)]; c < count && chains_[c].own.first < run.end; ++c)
         if (c > first) link(first, c);
   }
   runs_.clear();
-  last_.resize(at(n));
+  last_.resize(as_index(n));
   for (std::size_t c = 0; c < count; ++c) {
     Chain& chain = chains_[c];
     chain.first_run = runs_.size();
@@ -103,7 +103,7 @@ void SparseFactor::compute_pattern(const ContactProblem& p, Workspace& w,
       }
     chain.run_count = runs_.size() - chain.first_run;
     const int last = (chain.run_count > 0 ? runs_.back().end : chain.own.end) - 1;
-    for (int i = chain.own.first; i < chain.own.end; ++i) last_[at(i)] = last;
+    for (int i = chain.own.first; i < chain.own.end; ++i) last_[as_index(i)] = last;
   }
   entries_ = place_rows(last_, row_start_);
 }
@@ -112,7 +112,7 @@ double SparseFactor::work() const {
   double work = 0;
   int last = 0;
   for (int i = 0; i < static_cast<int>(last_.size()); ++i) {
-    last = std::max(last, last_[at(i)]);
+    last = std::max(last, last_[as_index(i)]);
     work += 0.5 * (last - i) * (last - i);
   }
   return work;
@@ -144,8 +144,8 @@ void SparseFactor::list_columns(const ContactProblem& p) {
       if (!contact.discs[k].slides) continue;
       const int column = static_cast<int>(columns_.size());
       columns_.push_back({c, k});
-      for (std::size_t chain = p.unknowns->chain_of[at(p.dofs[contact.first_dof])]; chain < chains_.size();
-           chain = chains_[chain].next) {
+      for (std::size_t chain = p.unknowns->chain_of[as_index(p.dofs[contact.first_dof])];
+           chain < chains_.size(); chain = chains_[chain].next) {
         Run& range = column_range_[chain];
         if (range.size() == 0) range.first = column;
         range.end = column + 1;
@@ -157,14 +157,14 @@ void SparseFactor::list_columns(const ContactProblem& p) {
 
 void SparseFactor::add_coupling(const ContactProblem& p) {
   list_columns(p);
-  const std::size_t m = columns_.size(), n = at(p.size());
+  const std::size_t m = columns_.size(), n = as_index(p.size());
   C_.resize(n * m);
   G_.resize(n * m);
   for (std::size_t c = 0; c < chains_.size(); ++c) {
     const Run own = chains_[c].own, range = column_range_[c];
     for (int k = own.first; k < own.end && range.size() > 0; ++k)
       for (std::vector<double>* each : {&C_, &G_})
-        std::fill_n(each->data() + at(k) * m + at(range.first), range.size(), 0.0);
+        std::fill_n(each->data() + as_index(k) * m + as_index(range.first), range.size(), 0.0);
   }
   for (std::size_t column = 0; column < m; ++column) {
     const ContactRows& contact = p.contacts[columns_[column].contact];
@@ -173,7 +173,7 @@ void SparseFactor::add_coupling(const ContactProblem& p) {
     const double *J = p.entries_of(contact), *rows = J + disc.row * dofs.size();
     const double share = disc.coefficient / contact.regularization;
     for (std::size_t j = 0; j < dofs.size(); ++j) {
-      const std::size_t dof = at(dofs[j]);
+      const std::size_t dof = as_index(dofs[j]);
       if (p.limits[dof].side != LimitSide::within) continue;
       C_[dof * m + column] =
           share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[dofs.size() + j] : 0));
@@ -188,14 +188,14 @@ void SparseFactor::assemble(ContactProblem& p, Workspace& w) {
   const Unknowns& unknowns = *p.unknowns;
   const bool fixed = w.law == Law::fixed_limits;
   for (int i = 0; i < p.size(); ++i) {
-    const int own_last = unknowns.last[at(i)];
+    const int own_last = unknowns.last[as_index(i)];
     double* M = &entry(i, 0);
-    const double* A = p.A.data() + unknowns.row_start[at(i)];
+    const double* A = p.A.data() + unknowns.row_start[as_index(i)];
     std::copy(A + i, A + own_last + 1, M + i);
-    std::fill(M + own_last + 1, M + std::max(own_last, last_[at(i)]) + 1, 0.0);
-    const Limits& servo = p.limits[at(i)];
+    std::fill(M + own_last + 1, M + std::max(own_last, last_[as_index(i)]) + 1, 0.0);
+    const Limits& servo = p.limits[as_index(i)];
     if (servo.limit > 0 && servo.saturated == LimitSide::within) M[i] += servo.slope;
-    if (fixed && p.limits[at(i)].side != LimitSide::within) M[i] += 1 / stop_compliance(p, i);
+    if (fixed && p.limits[as_index(i)].side != LimitSide::within) M[i] += 1 / stop_compliance(p, i);
   }
   for (const ContactRows& contact : p.contacts)
     if (!contact.open || fixed) add_stiffness(p, w, contact);
@@ -203,10 +203,10 @@ void SparseFactor::assemble(ContactProblem& p, Workspace& w) {
   if (fixed) return;
   add_coupling(p);
   for (int i = 0; i < p.size(); ++i) {
-    if (p.limits[at(i)].side == LimitSide::within) continue;
-    std::fill(&entry(i, i), &entry(i, last_[at(i)]) + 1, 0.0);
+    if (p.limits[as_index(i)].side == LimitSide::within) continue;
+    std::fill(&entry(i, i), &entry(i, last_[as_index(i)]) + 1, 0.0);
     for (int j = 0; j < i; ++j)
-      if (last_[at(j)] >= i) entry(j, i) = 0;
+      if (last_[as_index(j)] >= i) entry(j, i) = 0;
     entry(i, i) = 1;
   }
 }
@@ -242,7 +242,8 @@ void SparseFactor::solve(const Workspace& w, double* x) {
 }
 
 void SparseFactor::solve_tree(const Workspace& w, double* x, const Unknowns& unknowns, const Run& tree) {
-  const std::size_t first = unknowns.chain_of[at(tree.first)], end = unknowns.chain_of[at(tree.end - 1)] + 1;
+  const std::size_t first = unknowns.chain_of[as_index(tree.first)],
+                    end = unknowns.chain_of[as_index(tree.end - 1)] + 1;
   w.kernel.eliminate(view(), x, first, end);
   w.kernel.substitute_back(view(), x, first, end);
 }
@@ -254,7 +255,7 @@ bool SparseFactor::begin_trial(const ContactProblem& p, Workspace& w) {
   list_columns(p);
   // A restored one may be of any size.
   const std::size_t m = columns_.size();
-  if (M_.size() != entries_ || C_.size() != at(p.size()) * m || G_.size() != C_.size() ||
+  if (M_.size() != entries_ || C_.size() != as_index(p.size()) * m || G_.size() != C_.size() ||
       K_.size() != m * m || pivots_.size() != m ||
       std::ranges::any_of(pivots_, [&](std::size_t each) { return each >= m; }))
     return false;

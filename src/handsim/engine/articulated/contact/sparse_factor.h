@@ -47,7 +47,7 @@ class SparseFactor {
   void add_stiffness(const ContactProblem& p, const Workspace& w, const ContactRows& contact);
   void list_columns(const ContactProblem& p);
   void add_coupling(const ContactProblem& p);
-  double& entry(int i, int j) { return M_[row_start_[at(i)] + at(j)]; }
+  double& entry(int i, int j) { return M_[row_start_[as_index(i)] + as_index(j)]; }
   Factor view() { return {{M_.data(), row_start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
   Coupling coupling() {
     return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),

@@ -23,7 +23,7 @@ struct Unknowns {
   std::vector<int> tree_of;           ///< of each unknown
 
   int size() const { return static_cast<int>(first.size()); }
-  const Run& tree(int unknown) const { return trees[at(tree_of[at(unknown)])]; }
+  const Run& tree(int unknown) const { return trees[as_index(tree_of[as_index(unknown)])]; }
   void reserve(std::size_t n);
   /// @param first_of for every unknown i the least j <= i with a matrix entry (i, j), whatever the state
   void assign(std::span<const int> first_of);

@@ -25,16 +25,16 @@ Pose twisted(const Pose& pose, const Vec3& about, int direction, double size) {
 /// Finds the responses of all points of a touch.
 void ContactSlopes::compute_responses(const Touch& touch, const model::State& start) {
   const Contact& any = contact_.contacts()[touch.first];
-  responses_.assign(at(touch.count), {});
+  responses_.assign(as_index(touch.count), {});
   about_ = any.position;
   const auto pose = [&](int shape) {
-    const model::Shape& of = model_.shapes[at(shape)];
-    return start.bodies[at(of.body)].pose() * of.pose;
+    const model::Shape& of = model_.shapes[as_index(shape)];
+    return start.bodies[as_index(of.body)].pose() * of.pose;
   };
   const Pose x_WA = pose(any.shape_a), x_WB = pose(any.shape_b);
   // A coming contact: bodies move on to it, its place and normal are where they get to.
   bool coming = false;
-  for (std::size_t k = 0; k < at(touch.count); ++k) {
+  for (std::size_t k = 0; k < as_index(touch.count); ++k) {
     const Contact& contact = contact_.contacts()[touch.first + k];
     if (contact.depth >= 0) continue;
     coming = true;
@@ -53,8 +53,8 @@ void ContactSlopes::difference(const Touch& touch, const Pose& x_WA, const Pose&
   const double span = direction < 3 ? std::sin(size) : size;
   const auto add = [&](double by, double weight, double whole) {
     const std::span<const Contact> found = contact_.collider_.touch_at(
-        at(any.shape_a), twisted(x_WA, about_, direction, by * size), at(any.shape_b), x_WB);
-    for (std::size_t k = 0; k < at(touch.count); ++k) {
+        as_index(any.shape_a), twisted(x_WA, about_, direction, by * size), as_index(any.shape_b), x_WB);
+    for (std::size_t k = 0; k < as_index(touch.count); ++k) {
       const Contact& here = contact_.contacts()[touch.first + k];
       // The nearest point found is this one: lists of points change their order.
       const auto apart = [&](const Contact& point) { return (point.position - here.position).squaredNorm(); };
@@ -82,11 +82,11 @@ void ContactSlopes::share_depths(const Touch& touch) {
   double sum = 0;
   const auto depth = [&](std::size_t k) { return contact_.contacts()[touch.first + k].depth; };
   Eigen::Matrix<double, 1, 6> change = Eigen::Matrix<double, 1, 6>::Zero();
-  for (std::size_t k = 0; k < at(touch.count); ++k) {
+  for (std::size_t k = 0; k < as_index(touch.count); ++k) {
     sum += std::pow(depth(k), 4);
     change += 2 * std::pow(depth(k), 3) * responses_[k].depth;
   }
-  for (std::size_t k = 0; k < at(touch.count) && sum > 0; ++k)
+  for (std::size_t k = 0; k < as_index(touch.count) && sum > 0; ++k)
     if (contact_.collider_.shares()[touch.first + k] > kLeastShare)
       responses_[k].share = 2 / depth(k) * responses_[k].depth - change / sum;
 }

@@ -81,12 +81,12 @@ void ContactSlopes::add_stiffness(Eigen::MatrixXd& K) {
     for (Eigen::Index j = 0; j < width; ++j) {
       std::array<double, kMostRows> DJ{};
       for (Eigen::Index a = 0; a < size; ++a)
-        for (Eigen::Index b = 0; b < size; ++b) DJ[at(a)] += law(a, b) * J[b * width + j];
-      double* column = &K(0, contact_.dof_of_[at(dofs[at(j)])]);
+        for (Eigen::Index b = 0; b < size; ++b) DJ[as_index(a)] += law(a, b) * J[b * width + j];
+      double* column = &K(0, contact_.dof_of_[as_index(dofs[as_index(j)])]);
       for (Eigen::Index i = 0; i < width; ++i) {
         double sum = 0;
-        for (Eigen::Index a = 0; a < size; ++a) sum += J[a * width + i] * DJ[at(a)];
-        column[contact_.dof_of_[at(dofs[at(i)])]] += sum;
+        for (Eigen::Index a = 0; a < size; ++a) sum += J[a * width + i] * DJ[as_index(a)];
+        column[contact_.dof_of_[as_index(dofs[as_index(i)])]] += sum;
       }
     }
   }
@@ -99,9 +99,9 @@ void ContactSlopes::factor(const Eigen::MatrixXd& inertia) {
   add_stiffness(K_);
   Eigen::MatrixXd K = K_(contact_.dof_of_, contact_.dof_of_);
   for (Eigen::Index k = 0; k < K.rows(); ++k) {
-    const Limits& servo = p.limits[at(k)];
+    const Limits& servo = p.limits[as_index(k)];
     if (servo.limit > 0 && servo.saturated == LimitSide::within) K(k, k) += servo.slope;
-    if (p.limits[at(k)].side == LimitSide::within) continue;
+    if (p.limits[as_index(k)].side == LimitSide::within) continue;
     K.row(k).setZero();
     K.col(k).setZero();
     K(k, k) = 1;
@@ -120,7 +120,7 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
     evaluate(p, w, Law::coulomb);
     // Near the solution one factor serves for all steps.
     for (Eigen::Index k = 0; k < d.size(); ++k)
-      d[k] = p.limits[at(k)].side == LimitSide::within ? -w.F[at(k)] : 0;
+      d[k] = p.limits[as_index(k)].side == LimitSide::within ? -w.F[as_index(k)] : 0;
     if (i == 0 || last > kNear) factor(inertia);
     d = factor_.solve(d);
     const double change = d.lpNorm<Eigen::Infinity>();
@@ -128,7 +128,7 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
     // Rounding does not get smaller from step to step.
     done = change <= kRefined || (i > 0 && change <= kAccepted && change >= 0.5 * last);
     last = change;
-    for (Eigen::Index k = 0; k < d.size(); ++k) p.x[at(k)] += d[k];
+    for (Eigen::Index k = 0; k < d.size(); ++k) p.x[as_index(k)] += d[k];
   }
   evaluate(p, w, Law::coulomb);
   contact_.store_solution(p, step);
@@ -138,12 +138,12 @@ bool ContactSlopes::refine(const Eigen::MatrixXd& inertia, double step) {
 void ContactSlopes::compute_velocities() {
   Workspace& w = ContactDynamics::workspace();
   end_.assign(mechanism_.views().size(), Spatial::Zero());
-  std::vector<double> x(at(tree_.size()), 0.0);
-  for (std::size_t i = 0; i < contact_.dof_of_.size(); ++i) x[at(contact_.dof_of_[i])] = w.problem.x[i];
+  std::vector<double> x(as_index(tree_.size()), 0.0);
+  for (std::size_t i = 0; i < contact_.dof_of_.size(); ++i) x[as_index(contact_.dof_of_[i])] = w.problem.x[i];
   for (int i = 0; i < static_cast<int>(end_.size()); ++i) {
-    if (tree_.parent_node(i) != kNoNode) end_[at(i)] = end_[at(tree_.parent_node(i))];
+    if (tree_.parent_node(i) != kNoNode) end_[as_index(i)] = end_[as_index(tree_.parent_node(i))];
     for (int dof = tree_.first_dof(i); dof <= tree_.last_dof(i); ++dof)
-      end_[at(i)] += x[at(dof)] * tree_.axis(dof);
+      end_[as_index(i)] += x[as_index(dof)] * tree_.axis(dof);
   }
   for (std::size_t i = 0; i < end_.size(); ++i) end_[i] += read6(mechanism_.view(i).v, mechanism_.stride());
 }
@@ -154,7 +154,7 @@ ContactSlopes::Partner ContactSlopes::partner_of(int shape) const {
   const ContactDynamics::BodyVelocity motion = contact_.velocity_of(shape);
   out.origin = motion.origin;
   out.start << motion.w, motion.v;
-  out.end = out.node == kNoNode ? out.start : end_[at(out.node)];
+  out.end = out.node == kNoNode ? out.start : end_[as_index(out.node)];
   return out;
 }
 
@@ -177,8 +177,8 @@ void ContactSlopes::begin_pair(int shape_a, int shape_b) {
   for (Column& column : columns_) {
     const int node = tree_.node(column.dof);
     const bool shift = tree_.is_shift(column.dof);
-    const Spatial none = Spatial::Zero(), end = shift ? none : end_[at(node)],
-                  start = shift ? none : read6(mechanism_.view(at(node)).v, mechanism_.stride()),
+    const Spatial none = Spatial::Zero(), end = shift ? none : end_[as_index(node)],
+                  start = shift ? none : read6(mechanism_.view(as_index(node)).v, mechanism_.stride()),
                   &S = tree_.axis(column.dof);
     if (column.of_a) column.end_a = cross_motion(S, a_.end - end);
     if (column.of_b) column.end_b = cross_motion(S, b_.end - end);
@@ -321,8 +321,8 @@ void ContactSlopes::add_contact(Point& point, const ContactResponse& response) {
 }
 
 void ContactSlopes::note(const Contact& contact, const std::string& what) {
-  notes_.push_back(fmt::format("contact {} - {}: {}", model_.shapes[at(contact.shape_a)].name,
-                               model_.shapes[at(contact.shape_b)].name, what));
+  notes_.push_back(fmt::format("contact {} - {}: {}", model_.shapes[as_index(contact.shape_a)].name,
+                               model_.shapes[as_index(contact.shape_b)].name, what));
 }
 
 /// What is on the edge of the active set.
@@ -362,9 +362,9 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
     }
     const auto closed = [&](std::size_t k) { return !p.contacts[k].open; };
     bool some = false;
-    for (std::size_t k = 0; k < at(touch.count); ++k) some = some || closed(i + k);
+    for (std::size_t k = 0; k < as_index(touch.count); ++k) some = some || closed(i + k);
     if (some) compute_responses(touch, start);
-    for (std::size_t k = 0; k < at(touch.count); ++k, ++i) {
+    for (std::size_t k = 0; k < as_index(touch.count); ++k, ++i) {
       Point point;
       point.contact = &contact_.contacts()[touch.first + k];
       point.rows = &p.contacts[i];

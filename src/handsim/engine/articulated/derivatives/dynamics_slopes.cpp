@@ -25,7 +25,7 @@ DynamicsSlopes::DynamicsSlopes(const Mechanism& mechanism)
     first_.push_back(size());
     const int count = rate_count(nodes[i].kind);
     for (int k = 0; k < count; ++k) {
-      parent_.push_back(k > 0 ? size() - 1 : (nodes[i].parent ? last_[at(*nodes[i].parent)] : kNoDof));
+      parent_.push_back(k > 0 ? size() - 1 : (nodes[i].parent ? last_[as_index(*nodes[i].parent)] : kNoDof));
       node_.push_back(static_cast<int>(i));
     }
     last_.push_back(size() - 1);
@@ -42,14 +42,15 @@ void DynamicsSlopes::place(std::span<const double> du, bool moving, const Vec3& 
     const NodeView& b = views_[i];
     Spatial &v = v_[i], &a = a_[i], own = Spatial::Zero(), change = Spatial::Zero();
     for (int dof = first_[i], k = 0; dof <= last_[i]; ++dof, ++k) {
-      dofs_[at(dof)].S = read6(b.S + 6 * at(k) * stride_, stride_);
+      dofs_[as_index(dof)].S = read6(b.S + 6 * as_index(k) * stride_, stride_);
       if (!moving) continue;
-      own += b.u[at(k) * stride_] * dofs_[at(dof)].S;
-      change += du[at(dof)] * dofs_[at(dof)].S;
+      own += b.u[as_index(k) * stride_] * dofs_[as_index(dof)].S;
+      change += du[as_index(dof)] * dofs_[as_index(dof)].S;
     }
     if (moving) {
       v = read6(b.v, stride_);
-      a = (b.base_a ? read6(b.base_a, stride_) : a_[at(parent_node_[i])]) + read6(b.c, stride_) + change;
+      a = (b.base_a ? read6(b.base_a, stride_) : a_[as_index(parent_node_[i])]) + read6(b.c, stride_) +
+          change;
     } else {
       v.setZero();
       a << Vec3::Zero(), -gravity;
@@ -71,7 +72,7 @@ void DynamicsSlopes::find(std::span<const double> du, bool moving, const Vec3& g
   place(du, moving, gravity);
   for (std::size_t i = views_.size(); i-- > 0;) {
     if (parent_node_[i] == kNoNode) continue;
-    Body& to = bodies_[at(parent_node_[i])];
+    Body& to = bodies_[as_index(parent_node_[i])];
     const Body& from = bodies_[i];
     to.mass += from.mass;
     to.h += from.h;
@@ -85,14 +86,14 @@ void DynamicsSlopes::find(std::span<const double> du, bool moving, const Vec3& g
 
 /// Rows and columns of a node with those that carry it.
 void DynamicsSlopes::compute_node(int node) {
-  const Body& body = bodies_[at(node)];
-  const Spatial &v = v_[at(node)], &a = a_[at(node)];
+  const Body& body = bodies_[as_index(node)];
+  const Spatial &v = v_[as_index(node)], &a = a_[as_index(node)];
   for (int j = first_dof(node); j <= last_dof(node); ++j) {
-    Dof& of = dofs_[at(j)];
+    Dof& of = dofs_[as_index(j)];
     if (is_shift(j)) {
       of.turned = of.turned_rate = of.driven = Spatial::Zero();
     } else {
-      Spatial own = before_[at(node)];
+      Spatial own = before_[as_index(node)];
       // Turns of a free body are carried by its shifts.
       if (kind(node) == NodeKind::free) own << Vec3::Zero(), v.tail<3>();
       of.turned = cross_motion(v, of.S);
@@ -105,13 +106,13 @@ void DynamicsSlopes::compute_node(int node) {
       moved = cross_force(of.S, body.force) + body.times(of.turned_rate) + body.times_B(of.turned);
     const Vec3 Y = body.B.transpose() * of.S.head<3>() + 2 * body.momentum.cross(Vec3(of.S.tail<3>()));
     for (int k = last_dof(node); k >= first_dof(node); --k) {
-      const Spatial& S = dofs_[at(k)].S;
+      const Spatial& S = dofs_[as_index(k)].S;
       by_q_(k, j) = S.dot(moved);
       by_u_(k, j) = S.dot(gain);
       H_(k, j) = S.dot(U);
     }
     for (int k = parent_dof(first_dof(node)); k != kNoDof; k = parent_dof(k)) {
-      const Dof& on = dofs_[at(k)];
+      const Dof& on = dofs_[as_index(k)];
       by_q_(k, j) = on.S.dot(moved);
       by_u_(k, j) = on.S.dot(gain);
       H_(k, j) = H_(j, k) = on.S.dot(U);

@@ -51,17 +51,17 @@ class DynamicsSlopes {
   /// Derivative by gravity of the generalised force that a dof needs for the weight of the bodies that it
   /// carries: d(-tau)/dg [kg m or kg].
   Vec3 carried(int dof) const {
-    const Body& of = bodies_[at(node(dof))];
+    const Body& of = bodies_[as_index(node(dof))];
     return of.times(axis(dof)).tail<3>();
   }
 
-  int node(int dof) const { return node_[at(dof)]; }
-  int parent_dof(int dof) const { return parent_[at(dof)]; }
-  int first_dof(int node) const { return first_[at(node)]; }
-  int last_dof(int node) const { return last_[at(node)]; }
-  int parent_node(int node) const { return parent_node_[at(node)]; }
+  int node(int dof) const { return node_[as_index(dof)]; }
+  int parent_dof(int dof) const { return parent_[as_index(dof)]; }
+  int first_dof(int node) const { return first_[as_index(node)]; }
+  int last_dof(int node) const { return last_[as_index(node)]; }
+  int parent_node(int node) const { return parent_node_[as_index(node)]; }
   NodeKind kind(int node) const { return kind_[static_cast<std::size_t>(node)]; }
-  const Spatial& axis(int dof) const { return dofs_[at(dof)].S; }
+  const Spatial& axis(int dof) const { return dofs_[as_index(dof)].S; }
   /// @returns whether a change of position j moves the axis of rate i; both are of one branch
   bool moves_axis(int j, int i) const { return node(i) != node(j) ? j < i : is_shift(j) && !is_shift(i); }
   /// @returns whether a dof is a coordinate of a free body's position, and not of its turn

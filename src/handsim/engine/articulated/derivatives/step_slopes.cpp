@@ -21,27 +21,28 @@ StepSlopes::StepSlopes(const model::Model& model, const Settings& settings, Mech
     : model_(model), settings_(settings), mechanism_(mechanism), muscles_(muscles), tree_(mechanism) {
   if (contact) contacts_.emplace(model, mechanism, *contact, tree_);
   order();
-  du_.resize(at(tree_.size()));
-  q_.resize(at(model.dof_count()));
-  u_.resize(at(model.dof_count()));
+  du_.resize(as_index(tree_.size()));
+  q_.resize(as_index(model.dof_count()));
+  u_.resize(as_index(model.dof_count()));
 }
 
 /// Coordinates: joints as in the model, then free bodies.
 void StepSlopes::order() {
   const std::vector<Node>& nodes = mechanism_.topology().nodes;
-  dof_of_.assign(at(model_.dof_count()), kNoDof);
-  rate_.resize(at(tree_.size()));
+  dof_of_.assign(as_index(model_.dof_count()), kNoDof);
+  rate_.resize(as_index(tree_.size()));
   for (int i = 0; i < static_cast<int>(nodes.size()); ++i) {
-    const Node& node = nodes[at(i)];
+    const Node& node = nodes[as_index(i)];
     for (int k = 0; k < rate_count(node.kind); ++k)
-      rate_[at(tree_.first_dof(i) + k)] = mechanism_.slot(at(i)).u + at(k) * mechanism_.stride();
+      rate_[as_index(tree_.first_dof(i) + k)] =
+          mechanism_.slot(as_index(i)).u + as_index(k) * mechanism_.stride();
     if (!node.joint) continue;
-    const model::Joint& joint = model_.joints[at(*node.joint)];
-    const std::size_t first = at(joint.first_dof + node.axis_index);
-    for (int k = 0; k < rate_count(node.kind); ++k) dof_of_[first + at(k)] = tree_.first_dof(i) + k;
+    const model::Joint& joint = model_.joints[as_index(*node.joint)];
+    const std::size_t first = as_index(joint.first_dof + node.axis_index);
+    for (int k = 0; k < rate_count(node.kind); ++k) dof_of_[first + as_index(k)] = tree_.first_dof(i) + k;
     if (node.kind == NodeKind::ball) continue;
-    singles_.push_back({tree_.first_dof(i), first, mechanism_.view(at(i))});
-    const model::JointAxis& axis = joint.axes[at(node.axis_index)];
+    singles_.push_back({tree_.first_dof(i), first, mechanism_.view(as_index(i))});
+    const model::JointAxis& axis = joint.axes[as_index(node.axis_index)];
     if (!axis.tissue || !settings_.effects.has(model::Effect::passive_tissue)) continue;
     singles_.back().stiffness = axis.tissue->stiffness;
     singles_.back().damping = axis.tissue->damping;
@@ -49,13 +50,13 @@ void StepSlopes::order() {
   free_bodies_ = model::free_bodies(model_);
   for (const int body : free_bodies_)
     for (int k = 0; k < 6; ++k)
-      dof_of_.push_back(tree_.first_dof(mechanism_.topology().node_of_body[at(body)]) + k);
+      dof_of_.push_back(tree_.first_dof(mechanism_.topology().node_of_body[as_index(body)]) + k);
 }
 
 /// As `Scene.coordinates` of the package has it.
 std::string StepSlopes::name_of(const Single& each) const {
   for (const model::Joint& joint : model_.joints)
-    if (const std::size_t first = at(joint.first_dof);
+    if (const std::size_t first = as_index(joint.first_dof);
         each.coordinate >= first && each.coordinate < first + joint.axes.size())
       return joint.name + "." + joint.axes[each.coordinate - first].name;
   return {};
@@ -95,7 +96,7 @@ void StepSlopes::find(const StepInput& input, const model::State& start, bool co
   by_q_ = h * tree_.by_position();
   by_u_ = h * tree_.by_rate();
   for (int node = 0; node < static_cast<int>(mechanism_.topology().nodes.size()); ++node)
-    if (mechanism_.is_single_body(at(node))) add_lone(node);
+    if (mechanism_.is_single_body(as_index(node))) add_lone(node);
   add_singles(out);
   for (const Single& each : singles_)
     if (load.size() > 0 && out.feedback.compensated[each.coordinate] && out.driven[each.coordinate])
@@ -122,7 +123,7 @@ void StepSlopes::add_singles(StepDerivatives& out) {
     const int i = each.dof;
     by_q_(i, i) += h * each.stiffness;
     by_u_(i, i) += h * (h * each.stiffness + each.damping);
-    const double rate = *each.view.u + h * du_[at(i)];
+    const double rate = *each.view.u + h * du_[as_index(i)];
     if (std::abs(each.room(*each.view.q)) <= kOnStop &&
         (each.held() || each.room(*each.view.q + h * rate) <= kOnStop))
       out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
@@ -143,14 +144,14 @@ void StepSlopes::add_singles(StepDerivatives& out) {
 /// A free body that carries nothing has the gyroscopic torque of an implicit step (spin.h): with w in its
 /// axes, F = R (I x + I (w - W(w))).
 void StepSlopes::add_lone(int node) {
-  const Node& of = mechanism_.topology().nodes[at(node)];
-  const NodeView& view = mechanism_.view(at(node));
+  const Node& of = mechanism_.topology().nodes[as_index(node)];
+  const NodeView& view = mechanism_.view(as_index(node));
   const std::size_t s = mechanism_.stride();
   const Mat3 R = Quat(view.q[6 * s], view.q[3 * s], view.q[4 * s], view.q[5 * s]).toRotationMatrix();
   const Mat3 I = of.inertia.asDiagonal();
   const Vec3 w = read3(view.u, s), spin = R.transpose() * w;
   const int first = tree_.first_dof(node);
-  const Vec3 x = settings_.step * Vec3::Map(&du_[at(first)]);
+  const Vec3 x = settings_.step * Vec3::Map(&du_[as_index(first)]);
   Vec3 y = Vec3::Zero();
   Mat3 slope = Mat3::Zero();
   const std::optional<Vec3> end = spin.isZero(0) ? spin : spun(of.inertia, spin, settings_.step);
@@ -169,8 +170,8 @@ void StepSlopes::add_lone(int node) {
 /// Forces at mass centres, which move.
 void StepSlopes::add_forces(const StepInput& input) {
   for (const BodyForce& each : input.forces) {
-    const int node = mechanism_.topology().node_of_body[at(each.body)];
-    const Vec3 p = read3(mechanism_.view(at(node)).p, mechanism_.stride());
+    const int node = mechanism_.topology().node_of_body[as_index(each.body)];
+    const Vec3 p = read3(mechanism_.view(as_index(node)).p, mechanism_.stride());
     Spatial wrench;
     wrench << each.moment + p.cross(each.force), each.force;
     for (int i = tree_.last_dof(node); i != kNoDof; i = tree_.parent_dof(i))
@@ -214,7 +215,8 @@ void StepSlopes::compute_turns() {
       continue;
     Vec3 turn;
     for (int k = 0; k < 3; ++k)
-      turn[k] = mechanism_.u()[rate_[at(dof_of_[c] + k)]] + settings_.step * du_[at(dof_of_[c] + k)];
+      turn[k] =
+          mechanism_.u()[rate_[as_index(dof_of_[c] + k)]] + settings_.step * du_[as_index(dof_of_[c] + k)];
     turn *= settings_.step;
     turns_.push_back(
         {c, {rotation_quaternion(turn).toRotationMatrix(), settings_.step * left_jacobian(turn)}});
@@ -246,10 +248,10 @@ void StepSlopes::compute_loads(StepDerivatives& out) {
   const double h = settings_.step;
   loads_.setZero(n, 3 + 6 * static_cast<Eigen::Index>(out.forced.size()));
   for (Eigen::Index c = 0; c < n && settings_.effects.has(model::Effect::gravity); ++c)
-    loads_.block<1, 3>(c, 0) = h * tree_.carried(dof_of_[at(c)]);
+    loads_.block<1, 3>(c, 0) = h * tree_.carried(dof_of_[as_index(c)]);
   for (std::size_t k = 0; k < out.forced.size(); ++k) {
-    const int node = mechanism_.topology().node_of_body[at(out.forced[k])];
-    const Vec3 p = read3(mechanism_.view(at(node)).p, mechanism_.stride());
+    const int node = mechanism_.topology().node_of_body[as_index(out.forced[k])];
+    const Vec3 p = read3(mechanism_.view(as_index(node)).p, mechanism_.stride());
     for (int i = tree_.last_dof(node); i != kNoDof; i = tree_.parent_dof(i)) {
       const Eigen::Index c = std::ranges::find(dof_of_, i) - dof_of_.begin();
       const Spatial v = at_point(tree_.axis(i), p);
@@ -262,8 +264,8 @@ void StepSlopes::compute_loads(StepDerivatives& out) {
 /// Changes of rates, u' in the lower half of the rows, of one group.
 void StepSlopes::solve_group(const std::vector<int>& group, StepDerivatives& out) {
   const auto n = static_cast<Eigen::Index>(dof_of_.size()), m = static_cast<Eigen::Index>(group.size());
-  const auto coordinate = [&](Eigen::Index i) { return static_cast<Eigen::Index>(group[at(i)]); };
-  const auto dof = [&](Eigen::Index i) { return dof_of_[at(group[at(i)])]; };
+  const auto coordinate = [&](Eigen::Index i) { return static_cast<Eigen::Index>(group[as_index(i)]); };
+  const auto dof = [&](Eigen::Index i) { return dof_of_[as_index(group[as_index(i)])]; };
   Eigen::MatrixXd K(m, m), Q(m, m), U(m, m);
   for (Eigen::Index j = 0; j < m; ++j)
     for (Eigen::Index i = 0; i < m; ++i) {
@@ -285,7 +287,7 @@ void StepSlopes::solve_group(const std::vector<int>& group, StepDerivatives& out
   Eigen::MatrixXd loads(m, loads_.cols()), pulls(m, by_activation_.cols());
   for (Eigen::Index i = 0; i < m; ++i) {
     // Nothing moves what a stop holds.
-    const double free = held_[at(group[at(i)])] ? 0 : 1;
+    const double free = held_[as_index(group[as_index(i)])] ? 0 : 1;
     loads.row(i) = free * loads_.row(coordinate(i));
     if (pulls.cols() > 0) pulls.row(i) = free * by_activation_.row(dof(i));
     for (Eigen::Index k = 0; k < m; ++k)

@@ -30,8 +30,8 @@ Eigen::VectorXd StepSlopes::tendon_torques(const StepInput& input) {
   Eigen::VectorXd out = Eigen::VectorXd::Zero(tree_.size());
   for (const Single& each : singles_) out[each.dof] = given[each.coordinate];
   muscles_->each_slope([&](int i, int j, double slope) {
-    out[i] -= slope * settings_.step * du_[at(j)];
-    if (i != j) out[j] -= slope * settings_.step * du_[at(i)];
+    out[i] -= slope * settings_.step * du_[as_index(j)];
+    if (i != j) out[j] -= slope * settings_.step * du_[as_index(i)];
   });
   return out;
 }

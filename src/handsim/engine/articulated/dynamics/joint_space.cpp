@@ -11,17 +11,17 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)
     const Node& node = topology.nodes[i];
     parent_node_.push_back(node.parent ? *node.parent : kNoNode);
     single_body_.push_back(node.kind == NodeKind::free);
-    if (node.parent) single_body_[at(*node.parent)] = false;
+    if (node.parent) single_body_[as_index(*node.parent)] = false;
     first_.push_back(n_);
     last_.push_back(n_ + rate_count(node.kind) - 1);
     for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
-      parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[at(*node.parent)] : kNoDof));
-      rate_.push_back(mechanism.slot(i).u + at(k) * stride_);
+      parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[as_index(*node.parent)] : kNoDof));
+      rate_.push_back(mechanism.slot(i).u + as_index(k) * stride_);
       // S[column][row] of a node of several rates.
-      axes_.push_back(views_[i].S + 6 * at(k) * stride_);
+      axes_.push_back(views_[i].S + 6 * as_index(k) * stride_);
     }
   }
-  if (kind_ == Inertia::own) own_H_.resize(at(n_) * at(n_));
+  if (kind_ == Inertia::own) own_H_.resize(as_index(n_) * as_index(n_));
   if (kind_ != Inertia::none) place_inertia();
   place_axes();
   a_.resize(topology.nodes.size());
@@ -40,26 +40,28 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
   place_axes();
   for (int dof = 0; dof < n_; ++dof) S_[dof] = axis(dof);
   for (int i = 0; i < nodes; ++i) {
-    const NodeView& b = views_[at(i)];
-    Spatial& a = a_[at(i)];
-    a = b.base_a ? read6(b.base_a, stride_) : a_[at(parent_node_[at(i)])];
+    const NodeView& b = views_[as_index(i)];
+    Spatial& a = a_[as_index(i)];
+    a = b.base_a ? read6(b.base_a, stride_) : a_[as_index(parent_node_[as_index(i)])];
     a += read6(b.c, stride_);
-    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) a += du[at(dof)] * S_[dof];
+    for (int dof = first_[as_index(i)]; dof <= last_[as_index(i)]; ++dof) a += du[as_index(dof)] * S_[dof];
     const Vec3 h = read3(b.h, stride_), turn = a.head<3>(), shift = a.tail<3>();
-    Spatial& f = forces[at(i)];
+    Spatial& f = forces[as_index(i)];
     f = read6(b.pv, stride_);
     f.head<3>() += read_symmetric(b.I, stride_) * turn + h.cross(shift);
     f.tail<3>() += *b.mass * shift - h.cross(turn);
   }
   for (int i = nodes - 1; i >= 0; --i) {
-    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[dof].dot(forces[at(i)]);
-    if (parent_node_[at(i)] != kNoNode) forces[at(parent_node_[at(i)])] += forces[at(i)];
+    for (int dof = first_[as_index(i)]; dof <= last_[as_index(i)]; ++dof)
+      tau[as_index(dof)] = S_[dof].dot(forces[as_index(i)]);
+    if (parent_node_[as_index(i)] != kNoNode)
+      forces[as_index(parent_node_[as_index(i)])] += forces[as_index(i)];
   }
 }
 
 void JointSpace::place_axes() {
   thread_local std::vector<Spatial> own;
-  if (own.size() < at(n_)) own.resize(at(n_));
+  if (own.size() < as_index(n_)) own.resize(as_index(n_));
   S_ = own.data();
 }
 
@@ -67,7 +69,7 @@ void JointSpace::place_inertia() {
   place_axes();
   thread_local std::vector<double> shared;
   std::vector<double>& H = kind_ == Inertia::own ? own_H_ : shared;
-  if (H.size() < at(n_) * at(n_)) H.resize(at(n_) * at(n_));
+  if (H.size() < as_index(n_) * as_index(n_)) H.resize(as_index(n_) * as_index(n_));
   H_ = H.data();
   thread_local std::vector<Composite> composites;
   if (composites.size() < views_.size()) composites.resize(views_.size());
@@ -87,7 +89,7 @@ void JointSpace::compute_node_inertia(std::size_t node) {
     const Vec3 turn = S_[dof].head<3>(), shift = S_[dof].tail<3>();
     Spatial F;
     F << c.I * turn + c.h.cross(shift), c.mass * shift - c.h.cross(turn);
-    for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[j].dot(F);
+    for (int j = dof; j != kNoDof; j = parent_dof_[as_index(j)]) H_[index(dof, j)] = S_[j].dot(F);
   }
   if (parent_node_[node] == kNoNode) return;
   Composite& parent = composites_[parent_node_[node]];
@@ -114,37 +116,38 @@ void JointSpace::factor() {
   for (int k = n_ - 1; k >= 0; --k) {
     const double pivot = std::sqrt(H_[index(k, k)]);
     H_[index(k, k)] = pivot;
-    for (int i = parent_dof_[at(k)]; i != kNoDof; i = parent_dof_[at(i)]) H_[index(k, i)] /= pivot;
-    for (int i = parent_dof_[at(k)]; i != kNoDof; i = parent_dof_[at(i)])
-      for (int j = i; j != kNoDof; j = parent_dof_[at(j)])
+    for (int i = parent_dof_[as_index(k)]; i != kNoDof; i = parent_dof_[as_index(i)])
+      H_[index(k, i)] /= pivot;
+    for (int i = parent_dof_[as_index(k)]; i != kNoDof; i = parent_dof_[as_index(i)])
+      for (int j = i; j != kNoDof; j = parent_dof_[as_index(j)])
         H_[index(i, j)] -= H_[index(k, i)] * H_[index(k, j)];
   }
 }
 
 void JointSpace::solve_transposed(std::span<double> x) const {
   for (int i = n_ - 1; i >= 0; --i) {
-    x[at(i)] /= H_[index(i, i)];
-    for (int j = parent_dof_[at(i)]; j != kNoDof; j = parent_dof_[at(j)])
-      x[at(j)] -= H_[index(i, j)] * x[at(i)];
+    x[as_index(i)] /= H_[index(i, i)];
+    for (int j = parent_dof_[as_index(i)]; j != kNoDof; j = parent_dof_[as_index(j)])
+      x[as_index(j)] -= H_[index(i, j)] * x[as_index(i)];
   }
 }
 
 void JointSpace::solve_factor(std::span<double> x) const {
   for (int i = 0; i < n_; ++i) {
-    for (int j = parent_dof_[at(i)]; j != kNoDof; j = parent_dof_[at(j)])
-      x[at(i)] -= H_[index(i, j)] * x[at(j)];
-    x[at(i)] /= H_[index(i, i)];
+    for (int j = parent_dof_[as_index(i)]; j != kNoDof; j = parent_dof_[as_index(j)])
+      x[as_index(i)] -= H_[index(i, j)] * x[as_index(j)];
+    x[as_index(i)] /= H_[index(i, i)];
   }
 }
 
 void JointSpace::add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const {
-  for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)])
-    out[at(dof)] += sign * axis(dof).dot(wrench);
+  for (int dof = last_[as_index(node)]; dof != kNoDof; dof = parent_dof_[as_index(dof)])
+    out[as_index(dof)] += sign * axis(dof).dot(wrench);
 }
 
 double JointSpace::row_scale(int node) const {
   double sum = 0;
-  for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)])
+  for (int dof = last_[as_index(node)]; dof != kNoDof; dof = parent_dof_[as_index(dof)])
     sum += axis(dof).squaredNorm() / (H_[index(dof, dof)] * H_[index(dof, dof)]);
   return sum;
 }

@@ -47,15 +47,15 @@ class JointSpace {
 
   int size() const { return n_; }
   /// The index of a dof's rate in Mechanism::u() and Mechanism::du().
-  std::size_t rate_index(int dof) const { return rate_[at(dof)]; }
-  int first_dof(int node) const { return first_[at(node)]; }
-  int last_dof(int node) const { return last_[at(node)]; }
+  std::size_t rate_index(int dof) const { return rate_[as_index(dof)]; }
+  int first_dof(int node) const { return first_[as_index(node)]; }
+  int last_dof(int node) const { return last_[as_index(node)]; }
   /// The dof that carries this one, or kNoDof.
-  int parent_dof(int dof) const { return parent_dof_[at(dof)]; }
+  int parent_dof(int dof) const { return parent_dof_[as_index(dof)]; }
   /// The motion axis S of a dof.
   Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
   /// The motion axis of a dof in the mechanism's memory: every Mechanism::stride()'th number.
-  const double* axis_data(int dof) const { return axes_[at(dof)]; }
+  const double* axis_data(int dof) const { return axes_[as_index(dof)]; }
 
   /// Generalised forces tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3,
   /// Table 5.1, p. 96). Gravity and the bases' accelerations included; leaves each node's acceleration for
@@ -91,16 +91,16 @@ class JointSpace {
   /// A bound, after `factor`, of r H^-1 r^T of the row r that `add_row` makes, over the square of its wrench.
   /// A row far below the bound is zero but for rounding.
   double row_scale(int node) const;
-  Spatial velocity(int node) const { return read6(views_[at(node)].v, stride_); }
+  Spatial velocity(int node) const { return read6(views_[as_index(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
-  Spatial acceleration(int node) const { return a_[at(node)]; }
+  Spatial acceleration(int node) const { return a_[as_index(node)]; }
 
  private:
   void place_inertia();
   void start_composite(std::size_t node);
   void compute_node_inertia(std::size_t node);
   void compute_body_inertia(std::size_t node);
-  std::size_t index(int i, int j) const { return at(i) * at(n_) + at(j); }
+  std::size_t index(int i, int j) const { return as_index(i) * as_index(n_) + as_index(j); }
 
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node

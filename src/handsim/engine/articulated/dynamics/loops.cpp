@@ -22,10 +22,10 @@ std::pair<Vec3, Vec3> across(const Vec3& axis) {
 
 Loops::Loops(const model::Model& model, Mechanism& mechanism)
     : model_(model), mechanism_(mechanism), space_(mechanism) {
-  const std::size_t n = at(space_.size());
+  const std::size_t n = as_index(space_.size());
   std::size_t rows = n;
   for (const Cut& cut : mechanism.topology().cuts)
-    rows += 6 - at(model::dof_count(model.joints[at(cut.joint)].kind));
+    rows += 6 - as_index(model::dof_count(model.joints[as_index(cut.joint)].kind));
   rows_.reserve(rows);
   locked_.reserve(n);
   order_.reserve(rows);
@@ -97,7 +97,7 @@ void Loops::add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec
 void Loops::compute_rows() {
   rows_.clear();
   for (const Cut& cut : mechanism_.topology().cuts) {
-    const model::Joint& joint = model_.joints[at(cut.joint)];
+    const model::Joint& joint = model_.joints[as_index(cut.joint)];
     const Side a = motion_of(cut.parent, cut.island), b = motion_of(cut.child, cut.island);
     if (joint.kind == model::JointKind::slider) {
       const Vec3 axis = a.R * joint.axes[0].axis;
@@ -129,15 +129,15 @@ std::span<const double> Loops::rates() {
 
 std::span<const double> Loops::jacobian() {
   fill_jacobian();
-  return {J_.data(), rows_.size() * at(space_.size())};
+  return {J_.data(), rows_.size() * as_index(space_.size())};
 }
 
 void Loops::fill_jacobian() {
-  const std::size_t n = at(space_.size());
+  const std::size_t n = as_index(space_.size());
   std::fill_n(J_.begin(), rows_.size() * n, 0.0);
   std::size_t i = 0;
   for (const Cut& cut : mechanism_.topology().cuts) {
-    const int count = 6 - model::dof_count(model_.joints[at(cut.joint)].kind);
+    const int count = 6 - model::dof_count(model_.joints[as_index(cut.joint)].kind);
     for (int k = 0; k < count; ++k, ++i) {
       const std::span<double> row(J_.data() + i * n, n);
       if (cut.parent.node) space_.add_row(*cut.parent.node, rows_[i].on_parent, -1, row);
@@ -147,11 +147,11 @@ void Loops::fill_jacobian() {
 }
 
 void Loops::compute_jacobian() {
-  const std::size_t n = at(space_.size()), total = rows_.size() + locked_.size();
+  const std::size_t n = as_index(space_.size()), total = rows_.size() + locked_.size();
   fill_jacobian();
   std::size_t i = 0;
   for (const Cut& cut : mechanism_.topology().cuts) {
-    const int count = 6 - model::dof_count(model_.joints[at(cut.joint)].kind);
+    const int count = 6 - model::dof_count(model_.joints[as_index(cut.joint)].kind);
     const double parent = cut.parent.node ? space_.row_scale(*cut.parent.node) : 0,
                  child = cut.child.node ? space_.row_scale(*cut.child.node) : 0;
     for (int k = 0; k < count; ++k, ++i)
@@ -159,7 +159,7 @@ void Loops::compute_jacobian() {
   }
   std::fill_n(J_.begin() + static_cast<std::ptrdiff_t>(i * n), locked_.size() * n, 0.0);
   for (const int dof : locked_) {
-    J_[i * n + at(dof)] = 1;
+    J_[i * n + as_index(dof)] = 1;
     scale_[i++] = 0;
   }
   std::copy_n(J_.begin(), total * n, Y_.begin());
@@ -194,7 +194,7 @@ void Loops::factor_rows() {
     const double pivot = std::sqrt(wanted_[best]);
     for (std::size_t i = 0; i < m; ++i) {
       double sum = K_[i * m + best];
-      for (const int k : order_) sum -= K_[i * m + at(k)] * K_[best * m + at(k)];
+      for (const int k : order_) sum -= K_[i * m + as_index(k)] * K_[best * m + as_index(k)];
       column_[i] = sum / pivot;
     }
     for (std::size_t i = 0; i < m; ++i) {
@@ -206,31 +206,32 @@ void Loops::factor_rows() {
 }
 
 void Loops::correct(std::span<double> wanted, std::span<double> out) {
-  const std::size_t m = rows_.size() + locked_.size(), n = at(space_.size());
+  const std::size_t m = rows_.size() + locked_.size(), n = as_index(space_.size());
   std::fill_n(multipliers_.begin(), m, 0.0);
   for (std::size_t k = 0; k < order_.size(); ++k) {
-    const std::size_t row = at(order_[k]);
+    const std::size_t row = as_index(order_[k]);
     double sum = wanted[row];
-    for (std::size_t j = 0; j < k; ++j) sum -= K_[row * m + at(order_[j])] * multipliers_[at(order_[j])];
+    for (std::size_t j = 0; j < k; ++j)
+      sum -= K_[row * m + as_index(order_[j])] * multipliers_[as_index(order_[j])];
     multipliers_[row] = sum / K_[row * m + row];
   }
   for (std::size_t k = order_.size(); k-- > 0;) {
-    const std::size_t row = at(order_[k]);
+    const std::size_t row = as_index(order_[k]);
     double sum = multipliers_[row];
     for (std::size_t j = k + 1; j < order_.size(); ++j)
-      sum -= K_[at(order_[j]) * m + row] * multipliers_[at(order_[j])];
+      sum -= K_[as_index(order_[j]) * m + row] * multipliers_[as_index(order_[j])];
     multipliers_[row] = sum / K_[row * m + row];
   }
   std::ranges::fill(x_, 0.0);
   for (const int row : order_)
-    for (std::size_t d = 0; d < n; ++d) x_[d] += Y_[at(row) * n + d] * multipliers_[at(row)];
+    for (std::size_t d = 0; d < n; ++d) x_[d] += Y_[as_index(row) * n + d] * multipliers_[as_index(row)];
   space_.solve_factor(x_);
   for (std::size_t d = 0; d < n; ++d) out[d] += x_[d];
 }
 
 void Loops::solve(std::optional<double> step) {
   const LaneTreeOf<1>& tree = lanes_of<1>(mechanism_.tree());
-  const std::size_t n = at(space_.size());
+  const std::size_t n = as_index(space_.size());
   const std::span<double> du = mechanism_.du();
   space_.inverse_dynamics(zero_, bias_);
   space_.compute_inertia();
@@ -238,7 +239,7 @@ void Loops::solve(std::optional<double> step) {
   for (int i = 0; i < tree.batches; ++i) {
     const NodeBatch<1>& b = tree.batch[i];
     for (int k = 0; k < rate_count(b.kind); ++k) {
-      const std::size_t dof = at(b.u + k);
+      const std::size_t dof = as_index(b.u + k);
       const Axis<1>* axis = rate_count(b.kind) == 1 ? tree.axis + b.axis : nullptr;
       du[dof] = (axis ? axis->force[0] : tree.joint3[b.axis].tau[k][0]) - bias_[dof];
       if (axis) space_.add_to_diagonal(static_cast<int>(dof), axis->weight[0]);
@@ -271,7 +272,7 @@ Axis<1>& Loops::axis_of(int dof) const {
 double Loops::close() {
   const LaneTree& tree = mechanism_.tree();
   const Kernel& kernel = mechanism_.kernel();
-  const std::size_t n = at(space_.size());
+  const std::size_t n = as_index(space_.size());
   locked_.clear();
   double error = 0, last = 0;
   for (int k = 0; k < kClosings; ++k) {

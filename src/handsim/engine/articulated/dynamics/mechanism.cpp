@@ -130,7 +130,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   for (std::size_t i = 0; i < slots_.size(); ++i) views_.push_back(find_view(i));
   std::vector<bool> parents(topology_.nodes.size(), false);
   for (const Node& node : topology_.nodes)
-    if (node.parent) parents[at(*node.parent)] = true;
+    if (node.parent) parents[as_index(*node.parent)] = true;
   // A ball's gyroscopic torque is zero.
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
     if (const Node& node = topology_.nodes[i];
@@ -138,7 +138,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
       single_bodies_.push_back(static_cast<int>(i));
   std::vector<bool> inside(model.joints.size(), false);
   for (const Node& node : topology_.nodes)
-    if (node.joint) inside[at(*node.joint)] = true;
+    if (node.joint) inside[as_index(*node.joint)] = true;
   for (std::size_t j = 0; j < inside.size(); ++j)
     if (!inside[j]) outside_.push_back(static_cast<int>(j));
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
@@ -157,16 +157,16 @@ void Mechanism::place_nodes() {
   std::size_t positions = 0, rates = 0;
   int axes = 0, joints3 = 0;
   for (std::size_t b = 0; b < chunks_.size(); ++b) {
-    const NodeKind kind = topology_.nodes[at(chunks_[b][0])].kind;
+    const NodeKind kind = topology_.nodes[as_index(chunks_[b][0])].kind;
     const int axis = single(kind) ? axes++ : joints3++;
     for (std::size_t lane = 0; lane < chunks_[b].size(); ++lane) {
-      const Node& node = topology_.nodes[at(chunks_[b][lane])];
-      const int dof = node.joint ? model_.joints[at(*node.joint)].first_dof + node.axis_index : 0;
-      slots_[at(chunks_[b][lane])] = {
-          static_cast<int>(b), static_cast<int>(lane), positions + lane, rates + lane, axis, at(dof)};
+      const Node& node = topology_.nodes[as_index(chunks_[b][lane])];
+      const int dof = node.joint ? model_.joints[as_index(*node.joint)].first_dof + node.axis_index : 0;
+      slots_[as_index(chunks_[b][lane])] = {
+          static_cast<int>(b), static_cast<int>(lane), positions + lane, rates + lane, axis, as_index(dof)};
     }
-    positions += at(position_count(kind)) * width;
-    rates += at(rate_count(kind)) * width;
+    positions += as_index(position_count(kind)) * width;
+    rates += as_index(rate_count(kind)) * width;
   }
 }
 
@@ -174,11 +174,11 @@ template <int W>
 void Mechanism::make_tree(const Settings& settings) {
   TreeSizes sizes{.batches = chunks_.size()};
   for (const std::vector<int>& chunk : chunks_) {
-    const Node& first = topology_.nodes[at(chunk[0])];
+    const Node& first = topology_.nodes[as_index(chunk[0])];
     ++(single(first.kind) ? sizes.axes : sizes.joints3);
     if (!first.parent) ++sizes.bases;
-    sizes.positions += at(position_count(first.kind)) * W;
-    sizes.rates += at(rate_count(first.kind)) * W;
+    sizes.positions += as_index(position_count(first.kind)) * W;
+    sizes.rates += as_index(rate_count(first.kind)) * W;
   }
   auto tree = std::make_shared<LaneTreeMemory<W>>(sizes);
   tree->erp = settings.erp();
@@ -188,13 +188,13 @@ void Mechanism::make_tree(const Settings& settings) {
   int base = 0;
   for (std::size_t i = 0; i < chunks_.size(); ++i) {
     NodeBatch<W>& b = tree->batch[i];
-    const LaneSlot& slot = slots_[at(chunks_[i][0])];
+    const LaneSlot& slot = slots_[as_index(chunks_[i][0])];
     empty(b);
-    b.kind = topology_.nodes[at(chunks_[i][0])].kind;
+    b.kind = topology_.nodes[as_index(chunks_[i][0])].kind;
     b.q = static_cast<int>(slot.q);
     b.u = static_cast<int>(slot.u);
     b.axis = slot.axis;
-    if (!topology_.nodes[at(chunks_[i][0])].parent) b.parent = base++;
+    if (!topology_.nodes[as_index(chunks_[i][0])].parent) b.parent = base++;
     make_batch(*tree, b, chunks_[i]);
     for (const int node : chunks_[i]) fill_lane(*tree, node, settings);
   }
@@ -203,10 +203,10 @@ void Mechanism::make_tree(const Settings& settings) {
 /// A batch of the given nodes, but for what differs from lane to lane.
 template <int W>
 void Mechanism::make_batch(const LaneTreeOf<W>& tree, NodeBatch<W>& b, const std::vector<int>& nodes) {
-  const Node& first = topology_.nodes[at(nodes[0])];
+  const Node& first = topology_.nodes[as_index(nodes[0])];
   b.used = static_cast<int>(nodes.size());
   b.massless =
-      std::ranges::none_of(nodes, [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+      std::ranges::none_of(nodes, [&](int node) { return topology_.nodes[as_index(node)].body.has_value(); });
   if (single(b.kind)) {
     Axis<W>& a = tree.axis[b.axis];
     std::fill_n(a.low, W, -std::numeric_limits<double>::infinity());
@@ -226,10 +226,11 @@ void Mechanism::make_batch(const LaneTreeOf<W>& tree, NodeBatch<W>& b, const std
     return;
   }
   b.link = ParentLink::aligned;
-  b.parent = slots_[at(*first.parent)].batch;
+  b.parent = slots_[as_index(*first.parent)].batch;
   for (int lane = 0; lane < W; ++lane) {
     const bool present = lane < b.used;
-    const LaneSlot& slot = slots_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
+    const LaneSlot& slot =
+        slots_[as_index(*topology_.nodes[as_index(nodes[present ? as_index(lane) : 0])].parent)];
     b.parent_batch[lane] = slot.batch;
     b.parent_lane[lane] = slot.lane;
     tree.batch[slot.batch].has_children = tree.batch[slot.batch].cleared = true;
@@ -241,22 +242,22 @@ void Mechanism::make_batch(const LaneTreeOf<W>& tree, NodeBatch<W>& b, const std
 
 template <int W>
 void Mechanism::fill_lane(const LaneTreeOf<W>& tree, int index, const Settings& settings) {
-  const Node& node = topology_.nodes[at(index)];
-  const LaneSlot& slot = slots_[at(index)];
+  const Node& node = topology_.nodes[as_index(index)];
+  const LaneSlot& slot = slots_[as_index(index)];
   fill(tree.batch[slot.batch], slot.lane, node);
   if (node.kind == NodeKind::ball) {
     put4<W>(tree.joint3[slot.axis].after, slot.lane, node.after);
     balls_.push_back(index);
   }
   if (!single(node.kind)) return;
-  fill(tree.axis[slot.axis], slot.lane, model_.joints[at(*node.joint)].axes[at(node.axis_index)],
+  fill(tree.axis[slot.axis], slot.lane, model_.joints[as_index(*node.joint)].axes[as_index(node.axis_index)],
        settings.effects);
   singles_.push_back(index);
 }
 
 Vec3 Mechanism::origin(int island) const {
-  const std::size_t reference = at(topology_.reference[at(island)]);
-  if (topology_.nodes[reference].kind != NodeKind::free) return origins_[at(island)];
+  const std::size_t reference = as_index(topology_.reference[as_index(island)]);
+  if (topology_.nodes[reference].kind != NodeKind::free) return origins_[as_index(island)];
   const double* q = tree_->q + slots_[reference].q;
   return {q[0], q[stride()], q[2 * stride()]};
 }
@@ -264,18 +265,18 @@ Vec3 Mechanism::origin(int island) const {
 void Mechanism::update_bases() {
   origins_.resize(topology_.reference.size());
   for (std::size_t i = 0; i < origins_.size(); ++i)
-    if (const Node& node = topology_.nodes[at(topology_.reference[i])]; node.kind != NodeKind::free)
-      origins_[i] = bases_[at(node.base)].pose * node.anchor;
+    if (const Node& node = topology_.nodes[as_index(topology_.reference[i])]; node.kind != NodeKind::free)
+      origins_[i] = bases_[as_index(node.base)].pose * node.anchor;
   in_lanes([&](const auto& in) {
     for (std::size_t i = 0; i < chunks_.size(); ++i) {
       const auto& b = in.batch[i];
       if (b.link != ParentLink::base) continue;
       auto& frame = in.base[b.parent];
       for (int lane = 0; lane < b.used; ++lane) {
-        const Node& node = topology_.nodes[at(chunks_[i][at(lane)])];
+        const Node& node = topology_.nodes[as_index(chunks_[i][as_index(lane)])];
         put3(frame.a + 3, lane, -gravity_);
         if (node.kind == NodeKind::free) continue;
-        const BaseMotion& base = bases_[at(node.base)];
+        const BaseMotion& base = bases_[as_index(node.base)];
         const Mat3 R = base.pose.q.toRotationMatrix();
         // The origin is `r` from the base's own.
         const Vec3 r = origin(node.island) - base.pose.p;
@@ -312,7 +313,7 @@ void Mechanism::load_node(const Node& node, const LaneSlot& slot, const model::S
   const std::size_t n = stride();
   double *q = tree_->q + slot.q, *u = tree_->u + slot.u;
   if (node.kind == NodeKind::free) {
-    const model::BodyState& body = state.bodies[at(*node.body)];
+    const model::BodyState& body = state.bodies[as_index(*node.body)];
     const Quat q_WL = body.q * node.q_LB.conjugate();
     for (std::size_t k = 0; k < 3; ++k) {
       q[k * n] = body.p[static_cast<Eigen::Index>(k)];
@@ -322,17 +323,17 @@ void Mechanism::load_node(const Node& node, const LaneSlot& slot, const model::S
     for (std::size_t k = 0; k < 4; ++k) q[(k + 3) * n] = q_WL.coeffs()[static_cast<Eigen::Index>(k)];
     return;
   }
-  const model::Joint& joint = model_.joints[at(*node.joint)];
+  const model::Joint& joint = model_.joints[as_index(*node.joint)];
   if (node.kind != NodeKind::ball) {
     std::array<double, 3> value{};
     model::joint_coordinates(joint, state, value);
-    q[0] = value[at(node.axis_index)];
+    q[0] = value[as_index(node.axis_index)];
     model::joint_rates(joint, state, value);
-    u[0] = value[at(node.axis_index)];
+    u[0] = value[as_index(node.axis_index)];
     return;
   }
-  const model::BodyState& parent = state.bodies[at(node.reversed ? joint.child : joint.parent)];
-  const model::BodyState& child = state.bodies[at(node.reversed ? joint.parent : joint.child)];
+  const model::BodyState& parent = state.bodies[as_index(node.reversed ? joint.child : joint.parent)];
+  const model::BodyState& child = state.bodies[as_index(node.reversed ? joint.parent : joint.child)];
   const Quat q_WF = parent.q * (node.reversed ? joint.child_frame : joint.parent_frame).q;
   const Quat q_FM = q_WF.conjugate() * child.q * (node.reversed ? joint.parent_frame : joint.child_frame).q;
   const Vec3 w = q_WF.conjugate() * (child.w - parent.w);
@@ -351,12 +352,12 @@ void Mechanism::load_state(const model::State& state) {
 
 void Mechanism::load_torques(const model::State& state) {
   for (const int single : singles_) {
-    const LaneSlot& slot = slots_[at(single)];
+    const LaneSlot& slot = slots_[as_index(single)];
     tree_->tau[slot.u] = state.tau[slot.dof];
     tree_->tau_servo[slot.u] = state.tau_servo[slot.dof];
   }
   for (const int ball : balls_) {
-    const LaneSlot& slot = slots_[at(ball)];
+    const LaneSlot& slot = slots_[as_index(ball)];
     for (std::size_t k = 0; k < 3; ++k) tree_->tau[slot.u + k * stride()] = state.tau[slot.dof + k];
   }
 }
@@ -365,7 +366,7 @@ void Mechanism::store_coordinates(model::State& state) const {
   state.q.resize(state.tau.size());
   state.u.resize(state.tau.size());
   for (const int single : singles_) {
-    const LaneSlot& slot = slots_[at(single)];
+    const LaneSlot& slot = slots_[as_index(single)];
     state.q[slot.dof] = tree_->q[slot.q];
     state.u[slot.dof] = tree_->u[slot.u];
     state.tau[slot.dof] = tree_->tau[slot.u];
@@ -373,8 +374,8 @@ void Mechanism::store_coordinates(model::State& state) const {
   }
   const std::size_t n = stride();
   for (const int ball : balls_) {
-    const Node& node = topology_.nodes[at(ball)];
-    const LaneSlot& slot = slots_[at(ball)];
+    const Node& node = topology_.nodes[as_index(ball)];
+    const LaneSlot& slot = slots_[as_index(ball)];
     const double *q = tree_->q + slot.q, *u = tree_->u + slot.u, *tau = tree_->tau + slot.u;
     Quat q_FM(q[3 * n], q[0], q[n], q[2 * n]);
     Vec3 w(u[0], u[n], u[2 * n]);
@@ -391,9 +392,9 @@ void Mechanism::store_coordinates(model::State& state) const {
     }
   }
   for (const int index : outside_) {
-    const model::Joint& joint = model_.joints[at(index)];
-    model::joint_coordinates(joint, state, std::span(state.q).subspan(at(joint.first_dof)));
-    model::joint_rates(joint, state, std::span(state.u).subspan(at(joint.first_dof)));
+    const model::Joint& joint = model_.joints[as_index(index)];
+    model::joint_coordinates(joint, state, std::span(state.q).subspan(as_index(joint.first_dof)));
+    model::joint_rates(joint, state, std::span(state.u).subspan(as_index(joint.first_dof)));
   }
 }
 
@@ -402,11 +403,11 @@ void Mechanism::store_state(model::State& state) const {
     int island = kNoNode;
     Vec3 of_island = Vec3::Zero();
     for (const Carried& each : carried_) {
-      const LaneSlot& slot = slots_[at(each.node)];
+      const LaneSlot& slot = slots_[as_index(each.node)];
       const auto& frame = in.batch[slot.batch].frame;
-      if (const int own = topology_.nodes[at(each.node)].island; std::exchange(island, own) != own)
+      if (const int own = topology_.nodes[as_index(each.node)].island; std::exchange(island, own) != own)
         of_island = origin(own);
-      model::BodyState& body = state.bodies[at(each.body)];
+      model::BodyState& body = state.bodies[as_index(each.body)];
       const Vec3 p = get3(frame.p, slot.lane), turn = get3(frame.v, slot.lane);
       body.p = of_island + p;
       body.q = (get4(frame.quat, slot.lane) * each.q_LB).normalized();

@@ -59,15 +59,15 @@ class Mechanism {
   const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
   const NodeView& view(std::size_t node) const { return views_[node]; }
   std::span<const NodeView> views() const { return views_; }
-  std::size_t stride() const { return at(kernel_->width); }
+  std::size_t stride() const { return as_index(kernel_->width); }
   /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].
   double spin() const { return *std::max_element(tree_->spin, tree_->spin + stride()); }
   /// Positions, rates and accelerations in the tree's order, empty lanes included.
-  std::span<double> q() { return {tree_->q, at(tree_->positions)}; }
-  std::span<double> u() { return {tree_->u, at(tree_->rates)}; }
-  std::span<double> du() { return {tree_->du, at(tree_->rates)}; }
+  std::span<double> q() { return {tree_->q, as_index(tree_->positions)}; }
+  std::span<double> u() { return {tree_->u, as_index(tree_->rates)}; }
+  std::span<double> du() { return {tree_->du, as_index(tree_->rates)}; }
   /// Torques of the last step, in the order of u(), then the servos' part of them.
-  std::span<double> torques() { return {tree_->tau, 2 * at(tree_->rates)}; }
+  std::span<double> torques() { return {tree_->tau, 2 * as_index(tree_->rates)}; }
 
   /// Sets positions, rates, torques, and places and velocities of the bases to those of a state.
   void load_state(const model::State& state);
@@ -80,8 +80,8 @@ class Mechanism {
   void store_coordinates(model::State& state) const;
 
   /// The motion of a kinematic body; `update_bases` writes a changed one into the tree.
-  BaseMotion& base(int body) { return bases_[at(body)]; }
-  const BaseMotion& base(int body) const { return bases_[at(body)]; }
+  BaseMotion& base(int body) { return bases_[as_index(body)]; }
+  const BaseMotion& base(int body) const { return bases_[as_index(body)]; }
   void update_bases();
   /// Gives free bodies without children the gyroscopic torque of an implicit step of this length (spin.h).
   void update_gyroscopic_torques(double step);

@@ -13,12 +13,12 @@ void Mechanism::set_torques(std::span<const double> torques) {
   torques_at_rest_ = torques.empty();
   in_lanes([&](const auto& in) {
     for (const int single : singles_) {
-      const LaneSlot& slot = slots_[at(single)];
+      const LaneSlot& slot = slots_[as_index(single)];
       in.axis[slot.axis].tau[slot.lane] = torques.empty() ? 0 : torques[slot.dof];
     }
     for (const int ball : balls_) {
-      const Node& node = topology_.nodes[at(ball)];
-      const LaneSlot& slot = slots_[at(ball)];
+      const Node& node = topology_.nodes[as_index(ball)];
+      const LaneSlot& slot = slots_[as_index(ball)];
       Vec3 tau = Vec3::Zero();
       if (!torques.empty()) {
         tau = {torques[slot.dof], torques[slot.dof + 1], torques[slot.dof + 2]};
@@ -42,7 +42,7 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
   return in_lanes([&](const auto& in) {
     bool sound = true;
     for (const int single : singles_) {
-      const LaneSlot& slot = slots_[at(single)];
+      const LaneSlot& slot = slots_[as_index(single)];
       auto& a = in.axis[slot.axis];
       const int lane = slot.lane;
       const model::Servo servo = servos.empty() ? model::Servo{} : servos[slot.dof];
@@ -67,7 +67,7 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
 void Mechanism::add_forces(std::span<const BodyForce> forces) {
   in_lanes([&](const auto& in) {
     for (const BodyForce& each : forces) {
-      const LaneSlot& slot = slots_[at(topology_.node_of_body[at(each.body)])];
+      const LaneSlot& slot = slots_[as_index(topology_.node_of_body[as_index(each.body)])];
       auto& b = in.batch[slot.batch];
       const Vec3 p = get3(b.frame.p, slot.lane);
       const Vec3 moment = each.moment + p.cross(each.force);
@@ -80,8 +80,8 @@ void Mechanism::add_forces(std::span<const BodyForce> forces) {
 void Mechanism::update_gyroscopic_torques(double step) {
   const std::size_t n = stride();
   for (const int index : single_bodies_) {
-    const Node& node = topology_.nodes[at(index)];
-    const LaneSlot& slot = slots_[at(index)];
+    const Node& node = topology_.nodes[as_index(index)];
+    const LaneSlot& slot = slots_[as_index(index)];
     const double *q = tree_->q + slot.q + 3 * n, *u = tree_->u + slot.u;
     const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
     const std::optional<Vec3> torque = gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
@@ -93,7 +93,7 @@ void Mechanism::update_gyroscopic_torques(double step) {
 int Mechanism::stops_in_force() const {
   return in_lanes([&](const auto& in) {
     return static_cast<int>(std::ranges::count_if(singles_, [&](int single) {
-      return in.axis[slots_[at(single)].axis].side[slots_[at(single)].lane] != 0;
+      return in.axis[slots_[as_index(single)].axis].side[slots_[as_index(single)].lane] != 0;
     }));
   });
 }
@@ -101,8 +101,9 @@ int Mechanism::stops_in_force() const {
 void Mechanism::forget_contacts() {
   in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : singles_)
-      Axis<W>::each_kept(
-          [&](auto field) { (tree.axis[slots_[at(single)].axis].*field)[slots_[at(single)].lane] = 0; });
+      Axis<W>::each_kept([&](auto field) {
+        (tree.axis[slots_[as_index(single)].axis].*field)[slots_[as_index(single)].lane] = 0;
+      });
   });
 }
 
@@ -112,8 +113,8 @@ void Mechanism::serialize(Archive& archive, Self& self) {
   for (std::size_t i = 0; i < self.slots_.size(); ++i) {
     const LaneSlot& slot = self.slots_[i];
     const NodeKind kind = self.topology_.nodes[i].kind;
-    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_->q[slot.q + k * n]);
-    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_->u[slot.u + k * n]);
+    for (std::size_t k = 0; k < as_index(position_count(kind)); ++k) archive(self.tree_->q[slot.q + k * n]);
+    for (std::size_t k = 0; k < as_index(rate_count(kind)); ++k) archive(self.tree_->u[slot.u + k * n]);
   }
   for (auto& base : self.bases_) {
     archive(base.pose.p, base.pose.q);
@@ -122,7 +123,7 @@ void Mechanism::serialize(Archive& archive, Self& self) {
   self.in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : self.singles_)
       Axis<W>::each_kept([&](auto field) {
-        archive((tree.axis[self.slots_[at(single)].axis].*field)[self.slots_[at(single)].lane]);
+        archive((tree.axis[self.slots_[as_index(single)].axis].*field)[self.slots_[as_index(single)].lane]);
       });
   });
 }
@@ -135,7 +136,7 @@ void Mechanism::restore(ArchiveReader& in) {
   in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : singles_)
       Axis<W>::each_kept([&](auto field) {
-        const double value = (tree.axis[slots_[at(single)].axis].*field)[slots_[at(single)].lane];
+        const double value = (tree.axis[slots_[as_index(single)].axis].*field)[slots_[as_index(single)].lane];
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
       });
   });

@@ -9,11 +9,11 @@ namespace {
 /// The joint space's dof of each coordinate of the model.
 std::vector<int> dofs_of_model(const model::Model& model, const Mechanism& mechanism,
                                const JointSpace& space) {
-  std::vector<int> out(at(model.dof_count()), kNoDof);
+  std::vector<int> out(as_index(model.dof_count()), kNoDof);
   const auto& nodes = mechanism.topology().nodes;
   for (std::size_t i = 0; i < nodes.size(); ++i)
     if (nodes[i].joint && rate_count(nodes[i].kind) == 1)
-      out[at(model.joints[at(*nodes[i].joint)].first_dof + nodes[i].axis_index)] =
+      out[as_index(model.joints[as_index(*nodes[i].joint)].first_dof + nodes[i].axis_index)] =
           space.first_dof(static_cast<int>(i));
   return out;
 }
@@ -31,7 +31,7 @@ MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settin
   const auto& nodes = mechanism.topology().nodes;
   for (std::size_t i = 0; i < nodes.size(); ++i) {
     if (!nodes[i].joint || rate_count(nodes[i].kind) != 1) continue;
-    const auto dof = at(model.joints[at(*nodes[i].joint)].first_dof + nodes[i].axis_index);
+    const auto dof = as_index(model.joints[as_index(*nodes[i].joint)].first_dof + nodes[i].axis_index);
     q_at_[dof] = mechanism.view(i).q;
     u_at_[dof] = mechanism.view(i).u;
   }
@@ -45,7 +45,7 @@ MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settin
 
 /// True if one of two coordinates of the model carries the other.
 bool MuscleCoupling::on_one_branch(int a, int b) const {
-  const int x = space_dof_[at(a)], y = space_dof_[at(b)];
+  const int x = space_dof_[as_index(a)], y = space_dof_[as_index(b)];
   if (x == kNoDof || y == kNoDof) return false;
   int low = std::max(x, y);
   while (low > std::min(x, y)) low = space_.parent_dof(low);
@@ -54,7 +54,7 @@ bool MuscleCoupling::on_one_branch(int a, int b) const {
 
 bool MuscleCoupling::pulls(std::size_t dof) const {
   return std::ranges::any_of(muscles_.slopes(), [&](const Muscles::Slope& each) {
-    return at(each.row) == dof || at(each.column) == dof;
+    return as_index(each.row) == dof || as_index(each.column) == dof;
   });
 }
 
@@ -64,26 +64,27 @@ void MuscleCoupling::collect_trees() {
     while (space_.parent_dof(dof) != kNoDof) dof = space_.parent_dof(dof);
     return dof;
   };
-  std::vector<char> roots(at(space_.size()), 0);
-  with_tendons_.assign(at(space_.size()), 0);
+  std::vector<char> roots(as_index(space_.size()), 0);
+  with_tendons_.assign(as_index(space_.size()), 0);
   for (const Muscles::Slope& each : muscles_.slopes())
-    if (const int dof = space_dof_[at(each.row)]; dof != kNoDof) roots[at(root(dof))] = 1;
-  std::vector<int> place(at(space_.size()), kNoDof);
+    if (const int dof = space_dof_[as_index(each.row)]; dof != kNoDof) roots[as_index(root(dof))] = 1;
+  std::vector<int> place(as_index(space_.size()), kNoDof);
   const auto& nodes = mechanism_.topology().nodes;
   for (int node = 0; node < static_cast<int>(nodes.size()); ++node)
     for (int dof = space_.first_dof(node); dof <= space_.last_dof(node); ++dof) {
-      if (!roots[at(root(dof))]) continue;
-      with_tendons_[at(dof)] = 1;
-      place[at(dof)] = static_cast<int>(rows_.size());
-      const int parent = space_.parent_dof(dof) == kNoDof ? kNoDof : place[at(space_.parent_dof(dof))];
+      if (!roots[as_index(root(dof))]) continue;
+      with_tendons_[as_index(dof)] = 1;
+      place[as_index(dof)] = static_cast<int>(rows_.size());
+      const int parent = space_.parent_dof(dof) == kNoDof ? kNoDof : place[as_index(space_.parent_dof(dof))];
       Coupled& added = rows_.emplace_back();
       added.dof = dof;
       added.node = node;
-      added.depth = parent == kNoDof ? 0 : rows_[at(parent)].depth + 1;
+      added.depth = parent == kNoDof ? 0 : rows_[as_index(parent)].depth + 1;
       added.row = static_cast<int>(carrier_.size());
-      for (int k = 0; k < added.depth; ++k) carrier_.push_back(carrier_[at(rows_[at(parent)].row + k)]);
-      carrier_.push_back(place[at(dof)]);
-      single_ = single_ && rate_count(nodes[at(node)].kind) == 1;
+      for (int k = 0; k < added.depth; ++k)
+        carrier_.push_back(carrier_[as_index(rows_[as_index(parent)].row + k)]);
+      carrier_.push_back(place[as_index(dof)]);
+      single_ = single_ && rate_count(nodes[as_index(node)].kind) == 1;
     }
 }
 
@@ -93,10 +94,10 @@ void MuscleCoupling::collect_entries() {
   };
   for (std::size_t k = 0; k < muscles_.slopes().size(); ++k) {
     const Muscles::Slope& slope = muscles_.slopes()[k];
-    const int a = space_dof_[at(slope.row)], b = space_dof_[at(slope.column)];
+    const int a = space_dof_[as_index(slope.row)], b = space_dof_[as_index(slope.column)];
     if (a == kNoDof || b == kNoDof) continue;
     const int i = place(std::max(a, b)), j = place(std::min(a, b));
-    entries_.push_back({i, j, rows_[at(i)].row + rows_[at(j)].depth, k});
+    entries_.push_back({i, j, rows_[as_index(i)].row + rows_[as_index(j)].depth, k});
     space_dofs_.emplace_back(std::max(a, b), std::min(a, b));
   }
 }
@@ -106,9 +107,10 @@ void MuscleCoupling::collect_sources() {
   const auto& nodes = mechanism_.topology().nodes;
   const std::size_t width = mechanism_.stride();
   // Where the kernel starts with each batch.
-  std::vector<std::size_t> first(at(mechanism_.tree().batches), 0), depth(first.size(), 0);
+  std::vector<std::size_t> first(as_index(mechanism_.tree().batches), 0), depth(first.size(), 0);
   for (std::size_t i = 0; i < nodes.size(); ++i)
-    if (rate_count(nodes[i].kind) == 1) depth[at(mechanism_.slot(i).batch)] = at(nodes[i].depth) + 1;
+    if (rate_count(nodes[i].kind) == 1)
+      depth[as_index(mechanism_.slot(i).batch)] = as_index(nodes[i].depth) + 1;
   std::size_t end = 0;
   for (std::size_t b = 0; b < first.size(); ++b) {
     first[b] = end;
@@ -116,17 +118,18 @@ void MuscleCoupling::collect_sources() {
   }
   static const double none = 0;
   for (Coupled& dof : rows_) {
-    const LaneSlot& slot = mechanism_.slot(at(dof.node));
+    const LaneSlot& slot = mechanism_.slot(as_index(dof.node));
     for (int k = 0; k <= dof.depth; ++k) {
-      const std::size_t row = first[at(slot.batch)] + at(dof.depth - k) * width + at(slot.lane);
+      const std::size_t row =
+          first[as_index(slot.batch)] + as_index(dof.depth - k) * width + as_index(slot.lane);
       from_.push_back(single_ ? static_cast<int>(row) : dof.row + k);
     }
     dof.du = &mechanism_.du()[space_.rate_index(dof.dof)];
     dof.tau = &mechanism_.torques()[space_.rate_index(dof.dof)];
     dof.reaction = dof.force = &unused_;
     dof.weight = dof.side = &none;
-    if (rate_count(nodes[at(dof.node)].kind) != 1) continue;
-    const NodeView& axis = mechanism_.view(at(dof.node));
+    if (rate_count(nodes[as_index(dof.node)].kind) != 1) continue;
+    const NodeView& axis = mechanism_.view(as_index(dof.node));
     dof.reaction = axis.reaction;
     dof.force = axis.force;
     dof.weight = axis.weight;
@@ -162,10 +165,10 @@ void MuscleCoupling::compute_inertia() {
   if (have_inertia_) return;
   have_inertia_ = true;
   if (single_) return mechanism_.kernel().inertia(mechanism_.tree(), inertia_.data());
-  space_.compute_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
+  space_.compute_inertia([&](int dof) { return with_tendons_[as_index(dof)] != 0; });
   for (const Coupled& each : rows_)
     for (int k = each.row; k <= each.row + each.depth; ++k)
-      inertia_[at(k)] = space_.inertia(each.dof, rows_[at(carrier_[at(k)])].dof);
+      inertia_[as_index(k)] = space_.inertia(each.dof, rows_[as_index(carrier_[as_index(k)])].dof);
 }
 
 }  // namespace handsim::engine::articulated

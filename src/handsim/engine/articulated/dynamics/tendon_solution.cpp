@@ -5,17 +5,17 @@ namespace handsim::engine::articulated {
 
 /// A = H + weights + h B, and b = h B du.
 void MuscleCoupling::assemble(double step) {
-  for (std::size_t k = 0; k < A_.size(); ++k) A_[k] = inertia_[at(from_[k])];
+  for (std::size_t k = 0; k < A_.size(); ++k) A_[k] = inertia_[as_index(from_[k])];
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    A_[at(rows_[i].row + rows_[i].depth)] += *rows_[i].weight;
+    A_[as_index(rows_[i].row + rows_[i].depth)] += *rows_[i].weight;
     b_[i] = 0;
   }
   for (std::size_t k = 0; k < entries_.size(); ++k) {
     const Entry& each = entries_[k];
     const double value = step * slope_[k];
-    A_[at(each.at)] += value;
-    b_[at(each.i)] += value * *rows_[at(each.j)].du;
-    if (each.i != each.j) b_[at(each.j)] += value * *rows_[at(each.i)].du;
+    A_[as_index(each.at)] += value;
+    b_[as_index(each.i)] += value * *rows_[as_index(each.j)].du;
+    if (each.i != each.j) b_[as_index(each.j)] += value * *rows_[as_index(each.i)].du;
   }
 }
 
@@ -24,7 +24,8 @@ void MuscleCoupling::lock() {
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const Coupled& own = rows_[i];
     for (int k = own.row; k <= own.row + own.depth; ++k)
-      if (own.locked() || rows_[at(carrier_[at(k)])].locked()) L_[at(k)] = k == own.row + own.depth ? 1 : 0;
+      if (own.locked() || rows_[as_index(carrier_[as_index(k)])].locked())
+        L_[as_index(k)] = k == own.row + own.depth ? 1 : 0;
     if (own.locked()) x_[i] = 0;
   }
 }
@@ -35,20 +36,20 @@ void MuscleCoupling::solve(bool locks) {
   x_ = b_;
   if (locks) lock();
   for (std::size_t k = rows_.size(); k-- > 0;) {
-    const double* row = &L_[at(rows_[k].row)];
-    const int* carrier = &carrier_[at(rows_[k].row)];
+    const double* row = &L_[as_index(rows_[k].row)];
+    const int* carrier = &carrier_[as_index(rows_[k].row)];
     inverse_[k] = 1.0 / row[rows_[k].depth];
     for (int i = rows_[k].depth; i-- > 0;) {
       const double share = row[i] * inverse_[k];
-      x_[at(carrier[i])] -= share * x_[k];
-      double* to = &L_[at(rows_[at(carrier[i])].row)];
+      x_[as_index(carrier[i])] -= share * x_[k];
+      double* to = &L_[as_index(rows_[as_index(carrier[i])].row)];
       for (int j = 0; j <= i; ++j) to[j] -= share * row[j];
     }
   }
   for (std::size_t k = 0; k < rows_.size(); ++k) {
     double sum = x_[k];
     for (int j = 0; j < rows_[k].depth; ++j)
-      sum -= L_[at(rows_[k].row + j)] * x_[at(carrier_[at(rows_[k].row + j)])];
+      sum -= L_[as_index(rows_[k].row + j)] * x_[as_index(carrier_[as_index(rows_[k].row + j)])];
     x_[k] = sum * inverse_[k];
   }
 }
@@ -66,10 +67,10 @@ void MuscleCoupling::correct(double step) {
     const Coupled& own = rows_[i];
     *own.reaction += own.locked() ? b_[i] : 0.0;
     for (int k = 0; k < own.depth; ++k) {
-      const int j = carrier_[at(own.row + k)];
-      const Coupled& other = rows_[at(j)];
-      const double entry = A_[at(own.row + k)];
-      if (own.locked()) *own.reaction -= entry * x_[at(j)];
+      const int j = carrier_[as_index(own.row + k)];
+      const Coupled& other = rows_[as_index(j)];
+      const double entry = A_[as_index(own.row + k)];
+      if (own.locked()) *own.reaction -= entry * x_[as_index(j)];
       if (other.locked()) *other.reaction -= entry * x_[i];
     }
   }
@@ -81,7 +82,7 @@ void MuscleCoupling::compute_torques(double step) {
     *from.force -= torque;
   };
   for (std::size_t k = 0; k < entries_.size(); ++k) {
-    const Coupled &a = rows_[at(entries_[k].i)], &b = rows_[at(entries_[k].j)];
+    const Coupled &a = rows_[as_index(entries_[k].i)], &b = rows_[as_index(entries_[k].j)];
     const double value = step * slope_[k];
     take(a, value * *b.du);
     if (&a != &b) take(b, value * *a.du);

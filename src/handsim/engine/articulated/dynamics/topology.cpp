@@ -35,13 +35,13 @@ class Unions {
  public:
   explicit Unions(std::size_t size) : root_(size) { std::iota(root_.begin(), root_.end(), 0); }
   int find(int i) const {
-    while (root_[at(i)] != i) i = root_[at(i)];
+    while (root_[as_index(i)] != i) i = root_[as_index(i)];
     return i;
   }
   bool join(int a, int b) {
     a = find(a);
     b = find(b);
-    root_[at(std::max(a, b))] = std::min(a, b);
+    root_[as_index(std::max(a, b))] = std::min(a, b);
     return a != b;
   }
 
@@ -70,7 +70,7 @@ class Builder {
   }
 
  private:
-  bool moves(int body) const { return !model_.bodies[at(body)].kinematic; }
+  bool moves(int body) const { return !model_.bodies[as_index(body)].kinematic; }
   /// All kinematic bodies stand for one ground.
   int merged(int body) const { return moves(body) ? body : model::kWorld; }
 
@@ -86,7 +86,7 @@ class Builder {
     std::iota(order.begin(), order.end(), 0);
     std::ranges::stable_sort(order, [&](int a, int b) {
       const auto rank = [&](int i) {
-        const model::Joint& joint = model_.joints[at(i)];
+        const model::Joint& joint = model_.joints[as_index(i)];
         return model::dof_count(joint.kind) - (has_forces(joint) ? 10 : 0);
       };
       return rank(a) < rank(b);
@@ -94,8 +94,8 @@ class Builder {
     Unions sets(model_.bodies.size());
     in_tree_.assign(model_.joints.size(), false);
     for (const int i : order) {
-      const model::Joint& joint = model_.joints[at(i)];
-      in_tree_[at(i)] = sets.join(merged(joint.parent), merged(joint.child));
+      const model::Joint& joint = model_.joints[as_index(i)];
+      in_tree_[as_index(i)] = sets.join(merged(joint.parent), merged(joint.child));
     }
   }
 
@@ -123,17 +123,17 @@ class Builder {
         const model::Joint& joint = model_.joints[i];
         const bool from_parent = joint.parent == front[k];
         const int other = from_parent ? joint.child : joint.parent;
-        if (!in_tree_[i] || (!from_parent && joint.child != front[k]) || placed[at(other)]) continue;
+        if (!in_tree_[i] || (!from_parent && joint.child != front[k]) || placed[as_index(other)]) continue;
         add_joint(static_cast<int>(i), !from_parent);
-        placed[at(other)] = true;
+        placed[as_index(other)] = true;
         front.push_back(other);
       }
   }
 
   void carry(Node& node, int body) {
-    const Principal& frame = frames_[at(body)];
+    const Principal& frame = frames_[as_index(body)];
     node.body = body;
-    node.mass = model_.bodies[at(body)].mass;
+    node.mass = model_.bodies[as_index(body)].mass;
     node.inertia = frame.moments;
     node.q_LB = frame.q_LB;
   }
@@ -142,32 +142,32 @@ class Builder {
     Node node;
     node.kind = NodeKind::free;
     carry(node, body);
-    out_.node_of_body[at(body)] = static_cast<int>(out_.nodes.size());
+    out_.node_of_body[as_index(body)] = static_cast<int>(out_.nodes.size());
     out_.nodes.push_back(node);
   }
 
   void add_joint(int index, bool reversed) {
-    const model::Joint& joint = model_.joints[at(index)];
+    const model::Joint& joint = model_.joints[as_index(index)];
     const int parent = reversed ? joint.child : joint.parent, child = reversed ? joint.parent : joint.child;
     // F is fixed in the tree's parent, M in its child, whatever the model calls them.
     const Pose x_PF = reversed ? joint.child_frame : joint.parent_frame;
     const Pose x_CM = reversed ? joint.parent_frame : joint.child_frame;
     const double sign = reversed ? -1 : 1;
-    const Quat q_LF = frames_[at(parent)].q_LB * x_PF.q;
-    const Quat q_ML = (frames_[at(child)].q_LB * x_CM.q).conjugate();
+    const Quat q_LF = frames_[as_index(parent)].q_LB * x_PF.q;
+    const Quat q_ML = (frames_[as_index(child)].q_LB * x_CM.q).conjugate();
     Node first;
     first.joint = index;
     first.reversed = reversed;
-    first.anchor = frames_[at(parent)].q_LB * x_PF.p;
+    first.anchor = frames_[as_index(parent)].q_LB * x_PF.p;
     if (moves(parent)) {
-      first.parent = out_.node_of_body[at(parent)];
-      first.depth = out_.nodes[at(*first.parent)].depth + 1;
+      first.parent = out_.node_of_body[as_index(parent)];
+      first.depth = out_.nodes[as_index(*first.parent)].depth + 1;
     }
     first.base = moves(parent) ? model::kWorld : parent;
     Node last = first;
     if (joint.kind == model::JointKind::universal) {
       first.axis_index = reversed ? 1 : 0;
-      first.axis = sign * joint.axes[at(first.axis_index)].axis;
+      first.axis = sign * joint.axes[as_index(first.axis_index)].axis;
       first.before = q_LF;
       first.turned = q_LF * pure(first.axis);
       last.parent = static_cast<int>(out_.nodes.size());
@@ -180,9 +180,9 @@ class Builder {
     } else {
       attach(last, joint, q_LF, q_ML, sign);
     }
-    last.arm = -(frames_[at(child)].q_LB * x_CM.p);
+    last.arm = -(frames_[as_index(child)].q_LB * x_CM.p);
     carry(last, child);
-    out_.node_of_body[at(child)] = static_cast<int>(out_.nodes.size());
+    out_.node_of_body[as_index(child)] = static_cast<int>(out_.nodes.size());
     out_.nodes.push_back(last);
   }
 
@@ -191,7 +191,7 @@ class Builder {
     switch (joint.kind) {
       case model::JointKind::hinge:
       case model::JointKind::universal: {
-        const Vec3 axis = sign * joint.axes[at(node.axis_index)].axis;
+        const Vec3 axis = sign * joint.axes[as_index(node.axis_index)].axis;
         node.kind = NodeKind::revolute;
         node.before = q_LF * q_ML;
         node.turned = q_LF * pure(axis) * q_ML;
@@ -214,39 +214,40 @@ class Builder {
   void sort_by_depth() {
     std::vector<int> order(out_.nodes.size()), place(out_.nodes.size());
     std::iota(order.begin(), order.end(), 0);
-    std::ranges::stable_sort(order,
-                             [&](int a, int b) { return out_.nodes[at(a)].depth < out_.nodes[at(b)].depth; });
+    std::ranges::stable_sort(
+        order, [&](int a, int b) { return out_.nodes[as_index(a)].depth < out_.nodes[as_index(b)].depth; });
     // Kind by kind, in the order of the parents, so that chains keep their lanes from level to level.
     std::vector<Node> sorted;
     for (std::size_t begin = 0; begin < order.size();) {
       std::size_t end = begin;
-      while (end < order.size() && out_.nodes[at(order[end])].depth == out_.nodes[at(order[begin])].depth)
+      while (end < order.size() &&
+             out_.nodes[as_index(order[end])].depth == out_.nodes[as_index(order[begin])].depth)
         ++end;
       std::stable_sort(order.begin() + static_cast<std::ptrdiff_t>(begin),
                        order.begin() + static_cast<std::ptrdiff_t>(end), [&](int a, int b) {
-                         const Node &p = out_.nodes[at(a)], &q = out_.nodes[at(b)];
+                         const Node &p = out_.nodes[as_index(a)], &q = out_.nodes[as_index(b)];
                          if (p.kind != q.kind) return p.kind < q.kind;
-                         return (p.parent ? place[at(*p.parent)] : -1) <
-                                (q.parent ? place[at(*q.parent)] : -1);
+                         return (p.parent ? place[as_index(*p.parent)] : -1) <
+                                (q.parent ? place[as_index(*q.parent)] : -1);
                        });
-      for (std::size_t k = begin; k < end; ++k) place[at(order[k])] = static_cast<int>(k);
+      for (std::size_t k = begin; k < end; ++k) place[as_index(order[k])] = static_cast<int>(k);
       begin = end;
     }
     for (const int i : order) {
-      sorted.push_back(out_.nodes[at(i)]);
-      if (sorted.back().parent) sorted.back().parent = place[at(*sorted.back().parent)];
+      sorted.push_back(out_.nodes[as_index(i)]);
+      if (sorted.back().parent) sorted.back().parent = place[as_index(*sorted.back().parent)];
     }
     out_.nodes = std::move(sorted);
     for (std::size_t i = 0; i < out_.nodes.size(); ++i)
-      if (out_.nodes[i].body) out_.node_of_body[at(*out_.nodes[i].body)] = static_cast<int>(i);
+      if (out_.nodes[i].body) out_.node_of_body[as_index(*out_.nodes[i].body)] = static_cast<int>(i);
   }
 
   CutSide side(int body, const Pose& frame) const {
     CutSide out;
-    const Quat& q_LB = frames_[at(body)].q_LB;
+    const Quat& q_LB = frames_[as_index(body)].q_LB;
     out.frame = {q_LB * frame.p, q_LB * frame.q};
     out.base = body;
-    if (moves(body)) out.node = out_.node_of_body[at(body)];
+    if (moves(body)) out.node = out_.node_of_body[as_index(body)];
     return out;
   }
 
@@ -267,7 +268,7 @@ class Builder {
       if (cut.parent.node && cut.child.node) sets.join(*cut.parent.node, *cut.child.node);
     std::vector<int> number(out_.nodes.size(), kNoNode);
     for (std::size_t i = 0; i < out_.nodes.size(); ++i) {
-      int& mine = number[at(sets.find(static_cast<int>(i)))];
+      int& mine = number[as_index(sets.find(static_cast<int>(i)))];
       if (mine == kNoNode) {
         mine = out_.islands++;
         out_.reference.push_back(static_cast<int>(i));
@@ -275,7 +276,7 @@ class Builder {
       out_.nodes[i].island = mine;
     }
     for (Cut& cut : out_.cuts)
-      cut.island = out_.nodes[at(cut.parent.node ? *cut.parent.node : *cut.child.node)].island;
+      cut.island = out_.nodes[as_index(cut.parent.node ? *cut.parent.node : *cut.child.node)].island;
   }
 
   const model::Model& model_;
