@@ -164,7 +164,10 @@ def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
     if arguments[:1] == ["--job"]:
         return ended(lambda: _job(json.loads(arguments[1])))
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
+    if not arguments:
+        print("rollouts: got no STUDY, need a file or the name of a shipped study; see handsim rollouts --help", file=sys.stderr)
+        return 2
+    if any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
-        return 0 if arguments else 2
+        return 0
     return ended(lambda: _work(read_options("rollouts", arguments, "STUDY", ("--resume", "--report"), VALUES, ())))

@@ -76,19 +76,6 @@ TEST(GripStrength, GrowsWithChildrenAndFallsWithElders) {
   EXPECT_NEAR(old / grip_strength(table, surveyed(Sex::female, 1.62, 30)).norm, 0.6, 0.06);
 }
 
-// Oracle: a growing hand does not jump. In a tenth of a year the strength of a child of the median stature of
-// its age changes by less than 4 %: the steepest growth of the norms is 35 N in two years, at 43 N.
-TEST(GripStrength, OfAChildHasNoStepsAtBirthdays) {
-  const GripTable table = shipped_table();
-  for (const Sex sex : {Sex::male, Sex::female})
-    for (double age = 3.05; age < 18.4; age += 0.1) {
-      const double now = grip_strength(table, surveyed(sex, 1.8, age)).norm,
-                   then = grip_strength(table, surveyed(sex, 1.8, age + 0.1)).norm;
-      EXPECT_GT(then, now) << age;
-      EXPECT_LT(then, 1.045 * now) << age;
-    }
-}
-
 TEST(GripStrength, OfAPersonWhoStatesItIsTheirOwn) {
   Person climber = surveyed(Sex::female, 1.62);
   climber.grip_strength = 410;

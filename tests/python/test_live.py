@@ -24,7 +24,6 @@ from handsim._live.history import KEPT
 from handsim._live.replay import Replay
 from handsim._live.session import Session
 from handsim._live.streams import PACKED, Follower, points_of, read_packed
-from handsim._live.views import look
 from handsim._live.tracker import DELAY, HandFilter, turned
 
 needs_server = pytest.mark.skipif(not hs.has_reports or not __import__("importlib").util.find_spec("aiohttp"),
@@ -349,11 +348,11 @@ def test_commands_that_nobody_takes_are_bounded(hands):
 def test_frames_have_only_what_changed(balls_hand):
     session = balls_hand.session
     balls_hand.run(1)
-    first = look(session, 0)
+    first = session._look()
     assert HEAD.unpack_from(encode(first, None))[3] == len(session.facts.bodies)
     assert len(encode(first, first)) == HEAD.size
     balls_hand.run(10)
-    later = look(session, 0)
+    later = session._look()
     data = encode(later, first)
     _, tick, time_, bodies, contacts, angles, springs, _, flags = HEAD.unpack_from(data)
     moved = np.flatnonzero((later.poses != first.poses).any(axis=1))

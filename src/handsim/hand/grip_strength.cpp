@@ -42,34 +42,6 @@ const GripNorm& nearest(const GripTable& table, Sex sex, double age, double stat
   return *best;
 }
 
-/// The age that a row's mean is of: the middle of its completed years; of the youngest their end.
-double age_of(const GripNorm& norm) {
-  return norm.age.first == 0 ? norm.age.second : 0.5 * (norm.age.first + norm.age.second + 1);
-}
-
-constexpr double kGrown = 17;  ///< from this age on a row is of its ages, not of one between others [years]
-
-/// Of a person who grows: linear between the rows of younger and of older people. Adults have their row.
-GripNorm norm_at(const GripTable& table, Sex sex, double age, double stature) {
-  const auto away = [&](const GripNorm& norm) {
-    return std::pair(std::abs(age_of(norm) - age), distance_outside(norm.stature, stature));
-  };
-  const GripNorm *younger = nullptr, *older = nullptr;
-  for (const GripNorm& norm : table.norms) {
-    if (norm.sex != sex) continue;
-    const GripNorm*& side = age_of(norm) <= age ? younger : older;
-    if (!side || away(norm) < away(*side)) side = &norm;
-  }
-  if (!younger || !older || younger->age.second >= kGrown) return nearest(table, sex, age, stature);
-  const double share = (age - age_of(*younger)) / (age_of(*older) - age_of(*younger));
-  GripNorm out = *younger;
-  out.age.second = older->age.second;
-  out.mean = std::lerp(younger->mean, older->mean, share);
-  out.deviation = std::lerp(younger->deviation, older->deviation, share);
-  out.stature = {std::lerp(younger->stature.first, older->stature.first, share), older->stature.second};
-  return out;
-}
-
 }  // namespace
 
 GripTable read_grip_table(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -94,7 +66,7 @@ GripStrength grip_strength(const GripTable& table, const Person& person) {
   double rows = 0, variance = 0;
   for (const Sex sex : {Sex::male, Sex::female}) {
     if (person.sex != Sex::unknown && person.sex != sex) continue;
-    const GripNorm norm = norm_at(table, sex, age, person.stature);
+    const GripNorm& norm = nearest(table, sex, age, person.stature);
     const double shortness = std::min(1.0, person.stature / norm.stature.first), area = shortness * shortness;
     out.norm += area * norm.mean;
     variance += area * area * norm.deviation * norm.deviation;
