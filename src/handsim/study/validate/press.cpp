@@ -20,6 +20,7 @@ namespace handsim::study {
 namespace {
 
 /// A posture is one within this angle of each joint: over it tissue and resting muscles hold moments, too.
+/// Chosen; docs/muscles.md says which rows it moves.
 constexpr double kGives = 20 * M_PI / 180;
 constexpr double kAtStop = 1e-6;   ///< an axis this near to its stop lies on it [rad]
 constexpr double kInwards = -0.5;  ///< cosine beyond which the other end lies inside the finger's shaft
