@@ -391,7 +391,7 @@ def test_a_session_that_has_stopped_by_itself_gives_status_1():
     assert "ZeroDivisionError" in said
     running.send_signal(signal.SIGINT)
     _, rest = running.communicate(timeout=60)
-    assert running.returncode == 1 and "Traceback" not in rest
+    assert running.returncode == 1 and "Traceback" not in rest, rest
 
 
 # What strangers send.

@@ -6,7 +6,7 @@ import contextlib
 import signal
 import sys
 import threading
-from typing import TYPE_CHECKING, NoReturn, Optional, Sequence
+from typing import TYPE_CHECKING, NoReturn, Sequence
 
 from .._errors import Error, input_error
 from .._scene import load
@@ -103,6 +103,8 @@ def run(options: argparse.Namespace) -> int:
 
         return measure(scene, options.seconds)
     sys.setswitchinterval(0.001)  # the session's thread waits less for the server's
+    # Before the session: one that fails at once must still end as the words below say, whenever Ctrl-C comes.
+    done = _end_of_session()
     page = live(scene, port=options.port, address=options.address, play=options.play, stream=options.stream, record=options.record)
     try:
         if options.address not in ("127.0.0.1", "::1", "localhost"):
@@ -113,7 +115,8 @@ def run(options: argparse.Namespace) -> int:
             import webbrowser
 
             webbrowser.open(page.url)
-        _wait()
+        while not done.wait(3600):
+            pass
     finally:
         page._end()
     return report(page)
@@ -145,10 +148,9 @@ def one_thread() -> None:
                 getattr(ctypes.CDLL(path), name)(1)
 
 
-def _wait(event: Optional[threading.Event] = None) -> None:
-    """Until Ctrl-C or SIGTERM."""
-    done = event or threading.Event()
+def _end_of_session() -> threading.Event:
+    """:returns: what Ctrl-C and SIGTERM set from now on"""
+    done = threading.Event()
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, lambda *_: done.set())
-    while not done.wait(3600):
-        pass
+    return done
