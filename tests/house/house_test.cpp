@@ -194,5 +194,53 @@ TEST(House, AHeadersFunctionsStandInTheSourceOfItsName) {
   EXPECT_GT(held, 100);
 }
 
+/// Paths below the checkout of files of src/handsim and python/handsim with a line that has a pattern.
+std::set<std::string> files_with(const std::regex& pattern) {
+  std::set<std::string> out;
+  const fs::path checkout = kSource.parent_path().parent_path();
+  for (const fs::path& folder : {kSource, checkout / "python/handsim"})
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
+      const fs::path extension = entry.path().extension();
+      if (extension != ".h" && extension != ".cpp" && extension != ".py") continue;
+      std::ifstream text(entry.path());
+      for (std::string line; std::getline(text, line);)
+        if (std::regex_search(line, pattern)) out.insert(fs::relative(entry.path(), checkout).string());
+    }
+  return out;
+}
+
+/// Files in the table below a paragraph of docs/inside.md.
+std::set<std::string> files_of_table(const std::string& paragraph) {
+  std::ifstream page(test::in_source("docs/inside.md"));
+  std::set<std::string> out;
+  const std::regex file("`([\\w/]+\\.(?:cpp|h|py))`");
+  bool below = false;
+  for (std::string line; std::getline(page, line);) {
+    if (line.starts_with("**")) below = line.starts_with(paragraph);
+    if (!below || !line.starts_with("| `")) continue;
+    const std::string first = line.substr(0, line.find(" | "));
+    for (std::sregex_iterator each(first.begin(), first.end(), file), end; each != end; ++each)
+      out.insert((*each)[1]);
+  }
+  return out;
+}
+
+// Oracle: the sources. A line that only makes a joint of some type, `kind = JointKind::hinge`, asks for none.
+TEST(House, TheFilesThatAJointTypeTouchesAreListed) {
+  const std::set<std::string> listed = files_of_table("**A joint type.**");
+  EXPECT_LE(listed.size(), 12U);
+  EXPECT_GT(listed.size(), 5U);
+  const std::regex asks(
+      R"(^(?!.*kind = ).*\bJointKind::[a-z]|\.turns\b|type\(\)\.slides|joint\.kind (==|!=|in)\b)"
+      R"(|\.get\(joint\.kind)");
+  const std::set<std::string> found = files_with(asks);
+  for (const std::string& file : found)
+    EXPECT_TRUE(listed.contains(file)) << file << " asks for a joint's type";
+  const std::set<std::string> used =
+      files_with(std::regex(R"(kJointTypes|slides\(|spherical|turns\b|slides\b)"));
+  for (const std::string& file : listed)
+    EXPECT_TRUE(used.contains(file)) << file << " asks for no joint's type";
+}
+
 }  // namespace
 }  // namespace handsim::test
