@@ -2,7 +2,7 @@
 
 Every table has a generator and every generator a table; every relative link, anchor and picture exists; every
 picture in renders/ is on a page, and has its command there (renders.py); every command of a ```sh block uses commands,
-options, files, tests and tasks of `./dev` that exist; every key of a reader (`handsim schema`) is on the page of its kind of file.
+options, files, tests and tasks of `./dev` that exist; every key of a reader (`handsim schema`) is on the page of its kind of file, with the reader's default and range (keys.py).
 """
 import json
 import re
@@ -10,6 +10,7 @@ import shlex
 import subprocess
 from pathlib import Path
 
+import keys
 import renders
 import tables
 
@@ -193,6 +194,11 @@ def check_keys(handsim, problems):
         code = re.findall(r"`[^`]+`", without_code(text)) + [block.group(2) for block in FENCE.finditer(text)]
         named = set(re.findall(r"\w+", " ".join(code)))
         problems += [f"docs/{pages[0]}: lacks key {key} of handsim schema {kind}" for key in sorted(keys_of(schema) - named)]
+    for page in tables.PAGES:
+        text = page.read_text()
+        for old, new in zip(text.splitlines(), keys.with_keys(text, handsim).splitlines()):
+            if old != new:
+                problems.append(f"docs/{page.name}: has {old}, need {new} (./dev docs keys)")
 
 
 def check(handsim):

@@ -5,7 +5,8 @@ A table is between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come f
 `./dev docs` runs every study and writes its tables, `./dev docs NAME...` does so for the named studies,
 `--keep` uses the files of the study that are already in out/docs/, `--pictures` also updates the study's plots in
 renders/, `--list` lists the studies with their times, `--check` checks the pages without running a study
-(see check_pages.py). The copy of a file is between `<!-- file: PATH -->` and `<!-- end -->`; it is always updated.
+(see check_pages.py). `./dev docs keys` writes the defaults and ranges in tables of keys (see keys.py).
+The copy of a file is between `<!-- file: PATH -->` and `<!-- end -->`; it is always updated.
 """
 import argparse
 import os
@@ -18,6 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 sys.dont_write_bytecode = True
+import keys  # noqa: E402
 import measured  # noqa: E402
 import measured_gradients  # noqa: E402
 from measured import CLIMBS, CONTROLLERS, OUT, PERSONS, ROOT, Missing  # noqa: E402
@@ -99,6 +101,7 @@ STUDIES = {
                                              "solver.method=quick_step", "--set", "solver.iterations=5"]}),
     "hand": Study("1 s", {"hand": ["hand", "--stature", "1.75", "--mass", "72", "--sex", "male", "--side", "right"]}),
     "formats": Study("1 s", {"formats": None}),
+    "keys": Study("1 s", {}),
     "poses": Study("20 s", pose_runs()),
     "tracking": Study("20 s", tracking_runs()),
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
@@ -230,8 +233,8 @@ def copy_of(path):
     return f"```{ {'.cpp': 'cpp', '.yaml': 'yaml'}.get(Path(path).suffix, '') }\n{text.rstrip()}\n```\n"
 
 
-def write_pages(names):
-    """Writes the tables of these studies and every copied file."""
+def write_pages(names, handsim):
+    """Writes the tables of these studies and every copied file. Of the study `keys`, those of keys."""
     missing = []
     def block(match):
         head, kind, name, _, end = match.groups()
@@ -246,7 +249,7 @@ def write_pages(names):
             return match.group(0)
     for page in PAGES:
         text = page.read_text()
-        new = BLOCK.sub(block, text)
+        new = BLOCK.sub(block, keys.with_keys(text, handsim) if "keys" in names else text)
         if new != text:
             page.write_text(new)
             print("docs: wrote", page.relative_to(ROOT))
@@ -263,13 +266,14 @@ def main():
     parser.add_argument("--build", type=Path, default=ROOT / "build" / "release", help="build folder")
     parser.add_argument("--handsim", help="program, if not the build folder's")
     options = parser.parse_args()
+    handsim = options.handsim or str(options.build / "src" / "handsim")
     if options.list:
         for name, study in STUDIES.items():
             print(f"{name}: {len(study.runs)} run(s), {study.time} of CPU time")
         return 0
     if options.check:
         import check_pages
-        return check_pages.check(options.handsim or str(options.build / "src" / "handsim"))
+        return check_pages.check(handsim)
     unknown = [name for name in options.studies if name not in STUDIES]
     if unknown:
         parser.error(f"unknown study {', '.join(unknown)}; known: {', '.join(STUDIES)}")
@@ -279,7 +283,7 @@ def main():
             run_study(name, options.build, options.handsim)
         for source, target in (STUDIES[name].pictures if options.pictures else {}).items():
             shutil.copyfile(OUT / name / source, ROOT / "renders" / target)
-    missing = write_pages(names)
+    missing = write_pages(names, handsim)
     print("\n".join(f"docs: {line}" for line in missing), end="\n" if missing else "")
     return 1 if missing and not options.keep else 0
 

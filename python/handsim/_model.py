@@ -41,12 +41,19 @@ class Joint(NamedTuple):
     name: str
     kind: str
     """hinge, universal, ball or slider."""
+    slides: list[bool]
+    """Of each coordinate: whether it is a length along an axis rather than an angle."""
     parent: int
     child: int
     parent_frame: Array
     child_frame: Array
     axes: list[Axis]
     closes_loop: bool
+
+    @property
+    def spherical(self) -> bool:
+        """Whether the child turns freely: the last three coordinates are a rotation vector, without axes."""
+        return len(self.slides) == len(self.axes) + 3
 
 
 class Shape(NamedTuple):
@@ -98,8 +105,8 @@ class Surface(NamedTuple):
 
 
 def _joint(of: Any) -> Joint:
-    name, kind, parent, child, first, second, axes, loop = of
-    return Joint(name, kind, parent, child, np.array(first), np.array(second),
+    name, kind, slides, parent, child, first, second, axes, loop = of
+    return Joint(name, kind, slides, parent, child, np.array(first), np.array(second),
                  [Axis(word, axis.ravel(), *rest) for word, axis, *rest in axes], loop)
 
 

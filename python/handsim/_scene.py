@@ -121,10 +121,9 @@ class Scene:
     @property
     def limits(self) -> NDArray[np.float64]:
         """Stops of the coordinates [rad] or [m], shape (coordinates, 2); infinite where there is none."""
-        counts = {"hinge": 1, "universal": 2, "ball": 3, "slider": 1}
         free = (-np.inf, np.inf)
         return np.array([row for joint in self._model.joints for row in
-                         ([(axis.low, axis.high) for axis in joint.axes] + [free] * counts[joint.kind])[:counts[joint.kind]]]).reshape(-1, 2)
+                         [(axis.low, axis.high) for axis in joint.axes] + [free] * (3 * joint.spherical)]).reshape(-1, 2)
 
     @property
     def axes(self) -> list[str]:

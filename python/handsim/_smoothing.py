@@ -39,8 +39,7 @@ class Smoothing(NamedTuple):
                                                                   f"shape ({moving},), none negative")
         if out.ndim:
             return out
-        straight = [joint.kind == "slider" for joint in simulation.scene._model.joints
-                    for _ in range({"universal": 2, "ball": 3}.get(joint.kind, 1))]
+        straight = [slides for joint in simulation.scene._model.joints for slides in joint.slides]
         straight += [".shift." in name for name in names[len(straight):moving // 2]]
         return np.concatenate([np.where(straight, 1, 1 / REACH) * out, np.zeros(moving // 2)])
 

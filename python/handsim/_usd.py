@@ -134,10 +134,10 @@ def _mesh(points: Array, faces: NDArray[Any]) -> list[str]:
 
 def _joint(joint: Joint, paths: Sequence[str]) -> _Prim:
     """Its frame has the first axis as x, and of two axes the second as y, as far as it is normal to the first."""
-    kinds = {"hinge": "PhysicsRevoluteJoint", "universal": "PhysicsJoint", "ball": "PhysicsSphericalJoint", "slider": "PhysicsPrismaticJoint"}
+    kind = {"hinge": "PhysicsRevoluteJoint", "ball": "PhysicsSphericalJoint", "slider": "PhysicsPrismaticJoint"}.get(joint.kind, "PhysicsJoint")
     frame, apis = np.array([1.0, 0, 0, 0]), []
     first = joint.axes[0].axis if joint.axes else np.array([1.0, 0, 0])
-    if joint.kind != "ball":
+    if joint.axes:
         second = joint.axes[1].axis if len(joint.axes) > 1 else np.roll(np.where(np.arange(3) == np.argmax(np.abs(first)), 1.0, 0.0), 1)
         frame = _axes(first / np.linalg.norm(first), second)
     lines = [f"rel physics:body1 = <{paths[joint.child]}>"]
@@ -146,15 +146,16 @@ def _joint(joint: Joint, paths: Sequence[str]) -> _Prim:
     for i, x in enumerate((joint.parent_frame, joint.child_frame)):
         both = compose(x, np.concatenate([[0.0, 0, 0], frame]))
         lines += [f"point3f physics:localPos{i} = {_tuple(both[:3])}", f"quatf physics:localRot{i} = {_tuple(both[3:])}"]
-    scale = 1 if joint.kind == "slider" else 180 / math.pi
-    if joint.kind in ("hinge", "slider"):
+    scales = [1 if slides else 180 / math.pi for slides in joint.slides]
+    if len(joint.slides) == 1:
         lines.append('uniform token physics:axis = "X"')
         for word, limit in (("lower", joint.axes[0].low), ("upper", joint.axes[0].high)):
             if math.isfinite(limit):
-                lines.append(f"float physics:{word}Limit = {_number(scale * limit)}")
-    if joint.kind == "universal":
-        limits = {axis: _LOCKED for axis in ("transX", "transY", "transZ", "rotZ")}
-        limits |= {word: (scale * axis.low, scale * axis.high) for word, axis in zip(("rotX", "rotY"), joint.axes)}
+                lines.append(f"float physics:{word}Limit = {_number(scales[0] * limit)}")
+    if kind == "PhysicsJoint":
+        words = ["transX"] * sum(joint.slides) + ["rotX", "rotY"]
+        own = {word: (scale * axis.low, scale * axis.high) for word, axis, scale in zip(words, joint.axes, scales)}
+        limits = {word: _LOCKED for word in ("transX", "transY", "transZ", "rotX", "rotY", "rotZ") if word not in own} | own
         for word, (low, high) in limits.items():
             if math.isfinite(low) and math.isfinite(high):
                 apis.append(f"PhysicsLimitAPI:{word}")
@@ -162,7 +163,7 @@ def _joint(joint: Joint, paths: Sequence[str]) -> _Prim:
     lines += [f"custom double3 handsim:axis:{_name(axis.name)} = {_tuple(axis.axis)}" for axis in joint.axes]
     if joint.closes_loop:
         lines.append("bool physics:excludeFromArticulation = 1")
-    return _Prim(kinds[joint.kind], joint.name, apis, lines)
+    return _Prim(kind, joint.name, apis, lines)
 
 
 def _inertia(inertia: Array) -> list[str]:

@@ -56,8 +56,7 @@ class Places:
         self.model, self.free, self.coordinates = scene._model, list(free), len(scene.coordinates)
         self.positions = self.coordinates + 6 * len(self.free)
         self.size = 2 * self.positions + len(scene.muscles)
-        counts = {"hinge": 1, "universal": 2, "ball": 3, "slider": 1}
-        firsts = np.cumsum([0, *(counts[joint.kind] for joint in self.model.joints)])
+        firsts = np.cumsum([0, *(len(joint.slides) for joint in self.model.joints)])
         self.joint_to = {joint.child: (joint, int(first)) for joint, first in zip(self.model.joints, firsts) if not joint.closes_loop}
 
     def point(self, bodies: Bodies, body: int, offset: Array) -> tuple[Array, Array]:
@@ -67,12 +66,12 @@ class Places:
         while body in self.joint_to:
             joint, first = self.joint_to[body]
             centre = bodies.position[body] + _turned(bodies.quaternion[body], joint.child_frame[:3])
-            if joint.kind == "ball":
+            if joint.spherical:
                 raise input_error("point", f"a body beyond the ball joint {joint.name}", "one beyond hinges, universal joints and sliders")
             for k, axis in enumerate(joint.axes):
-                carrier, frame = (joint.parent, joint.parent_frame) if k == 0 else (body, joint.child_frame)
+                carrier, frame = (joint.parent, joint.parent_frame) if k <= sum(joint.slides) else (body, joint.child_frame)
                 world = _turned(bodies.quaternion[carrier], _turned(frame[3:], axis.axis))
-                by[:, first + k] = world if joint.kind == "slider" else cross(world, place - centre)
+                by[:, first + k] = world if joint.slides[k] else cross(world, place - centre)
             body = joint.parent
         if body in self.free:
             at = self.coordinates + 6 * self.free.index(body)

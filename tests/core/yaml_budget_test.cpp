@@ -1,7 +1,7 @@
 // Memory of YAML trees. Oracle: the stated budget, kYamlMaxMemory; bytes and values both count.
 #include <gtest/gtest.h>
 
-#include "handsim/core/yaml.h"
+#include "handsim/core/yaml_files.h"
 #include "handsim/core/yaml_reader.h"
 #include "scene_files.h"
 

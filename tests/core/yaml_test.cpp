@@ -1,4 +1,4 @@
-#include "handsim/core/yaml.h"
+#include "handsim/core/yaml_files.h"
 
 #include <gtest/gtest.h>
 

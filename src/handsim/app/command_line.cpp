@@ -8,7 +8,7 @@
 #include <fmt/ranges.h>
 
 #include "handsim/core/text.h"
-#include "handsim/core/yaml.h"
+#include "handsim/core/yaml_files.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::app {

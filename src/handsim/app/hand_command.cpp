@@ -87,8 +87,7 @@ void print_palm(const hand::BuiltHand& hand) {
 std::string joint_text(const hand::BuiltHand& hand, const hand::BuiltSegment& segment) {
   if (!segment.joint) return "fixed to " + hand.bodies[as_index(segment.body)].name;
   const model::Joint& joint = hand.joints[as_index(*segment.joint)];
-  return fmt::format("{} ({}: {})", joint.name, joint.kind == model::JointKind::hinge ? "hinge" : "universal",
-                     ranges(joint));
+  return fmt::format("{} ({}: {})", joint.name, joint.type().name, ranges(joint));
 }
 
 void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
@@ -184,7 +183,7 @@ YamlNode joint_tree(const model::Joint& joint) {
     if (axis.stop) yaml_put(entry, "range", number_list({axis.stop->low, axis.stop->high}));
     axes.items.push_back(entry);
   }
-  const char* type = joint.kind == model::JointKind::hinge ? "hinge" : "universal";
+  const std::string type(joint.type().name);
   return map_of({{"name", yaml_scalar(joint.name)}, {"type", yaml_scalar(type)}, {"axes", axes}});
 }
 

@@ -83,12 +83,7 @@ GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
               as_index(joint.child),
               as_index(joint.first_dof),
               distal_mass[as_index(joint.child)],
-              is_child[as_index(joint.parent)],
-              {},
-              {},
-              joint.kind == model::JointKind::universal};
-    if (!joint.axes.empty()) link.first_axis = joint.parent_frame.q * joint.axes[0].axis;
-    if (link.universal) link.second_axis = joint.child_frame.q * joint.axes[1].axis;
+              is_child[as_index(joint.parent)]};
     distal_mass[link.parent] += link.mass;
     links_.push_back(link);
   }
@@ -103,11 +98,12 @@ std::span<const double> GravityLoad::torques(const model::State& state) {
     const model::BodyState& child = state.bodies[link.child];
     const Vec3 moment = moments_[link.child];
     if (link.adds_to_parent) moments_[link.parent] += moment;
-    if (link.joint->kind != model::JointKind::hinge && !link.universal) continue;
     const Vec3 anchor = child.p + child.q * link.joint->child_frame.p;
     const Vec3 torque = (moment - link.mass * anchor).cross(gravity_);
-    torques_[link.dof] = -torque.dot(state.bodies[link.parent].q * link.first_axis);
-    if (link.universal) torques_[link.dof + 1] = -torque.dot(child.q * link.second_axis);
+    for (std::size_t k = 0; k < link.joint->axes.size(); ++k)
+      if (!link.joint->slides(k))
+        torques_[link.dof + k] =
+            -torque.dot(axis_in_world(*link.joint, k, state.bodies[link.parent].q, child.q));
   }
   return torques_;
 }

@@ -59,10 +59,8 @@ class GravityLoad {
   struct Link {
     const model::Joint* joint = nullptr;
     std::size_t parent = 0, child = 0, dof = 0;
-    double mass = 0;               ///< of all bodies distal to it [kg]
-    bool adds_to_parent = false;   ///< its parent is the child of another joint
-    Vec3 first_axis, second_axis;  ///< in the parent body, in the child body
-    bool universal = false;
+    double mass = 0;              ///< of all bodies distal to it [kg]
+    bool adds_to_parent = false;  ///< its parent is the child of another joint
   };
 
   const model::Model& model_;

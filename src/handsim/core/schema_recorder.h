@@ -17,6 +17,9 @@ namespace handsim {
 
 using Json = nlohmann::ordered_json;
 
+/// Removes the first key from a dotted path and returns it.
+std::string_view first_key(std::string_view& path);
+
 /// The values that a reader accepts for a key.
 struct KeyForm {
   std::vector<Json> types;        ///< accepted ones; empty: the reader only checks that the key exists

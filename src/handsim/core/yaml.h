@@ -63,10 +63,6 @@ struct YamlBudget {
 YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget);
 YamlNode parse_yaml(const std::string& text, const std::string& name);
 
-/// Not parsed again unless changed. Any thread. @throws Error (input): missing, irregular, too large, invalid
-YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget);
-YamlNode load_yaml(const std::filesystem::path& path);
-
 /// Canonical YAML that parses back to the same tree.
 std::string emit_yaml(const YamlNode& node);
 
@@ -84,18 +80,5 @@ bool take_key(std::string_view& path, std::string_view key);
 /// The value at a dotted path of keys and indices, or null. Of keys with dots, the longest that fits.
 YamlNode* value_at(YamlNode& root, std::string_view path);
 const YamlNode* value_at(const YamlNode& root, std::string_view path);
-
-/// Replaces a scalar that names a YAML file, or a shipped one (named_file.h), by that file's tree.
-/// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems
-void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
-
-/// Puts one tree over another: maps key by key; of lists whose items all have a `name`, each item over the
-/// one of its name, and new ones before those of the base; anything else replaces what was there.
-void put_over(YamlNode& base, const YamlNode& over);
-
-/// Sets the value at a path (`solver.step=5 ms`, `hands.0.side=left`), follows file references and adds map
-/// keys; kYamlMaxDepth keys at most. @throws Error (input) if a node on the path is neither map nor list
-void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget);
-void apply_override(YamlNode& root, std::string_view assignment);
 
 }  // namespace handsim

@@ -1,4 +1,5 @@
-// YAML files, parsed once for thousands of loads; inserts referenced files and applies `--set` to a tree.
+#include "handsim/core/yaml_files.h"
+
 #include <algorithm>
 #include <deque>
 #include <memory>
@@ -10,10 +11,8 @@
 
 #include "handsim/core/data_folder.h"
 #include "handsim/core/input_file.h"
-#include "handsim/core/named_file.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/core/yaml.h"
 
 namespace handsim {
 

@@ -19,7 +19,7 @@
 #include "handsim/core/resolution.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/core/yaml.h"
+#include "handsim/core/yaml_files.h"
 
 namespace handsim {
 

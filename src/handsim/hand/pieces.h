@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/hand/build.h"
+#include "handsim/hand/built_hand.h"
 #include "handsim/hand/cut_capsule.h"
 #include "handsim/model/mass_properties.h"
 

@@ -7,9 +7,7 @@
 namespace handsim::model {
 
 AngleSensor::AngleSensor(const Joint& joint)
-    : universal_(joint.kind == JointKind::universal),
-      parent_(as_index(joint.parent)),
-      child_(as_index(joint.child)) {
+    : universal_(joint.axes.size() == 2), parent_(as_index(joint.parent)), child_(as_index(joint.child)) {
   const Quat& f = joint.parent_frame.q;
   const Quat& m = joint.child_frame.q;
   const Vec3 a = joint.axes[0].axis;
@@ -63,7 +61,7 @@ JointSensors::JointSensors(const Model& model)
     : model_(model), axes_(as_index(model.dof_count()), Vec3::Zero()), directions_(axes_.size()) {
   for (const Joint& joint : model.joints) {
     std::optional<AngleSensor>& sensor = angles_.emplace_back();
-    if (joint.kind == JointKind::hinge || joint.kind == JointKind::universal) sensor.emplace(joint);
+    if (!joint.axes.empty() && !joint.slides(0)) sensor.emplace(joint);
   }
 }
 
@@ -79,8 +77,11 @@ void JointSensors::read(State& state) {
     }
     joint_coordinates(joint, state, std::span(state.q).subspan(first));
     joint_rates(joint, state, std::span(state.u).subspan(first));
-    if (joint.kind == JointKind::slider)
-      axes_[first] = state.bodies[as_index(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
+    for (std::size_t k = first; k < first + joint.axes.size(); ++k) {
+      axes_[k] = axis_in_world(joint, k - first, state.bodies[as_index(joint.parent)].q,
+                               state.bodies[as_index(joint.child)].q);
+      if (!joint.slides(k - first)) directions_[k] = {std::sin(state.q[k]), std::cos(state.q[k])};
+    }
   }
 }
 

@@ -60,22 +60,13 @@ State zero_state(const Model& model) {
 
 void joint_coordinates(const Joint& joint, const State& state, std::span<double> out) {
   const Pose x_FM = relative_pose(joint, state);
-  switch (joint.kind) {
-    case JointKind::hinge:
-      out[0] = angle_about(x_FM.q, joint.axes[0].axis);
-      return;
-    case JointKind::universal:
-      universal_angles(x_FM.q, joint.axes[0].axis, joint.axes[1].axis, out);
-      return;
-    case JointKind::slider:
-      out[0] = x_FM.p.dot(joint.axes[0].axis);
-      return;
-    case JointKind::ball: {
-      const Vec3 r = rotation_vector(x_FM.q);
-      for (int i = 0; i < 3; ++i) out[as_index(i)] = r[i];
-      return;
-    }
-  }
+  const auto slides = as_index(joint.type().slides);
+  if (slides > 0) out[0] = x_FM.p.dot(joint.axes[0].axis);
+  const std::span<double> angles = out.subspan(slides);
+  if (joint.type().turns == 1) angles[0] = angle_about(x_FM.q, joint.axes[slides].axis);
+  if (joint.type().turns == 2)
+    universal_angles(x_FM.q, joint.axes[slides].axis, joint.axes[slides + 1].axis, angles);
+  if (joint.spherical()) Eigen::Map<Vec3>(angles.data()) = rotation_vector(x_FM.q);
 }
 
 void joint_rates(const Joint& joint, const State& state, std::span<double> out) {
@@ -83,30 +74,26 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
   const BodyState& child = state.bodies[as_index(joint.child)];
   const Quat q_WF = parent.q * joint.parent_frame.q;
   const Vec3 w_F = q_WF.conjugate() * (child.w - parent.w);
-  switch (joint.kind) {
-    case JointKind::hinge:
-      out[0] = w_F.dot(joint.axes[0].axis);
-      return;
-    case JointKind::universal: {
-      // w = q0' a + q1' b_F with a and b_F perpendicular.
-      const Quat q_WM = child.q * joint.child_frame.q;
-      const Vec3 b_F = q_WF.conjugate() * (q_WM * joint.axes[1].axis);
-      out[0] = w_F.dot(joint.axes[0].axis);
-      out[1] = w_F.dot(b_F);
-      return;
-    }
-    case JointKind::slider: {
-      const Vec3 r_child = child.q * joint.child_frame.p;
-      // Velocity of M's origin relative to the parent.
-      const Vec3 anchor = child.p + r_child;
-      const Vec3 v_parent = parent.v + parent.w.cross(anchor - parent.p);
-      const Vec3 v = child.v + child.w.cross(r_child) - v_parent;
-      out[0] = (q_WF.conjugate() * v).dot(joint.axes[0].axis);
-      return;
-    }
-    case JointKind::ball:
-      for (int i = 0; i < 3; ++i) out[as_index(i)] = w_F[i];
-      return;
+  const auto slides = as_index(joint.type().slides);
+  if (slides > 0) {
+    const Vec3 r_child = child.q * joint.child_frame.p;
+    // Velocity of M's origin relative to the parent.
+    const Vec3 anchor = child.p + r_child;
+    const Vec3 v_parent = parent.v + parent.w.cross(anchor - parent.p);
+    const Vec3 v = child.v + child.w.cross(r_child) - v_parent;
+    out[0] = (q_WF.conjugate() * v).dot(joint.axes[0].axis);
+  }
+  const std::span<double> rates = out.subspan(slides);
+  if (joint.spherical()) {
+    Eigen::Map<Vec3>(rates.data()) = w_F;
+    return;
+  }
+  if (joint.type().turns > 0) rates[0] = w_F.dot(joint.axes[slides].axis);
+  if (joint.type().turns == 2) {
+    // w = q0' a + q1' b_F with a and b_F perpendicular.
+    const Quat q_WM = child.q * joint.child_frame.q;
+    const Vec3 b_F = q_WF.conjugate() * (q_WM * joint.axes[slides + 1].axis);
+    rates[1] = w_F.dot(b_F);
   }
 }
 
@@ -124,7 +111,7 @@ double joint_gap(const Joint& joint, const State& state) {
   const BodyState& parent = state.bodies[as_index(joint.parent)];
   const BodyState& child = state.bodies[as_index(joint.child)];
   Vec3 gap = child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p;
-  if (joint.kind == JointKind::slider) {
+  if (joint.slides(0)) {
     const Vec3 axis = parent.q * (joint.parent_frame.q * joint.axes[0].axis);
     gap -= gap.dot(axis) * axis;
   }
@@ -132,23 +119,19 @@ double joint_gap(const Joint& joint, const State& state) {
 }
 
 Vec3 axis_in_world(const Joint& joint, std::size_t axis, const Quat& parent, const Quat& child) {
-  return axis == 0 ? parent * (joint.parent_frame.q * joint.axes[0].axis)
-                   : child * (joint.child_frame.q * joint.axes[axis].axis);
+  return axis <= as_index(joint.type().slides) ? parent * (joint.parent_frame.q * joint.axes[axis].axis)
+                                               : child * (joint.child_frame.q * joint.axes[axis].axis);
 }
 
 Pose joint_transform(const Joint& joint, std::span<const double> q) {
-  switch (joint.kind) {
-    case JointKind::hinge:
-      return {Vec3::Zero(), rotation_quaternion(q[0] * joint.axes[0].axis)};
-    case JointKind::universal:
-      return {Vec3::Zero(), rotation_quaternion(q[0] * joint.axes[0].axis) *
-                                rotation_quaternion(q[1] * joint.axes[1].axis)};
-    case JointKind::slider:
-      return {q[0] * joint.axes[0].axis, Quat::Identity()};
-    case JointKind::ball:
-      return {Vec3::Zero(), rotation_quaternion({q[0], q[1], q[2]})};
-  }
-  return {};
+  Pose x_FM;
+  const auto slides = as_index(joint.type().slides);
+  if (slides > 0) x_FM.p = q[0] * joint.axes[0].axis;
+  const auto turn = [&](std::size_t axis) { return rotation_quaternion(q[axis] * joint.axes[axis].axis); };
+  if (joint.type().turns == 1) x_FM.q = turn(slides);
+  if (joint.type().turns == 2) x_FM.q = turn(slides) * turn(slides + 1);
+  if (joint.spherical()) x_FM.q = rotation_quaternion({q[slides], q[slides + 1], q[slides + 2]});
+  return x_FM;
 }
 
 void place_children(const Model& model, std::span<const double> q, State& state) {
@@ -170,9 +153,9 @@ void place_joints(const Model& model, std::span<const double> q, std::span<const
     const Vec3 anchor = child.p + child.q * joint.child_frame.p;
     Vec3 w = Vec3::Zero(), v = Vec3::Zero();  // of M against F
     for (std::size_t k = 0; k < joint.axes.size(); ++k)
-      (joint.kind == JointKind::slider ? v : w) += rates[k] * axis_in_world(joint, k, parent.q, child.q);
-    if (joint.kind == JointKind::ball)
-      w = parent.q * (joint.parent_frame.q * Vec3(rates[0], rates[1], rates[2]));
+      (joint.slides(k) ? v : w) += rates[k] * axis_in_world(joint, k, parent.q, child.q);
+    if (joint.spherical())
+      w = parent.q * (joint.parent_frame.q * Eigen::Map<const Vec3>(rates.data() + joint.type().slides));
     child.w = parent.w + w;
     child.v = parent.v + parent.w.cross(anchor - parent.p) + v + child.w.cross(child.p - anchor);
   }
@@ -238,15 +221,16 @@ Jacobian jacobian(const Model& model, const State& state, int body, const Vec3& 
                     &child = state.bodies[as_index(joint->child)];
     const Vec3 arm = point - child.pose() * joint->child_frame.p;
     Eigen::Index column = joint->first_dof;
-    const auto add = [&](const Vec3& axis) {
-      if (joint->kind == JointKind::slider)
+    const auto add_turn = [&](const Vec3& axis) { out.col(column++) << axis.cross(arm), axis; };
+    for (std::size_t k = 0; k < joint->axes.size(); ++k) {
+      const Vec3 axis = axis_in_world(*joint, k, parent.q, child.q);
+      if (joint->slides(k))
         out.col(column++) << axis, Vec3::Zero();
       else
-        out.col(column++) << axis.cross(arm), axis;
-    };
-    if (joint->kind == JointKind::ball)
-      for (int k = 0; k < 3; ++k) add(parent.q * (joint->parent_frame.q * Vec3::Unit(k)));
-    for (std::size_t k = 0; k < joint->axes.size(); ++k) add(axis_in_world(*joint, k, parent.q, child.q));
+        add_turn(axis);
+    }
+    if (joint->spherical())
+      for (int k = 0; k < 3; ++k) add_turn(parent.q * (joint->parent_frame.q * Vec3::Unit(k)));
   }
   for (std::size_t i = 0; i < free.size(); ++i) {
     if (free[i] != body) continue;

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "handsim/core/index.h"
@@ -62,8 +63,25 @@ enum class JointKind {
   slider,     ///< one translation
 };
 
-/// Number of degrees of freedom: 1, 2, 3, 1.
-int dof_count(JointKind kind);
+/// What the child of a joint can do against the parent. Its coordinates are in this order. A type of joint is
+/// a row of kJointTypes, and what an engine or a format needs for it: docs/inside.md lists the files.
+struct JointType {
+  std::string_view name;  ///< in files and in Python
+  int slides = 0;         ///< 1: along axis 0, which is fixed in the parent
+  int turns = 0;  ///< about no axis, about one, about two that are perpendicular, or 3: freely, without axes
+
+  /// Whether its axes have to be perpendicular.
+  bool perpendicular() const { return turns == 2; }
+  /// Its axes: each has a coordinate, a name and perhaps stops and tissue.
+  std::size_t axes() const { return static_cast<std::size_t>(slides + (turns < 3 ? turns : 0)); }
+};
+
+/// By JointKind.
+inline constexpr JointType kJointTypes[] = {
+    {"hinge", 0, 1}, {"universal", 0, 2}, {"ball", 0, 3}, {"slider", 1, 0}};
+
+inline const JointType& type_of(JointKind kind) { return kJointTypes[static_cast<std::size_t>(kind)]; }
+inline int dof_count(JointKind kind) { return type_of(kind).slides + type_of(kind).turns; }
 
 /// Limits of one joint coordinate.
 struct Stop {
@@ -81,10 +99,11 @@ struct Tissue {
   double rest = 0;       ///< [rad] or [m]
 };
 
-/// One axis of a hinge, universal or slider joint.
+/// One axis of a joint.
 struct JointAxis {
   std::string name;           ///< e.g. `flexion`
-  Vec3 axis = Vec3::UnitX();  ///< unit; axis 0 in the joint's parent frame F, axis 1 in its child frame M
+  Vec3 axis = Vec3::UnitX();  ///< unit, in the joint's parent frame F; the second about which it turns in its
+                              ///< child frame M
   std::optional<Stop> stop;
   std::optional<Tissue> tissue;
   double initial = 0;  ///< coordinate at the start [rad] or [m]
@@ -106,9 +125,16 @@ struct Joint {
   int child = 0;
   Pose parent_frame;            ///< X_PF
   Pose child_frame;             ///< X_CM
-  std::vector<JointAxis> axes;  ///< hinge, slider 1; universal 2; ball 0
+  std::vector<JointAxis> axes;  ///< as many as its type has
   int first_dof = 0;            ///< index of its first coordinate in vectors of `Model::dof_count()`
   bool closes_loop = false;     ///< its child is already the child of another joint
+
+  const JointType& type() const { return type_of(kind); }
+  /// Its child turns freely: the coordinates after a slide's are a rotation vector, without axes.
+  bool spherical() const { return type().turns == 3; }
+  /// Whether a coordinate is a length [m] rather than an angle [rad].
+  bool slides(std::size_t coordinate) const { return coordinate < as_index(type().slides); }
+  const char* unit(std::size_t coordinate) const { return slides(coordinate) ? "m" : "rad"; }
 };
 
 /// A named set of shapes that contact rules refer to.

@@ -65,22 +65,23 @@ void NewtonEuler::place_child(const Joint& joint, std::span<const double> q, std
   child.alpha = parent.alpha;
   Vec3 v = parent.v + parent.w.cross(from_parent);
   Vec3 a = parent.a + parent.alpha.cross(from_parent) + parent.w.cross(parent.w.cross(from_parent));
-  if (joint.kind == JointKind::slider) {
-    const Vec3 axis = axis_in_world(joint, 0, parent.q, child.q);
-    v += axis * u[0];
-    a += axis * change[0] + 2 * parent.w.cross(axis * u[0]);
-  } else if (joint.kind == JointKind::ball) {
-    const Quat frame = parent.q * joint.parent_frame.q;
-    const Vec3 relative = frame * Vec3(u[0], u[1], u[2]);
-    child.w += relative;
-    child.alpha += frame * Vec3(change[0], change[1], change[2]) + parent.w.cross(relative);
-  } else {
-    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
-      const Vec3 axis = axis_in_world(joint, k, parent.q, child.q);
-      const Vec3 before = child.w;
+  for (std::size_t k = 0; k < joint.axes.size(); ++k) {
+    const Vec3 axis = axis_in_world(joint, k, parent.q, child.q);
+    const Vec3 before = child.w;
+    if (joint.slides(k)) {
+      v += axis * u[k];
+      a += axis * change[k] + 2 * before.cross(axis * u[k]);
+    } else {
       child.w += axis * u[k];
       child.alpha += axis * change[k] + before.cross(axis * u[k]);
     }
+  }
+  if (joint.spherical()) {
+    const Quat frame = parent.q * joint.parent_frame.q;
+    const std::size_t k = joint.axes.size();
+    const Vec3 relative = frame * Vec3(u[k], u[k + 1], u[k + 2]);
+    child.w += relative;
+    child.alpha += frame * Vec3(change[k], change[k + 1], change[k + 2]) + parent.w.cross(relative);
   }
   const Vec3 arm = child.p - anchor;
   child.v = v + child.w.cross(arm);
@@ -127,14 +128,12 @@ std::span<const double> NewtonEuler::torques(std::span<const Wrench> loads) {
     onto.force += reaction.force;
     onto.moment += reaction.moment + (anchor - parent.p).cross(reaction.force);
     const std::size_t first = as_index(joint.first_dof);
-    if (joint.kind == JointKind::ball) {
-      const Vec3 moment = (parent.q * joint.parent_frame.q).conjugate() * reaction.moment;
-      for (int k = 0; k < 3; ++k) torques_[first + as_index(k)] = moment[k];
-      continue;
-    }
     for (std::size_t k = 0; k < joint.axes.size(); ++k)
-      torques_[first + k] = (joint.kind == JointKind::slider ? reaction.force : reaction.moment)
+      torques_[first + k] = (joint.slides(k) ? reaction.force : reaction.moment)
                                 .dot(axis_in_world(joint, k, parent.q, child.q));
+    if (joint.spherical())
+      Eigen::Map<Vec3>(torques_.data() + first + joint.axes.size()) =
+          (parent.q * joint.parent_frame.q).conjugate() * reaction.moment;
   }
   return torques_;
 }

@@ -130,19 +130,18 @@ class Checker {
           "two different bodies, the child not the world");
     check_pose(joint.name, ".parent_frame", joint.parent_frame);
     check_pose(joint.name, ".child_frame", joint.child_frame);
-    const std::size_t axes = joint.kind == JointKind::ball ? 0 : as_index(dof_count(joint.kind));
+    const std::size_t axes = joint.type().axes();
     if (joint.axes.size() != axes)
       return add(joint.name + ".axes", fmt::format("{} axes", joint.axes.size()), fmt::format("{}", axes));
-    for (const JointAxis& axis : joint.axes) {
+    for (std::size_t k = 0; k < axes; ++k) {
+      const JointAxis& axis = joint.axes[k];
       check_joint_axis(joint.name + "." + axis.name, axis);
-      if (axis.stop && joint.kind != JointKind::slider)
-        check_angle_stop(joint.name + "." + axis.name, *axis.stop);
+      if (axis.stop && !joint.slides(k)) check_angle_stop(joint.name + "." + axis.name, *axis.stop);
     }
-    if (joint.kind == JointKind::universal &&
-        !(std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) < kUnitTolerance))
-      add(joint.name + ".axes",
-          fmt::format("axes with cosine {:g}", joint.axes[0].axis.dot(joint.axes[1].axis)),
-          "perpendicular axes");
+    if (!joint.type().perpendicular()) return;
+    const double cosine = joint.axes[axes - 2].axis.dot(joint.axes[axes - 1].axis);
+    if (!(std::abs(cosine) < kUnitTolerance))
+      add(joint.name + ".axes", fmt::format("axes with cosine {:g}", cosine), "perpendicular axes");
   }
 
   void check_joint_axis(const std::string& key, const JointAxis& axis) {

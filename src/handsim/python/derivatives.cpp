@@ -34,11 +34,11 @@ model::State moved(const model::Model& model, model::State state, std::span<cons
     c = joint.first_dof;
     Eigen::VectorXd::MapType q(&state.q[as_index(c)], dof_count(joint.kind)),
         u(&state.u[as_index(c)], q.size());
-    if (joint.kind == model::JointKind::ball)
-      q = rotation_vector(turned(rotation_quaternion(Vec3(q))));
-    else
-      q += change.segment(c, q.size());
-    u += change.segment(n + c, q.size());
+    const auto axes = static_cast<Eigen::Index>(joint.axes.size());
+    q.head(axes) += change.segment(c, axes);
+    c += axes;
+    if (joint.spherical()) q.tail<3>() = rotation_vector(turned(rotation_quaternion(Vec3(q.tail<3>()))));
+    u += change.segment(n + joint.first_dof, u.size());
   }
   c = model.dof_count();
   for (const int free : model::free_bodies(model)) {

@@ -11,8 +11,6 @@ namespace {
 
 constexpr const char* kShapeKinds[] = {"box", "capsule", "cylinder", "sphere", "convex_mesh", "plane"};
 static_assert(std::size(kShapeKinds) == static_cast<std::size_t>(model::ShapeKind::plane) + 1);
-constexpr const char* kJointKinds[] = {"hinge", "universal", "ball", "slider"};
-static_assert(std::size(kJointKinds) == static_cast<std::size_t>(model::JointKind::slider) + 1);
 constexpr const char* kPartNames[] = {"palm",   "thumb",  "index",  "middle",   "ring",
                                       "little", "object", "ground", "mechanism"};
 static_assert(std::size(kPartNames) == static_cast<std::size_t>(model::Part::mechanism) + 1);
@@ -34,15 +32,16 @@ py::array_t<double> array(const Eigen::MatrixXd& m) { return rows_of(m.rowwise()
 
 py::tuple joint_tuple(const model::Joint& joint) {
   py::list axes;
+  std::vector<bool> slides;
+  for (int k = 0; k < dof_count(joint.kind); ++k) slides.push_back(joint.slides(as_index(k)));
   for (const model::JointAxis& axis : joint.axes) {
     const model::Stop stop = axis.stop.value_or(model::Stop{-HUGE_VAL, HUGE_VAL});
     const model::Tissue tissue = axis.tissue.value_or(model::Tissue{});
     axes.append(py::make_tuple(axis.name, array(axis.axis), stop.low, stop.high, tissue.stiffness,
                                tissue.damping, tissue.rest));
   }
-  return py::make_tuple(joint.name, kJointKinds[static_cast<std::size_t>(joint.kind)], joint.parent,
-                        joint.child, numbers(joint.parent_frame), numbers(joint.child_frame), axes,
-                        joint.closes_loop);
+  return py::make_tuple(joint.name, joint.type().name, slides, joint.parent, joint.child,
+                        numbers(joint.parent_frame), numbers(joint.child_frame), axes, joint.closes_loop);
 }
 
 py::tuple shape_tuple(const model::Model& model, const model::Shape& shape, const output::Colour& colour) {

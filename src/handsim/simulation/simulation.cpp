@@ -82,8 +82,8 @@ void place_start(const scene::Scene& scene, std::span<const double> q, std::span
   std::vector<Problem> problems;
   const bool stops = scene.spec.solver.effects.has(model::Effect::joint_stops);
   for (const model::Joint& joint : scene.model.joints) {
-    const bool slides = joint.kind == model::JointKind::slider;
     for (std::size_t a = 0; a < as_index(model::dof_count(joint.kind)); ++a) {
+      const bool slides = joint.slides(a);
       const std::size_t i = as_index(joint.first_dof) + a;
       const model::JointAxis* axis = a < joint.axes.size() ? &joint.axes[a] : nullptr;
       const auto refuse = [&](const char* of, double got, std::string need) {
@@ -99,7 +99,7 @@ void place_start(const scene::Scene& scene, std::span<const double> q, std::span
       const double beyond = !stopped ? 0 : slides ? kSliderBeyondStop : kBeyondStop;
       if (!(q[i] >= range.low - beyond && q[i] <= range.high + beyond))
         refuse("q", q[i],
-               fmt::format("{:.4g} to {:.4g} {}{}", range.low, range.high, slides ? "m" : "rad",
+               fmt::format("{:.4g} to {:.4g} {}{}", range.low, range.high, joint.unit(a),
                            stopped ? ", within its stops" : ""));
     }
   }

@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/core/named_file.h"
+#include "handsim/core/yaml_files.h"
 
 namespace handsim::study {
 

@@ -4,8 +4,6 @@ namespace handsim::engine {
 
 namespace {
 
-using model::JointKind;
-
 /// Both frames of a joint in world axes.
 struct Sides {
   int parent, child;
@@ -56,48 +54,42 @@ ConstraintRow relative_rotation(const Sides& sides, const Vec3& direction) {
 void append_constraints(const model::Joint& joint, const model::State& state,
                         std::vector<ConstraintRow>& rows) {
   const Sides sides(joint, state);
-  if (joint.kind != JointKind::slider)
+  const auto slides = as_index(joint.type().slides);
+  // The direction of a slide, or any, and two across it.
+  const Vec3 r = slides > 0 ? joint.axes[0].axis : Vec3::UnitX();
+  const Vec3 s = r.unitOrthogonal(), t = r.cross(s);
+  if (slides > 0) {
+    rows.push_back(gap_component(sides, sides.q_WF * s, true));
+    rows.push_back(gap_component(sides, sides.q_WF * t, true));
+  } else {
     for (int i = 0; i < 3; ++i) rows.push_back(gap_component(sides, Vec3::Unit(i), false));
-  switch (joint.kind) {
-    case JointKind::hinge: {
-      const Vec3 axis = joint.axes[0].axis;
+  }
+  switch (joint.type().turns) {
+    case 0:
+      rows.push_back(cosine(sides, sides.q_WF * r, sides.q_WM * s));
+      rows.push_back(cosine(sides, sides.q_WF * s, sides.q_WM * t));
+      rows.push_back(cosine(sides, sides.q_WF * t, sides.q_WM * r));
+      return;
+    case 1: {
+      const Vec3 axis = joint.axes[slides].axis;
       const Vec3 u = axis.unitOrthogonal();
       rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * u));
       rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * axis.cross(u)));
       return;
     }
-    case JointKind::universal:
-      rows.push_back(cosine(sides, sides.q_WF * joint.axes[0].axis, sides.q_WM * joint.axes[1].axis));
-      return;
-    case JointKind::ball:
-      return;
-    case JointKind::slider: {
-      const Vec3 axis = joint.axes[0].axis;
-      const Vec3 u = axis.unitOrthogonal();
-      const Vec3 w = axis.cross(u);
-      rows.push_back(gap_component(sides, sides.q_WF * u, true));
-      rows.push_back(gap_component(sides, sides.q_WF * w, true));
-      rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * u));
-      rows.push_back(cosine(sides, sides.q_WF * u, sides.q_WM * w));
-      rows.push_back(cosine(sides, sides.q_WF * w, sides.q_WM * axis));
-      return;
-    }
+    case 2:
+      rows.push_back(
+          cosine(sides, sides.q_WF * joint.axes[slides].axis, sides.q_WM * joint.axes[slides + 1].axis));
   }
 }
 
 ConstraintRow coordinate_row(const model::Joint& joint, int coordinate, const model::State& state) {
   const Sides sides(joint, state);
-  switch (joint.kind) {
-    case JointKind::hinge:
-    case JointKind::universal:
-      return coordinate == 0 ? relative_rotation(sides, sides.q_WF * joint.axes[0].axis)
-                             : relative_rotation(sides, sides.q_WM * joint.axes[1].axis);
-    case JointKind::ball:
-      return relative_rotation(sides, sides.q_WF * Vec3::Unit(coordinate));
-    case JointKind::slider:
-      return gap_component(sides, sides.q_WF * joint.axes[0].axis, true);
-  }
-  return {};
+  const int slides = joint.type().slides;
+  if (coordinate < slides) return gap_component(sides, sides.q_WF * joint.axes[0].axis, true);
+  if (joint.spherical()) return relative_rotation(sides, sides.q_WF * Vec3::Unit(coordinate - slides));
+  return relative_rotation(
+      sides, (coordinate == slides ? sides.q_WF : sides.q_WM) * joint.axes[as_index(coordinate)].axis);
 }
 
 double rate(const ConstraintRow& row, const model::State& state) {

@@ -72,8 +72,27 @@ void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
   }
 }
 
-dJointID create_motor(dWorldID world, JointKind kind, std::size_t count, dBodyID child, dBodyID parent) {
-  const bool slider = kind == JointKind::slider;
+void add_torques(dJointID id, const model::Joint& joint, const double* tau, const model::State& state,
+                 dBodyID child, dBodyID parent) {
+  switch (joint.kind) {
+    case JointKind::hinge:
+      return dJointAddHingeTorque(id, tau[0]);
+    case JointKind::universal:
+      return dJointAddUniversalTorques(id, tau[1], tau[0]);
+    case JointKind::slider:
+      return dJointAddSliderForce(id, tau[0]);
+    case JointKind::ball: {
+      const Quat q_WF = state.bodies[as_index(joint.parent)].q * joint.parent_frame.q;
+      const Vec3 torque = q_WF * Vec3(tau[0], tau[1], tau[2]);
+      if (child) dBodyAddTorque(child, torque.x(), torque.y(), torque.z());
+      if (parent) dBodyAddTorque(parent, -torque.x(), -torque.y(), -torque.z());
+    }
+  }
+}
+
+dJointID create_motor(dWorldID world, const model::Joint& joint, std::size_t count, dBodyID child,
+                      dBodyID parent) {
+  const bool slider = joint.slides(0);
   const dJointID motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
   dJointAttach(motor, child, parent);
   if (slider) {
@@ -90,17 +109,18 @@ void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector
   for (std::size_t i = 0; i < axes.size(); ++i) {
     const Vec3 a = x_WF.q * joint.axes[axes[i]].axis;
     // ODE: 0 fixed in the world, 1 in our child, 2 in our parent.
-    const bool in_child = joint.kind == JointKind::universal && axes[i] == 1;
+    const bool in_child = axes[i] > as_index(joint.type().slides);
     const int frame = in_child ? 1 : (parent_is_body ? 2 : 0);
-    if (joint.kind == JointKind::slider)
+    if (joint.slides(0))
       dJointSetLMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
     else
       dJointSetAMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
   }
 }
 
-void add_feedback(dJointFeedback& feedback, JointKind kind, std::span<const Vec3> axes, double* out) {
-  dReal* on_child = kind == JointKind::slider ? feedback.f1 : feedback.t1;
+void add_feedback(dJointFeedback& feedback, const model::Joint& joint, std::span<const Vec3> axes,
+                  double* out) {
+  dReal* on_child = joint.slides(0) ? feedback.f1 : feedback.t1;
   const Vec3 did(on_child[0], on_child[1], on_child[2]);
   on_child[0] = on_child[1] = on_child[2] = 0;
   const double a = axes[0].dot(did);
@@ -133,7 +153,7 @@ void Servos::add(dJointID motor, const model::Joint& joint) {
     row.motor = motor;
     row.group = kParamGroup * static_cast<int>(i);
     row.dof = static_cast<std::size_t>(joint.first_dof) + i;
-    row.slider = joint.kind == model::JointKind::slider;
+    row.slider = joint.slides(i);
     set_parameter(motor, row.slider, dParamFMax + row.group, 0);
     rows_.push_back(row);
   }

@@ -29,8 +29,12 @@ void set_parameter(dJointID id, model::JointKind kind, int parameter, double val
 /// Anchor and axes of a joint whose bodies stand in its zero configuration. @param x_WF the joint's frame
 void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF);
 
-/// A motor with `count` axes between the bodies of a joint: AMotor, or LMotor of a slider.
-dJointID create_motor(dWorldID world, model::JointKind kind, std::size_t count, dBodyID child,
+/// Adds torques or forces along a joint's coordinates to its bodies. @param parent, child null if none
+void add_torques(dJointID id, const model::Joint& joint, const double* tau, const model::State& state,
+                 dBodyID child, dBodyID parent);
+
+/// A motor with `count` axes between the bodies of a joint: AMotor, or LMotor where the joint slides.
+dJointID create_motor(dWorldID world, const model::Joint& joint, std::size_t count, dBodyID child,
                       dBodyID parent);
 
 /// Axes of a joint's motor, in the same configuration.
@@ -39,7 +43,8 @@ void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector
 
 /// Adds what a motor did along a joint's one or two axes: x with sum of x_k axis_k = its torque on the child
 /// [N m], of a slider its force [N]. Clears the feedback, which ODE leaves for a motor without a row.
-void add_feedback(dJointFeedback& feedback, model::JointKind kind, std::span<const Vec3> axes, double* out);
+void add_feedback(dJointFeedback& feedback, const model::Joint& joint, std::span<const Vec3> axes,
+                  double* out);
 
 using model::Direction;
 

@@ -38,10 +38,6 @@ std::vector<bool> crossed_by_tendons(const model::Model& model, const model::Eff
   return out;
 }
 
-void add_torque(const OdeBody& body, const Vec3& torque) {
-  if (body.id != nullptr) dBodyAddTorque(body.id, torque.x(), torque.y(), torque.z());
-}
-
 }  // namespace
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
@@ -107,15 +103,15 @@ void Joints::reanchor(const model::State& state) {
     if (link.id != nullptr && link.parent.id == nullptr) place(link, state);
 }
 
-model::Stop Joints::widened(const model::Joint& joint, const model::JointAxis& axis, bool note) {
-  const bool slider = joint.kind == model::JointKind::slider;
-  const double margin = slider ? kSliderStopMargin : kStopMargin;
+model::Stop Joints::widened(const model::Joint& joint, std::size_t index, bool note) {
+  const model::JointAxis& axis = joint.axes[index];
+  const double margin = joint.slides(index) ? kSliderStopMargin : kStopMargin;
   const auto moved = [&](const char* end, double value, double outward) {
     if (std::abs(value) >= margin) return value;
     if (note)
       notes_.push_back(
           fmt::format("{}.{}: {} stop {:g} {unit} moved to {:g} {unit}, clear of a start at zero", joint.name,
-                      axis.name, end, value, value + outward, fmt::arg("unit", slider ? "m" : "rad")));
+                      axis.name, end, value, value + outward, fmt::arg("unit", joint.unit(index))));
     return value + outward;
   };
   model::Stop stop = *axis.stop;
@@ -128,7 +124,7 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
   const model::Joint& joint = *link.joint;
   for (std::size_t i = 0; i < joint.axes.size(); ++i) {
     if (!joint.axes[i].stop) continue;
-    const model::Stop stop = widened(joint, joint.axes[i], true);
+    const model::Stop stop = widened(joint, i, true);
     const int group = kParamGroup * ode_axis(joint.kind, i);
     set_stop(link, i, stop.low, stop.high, settings.erp(), stop.restitution);
     set_parameter(link.id, joint.kind, dParamStopCFM + group, settings.ode().cfm);
@@ -147,7 +143,7 @@ void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
     link.tissue.push_back(tissue ? *own : model::Tissue{});
   }
   if (link.motor_axes.empty()) return;
-  link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
+  link.motor = create_motor(world, joint, link.motor_axes.size(), link.child.id, link.parent.id);
   link.by_motor = with_feedback(link.motor);
   set_tissue(link);
 }
@@ -161,7 +157,7 @@ void Joints::set_tissue(const Link& link) const {
     // A row without stiffness and damping would not be one.
     const auto row = soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
     const int group = kParamGroup * i;
-    if (joint.kind == model::JointKind::slider) {
+    if (joint.slides(0)) {
       // An LMotor has no position: it gets the speed that the same row would ask for.
       dJointSetLMotorParam(link.motor, dParamFMax + group, dInfinity);
       dJointSetLMotorParam(link.motor, dParamCFM + group, row.cfm);
@@ -175,7 +171,7 @@ void Joints::set_tissue(const Link& link) const {
 }
 
 double Joints::slider_pull(const Link& link) const {
-  if (link.motor == nullptr || link.joint->kind != model::JointKind::slider) return 0;
+  if (link.motor == nullptr || !link.joint->slides(0)) return 0;
   const model::Tissue& tissue = *link.joint->axes[0].tissue;
   return soft_row(tissue.stiffness, tissue.damping, step_).erp / step_;
 }
@@ -189,7 +185,7 @@ void Joints::set_drag(std::span<const double> damping) {
 void Joints::add_servo(dWorldID world, Link& link) {
   const model::Joint& joint = *link.joint;
   if (joint.axes.empty()) return;
-  link.servo = create_motor(world, joint.kind, joint.axes.size(), link.child.id, link.parent.id);
+  link.servo = create_motor(world, joint, joint.axes.size(), link.child.id, link.parent.id);
   link.by_servo = with_feedback(link.servo);
   servos_.add(link.servo, joint);
 }
@@ -202,7 +198,7 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   watched.pull = slider_pull(link);
   for (std::size_t i = 0; i < joint.axes.size(); ++i)
     if (with_stops && joint.axes[i].stop) {
-      const model::Stop stop = widened(joint, joint.axes[i], false);
+      const model::Stop stop = widened(joint, i, false);
       watched.stops[i].emplace(stop.low, stop.high);
     }
   if (link.motor != nullptr || watched.stops[0] || watched.stops[1]) watches_.push_back(watched);
@@ -220,7 +216,7 @@ int Joints::prepare(const model::State& state) {
 void Joints::prepare_tissue(const Watch& watched, const model::State& state) const {
   const Link& link = links_[watched.link];
   const double* q = state.q.data() + link.joint->first_dof;
-  if (link.joint->kind == model::JointKind::slider) {
+  if (link.joint->slides(0)) {
     dJointSetLMotorParam(link.motor, dParamVel, -watched.pull * (q[0] - link.joint->axes[0].tissue->rest));
     return;
   }
@@ -248,9 +244,8 @@ int Joints::prepare_stops(Watch& watched, const model::State& state) const {
     if (!watched.stops[i]) continue;
     const std::size_t dof = as_index(link.joint->first_dof) + i;
     const Approach approach{i, watched.stops[i]->low(), watched.stops[i]->high(), state.q[dof], state.u[dof]};
-    const bool on_stop = link.joint->kind == model::JointKind::slider
-                             ? approach.q <= approach.low || approach.q >= approach.high
-                             : watched.stops[i]->reached(sensors_.directions()[dof]);
+    const bool on_stop = link.joint->slides(i) ? approach.q <= approach.low || approach.q >= approach.high
+                                               : watched.stops[i]->reached(sensors_.directions()[dof]);
     if (on_stop) {
       ++reached;
       let_go(link, approach, watched.caught[i]);
@@ -314,36 +309,18 @@ void Joints::read_torques(std::span<const double> given, std::vector<double>& ta
     const auto count = as_index(dof_count(link.joint->kind));
     const std::span<const Vec3> own = axes.subspan(first, count);
     if (!given.empty()) std::copy_n(given.data() + first, count, tau.data() + first);
-    if (link.by_motor) add_feedback(*link.by_motor, link.joint->kind, own, tau.data() + first);
+    if (link.by_motor) add_feedback(*link.by_motor, *link.joint, own, tau.data() + first);
     if (!link.by_servo) continue;
-    add_feedback(*link.by_servo, link.joint->kind, own, tau_servo.data() + first);
+    add_feedback(*link.by_servo, *link.joint, own, tau_servo.data() + first);
     for (std::size_t k = first; k < first + count; ++k) tau[k] += tau_servo[k];
   }
 }
 
 void Joints::add_torques(std::span<const double> torques, const model::State& state) const {
-  for (const Link& link : links_) {
-    if (link.id == nullptr) continue;
-    const double* tau = torques.data() + link.joint->first_dof;
-    switch (link.joint->kind) {
-      case model::JointKind::hinge:
-        dJointAddHingeTorque(link.id, tau[0]);
-        break;
-      case model::JointKind::universal:
-        dJointAddUniversalTorques(link.id, tau[1], tau[0]);
-        break;
-      case model::JointKind::slider:
-        dJointAddSliderForce(link.id, tau[0]);
-        break;
-      case model::JointKind::ball: {
-        const Quat q_WF = state.bodies[as_index(link.joint->parent)].q * link.joint->parent_frame.q;
-        const Vec3 torque = q_WF * Vec3(tau[0], tau[1], tau[2]);
-        add_torque(link.child, torque);
-        add_torque(link.parent, -torque);
-        break;
-      }
-    }
-  }
+  for (const Link& link : links_)
+    if (link.id != nullptr)
+      ode::add_torques(link.id, *link.joint, torques.data() + link.joint->first_dof, state, link.child.id,
+                       link.parent.id);
 }
 
 }  // namespace handsim::engine::ode

@@ -94,7 +94,7 @@ class Joints {
   void let_go(const Link& link, const Approach& approach, bool& caught) const;
   int prepare_stops(Watch& watched, const model::State& state) const;
   void prepare_tissue(const Watch& watched, const model::State& state) const;
-  model::Stop widened(const model::Joint& joint, const model::JointAxis& axis, bool note);
+  model::Stop widened(const model::Joint& joint, std::size_t axis, bool note);
 
   std::vector<Link> links_;  ///< as Model::joints
   std::vector<Watch> watches_;

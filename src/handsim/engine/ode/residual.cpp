@@ -6,8 +6,6 @@ namespace handsim::engine::ode {
 
 namespace {
 
-using model::JointKind;
-
 void raise(ResidualPeak& peak, double value, std::size_t where) {
   if (value > peak.value) peak = {value, static_cast<int>(where)};
 }
@@ -28,7 +26,9 @@ ResidualMeter::ResidualMeter(const model::Model& model, double erp) : model_(mod
     Sides& sides = sides_.emplace_back();
     sides.turned = joint.parent_frame.q * joint.child_frame.q.conjugate();
     if (joint.axes.empty()) continue;
-    sides.in_parent = joint.parent_frame.q * joint.axes.front().axis;
+    sides.slide = joint.parent_frame.q * joint.axes[0].axis;
+    if (joint.type().turns > 0)
+      sides.in_parent = joint.parent_frame.q * joint.axes[as_index(joint.type().slides)].axis;
     sides.in_child = joint.child_frame.q * joint.axes.back().axis;
   }
 }
@@ -46,29 +46,22 @@ ResidualMeter::Found ResidualMeter::of_joint(std::size_t index, const model::Sta
   const Vec3 gap = c.p + r_c - p.p - r_p;
   const Vec3 spin = w_c - w_p;
   const Vec3 apart = v_c + w_c.cross(r_c) - v_p - w_p.cross(r_p) + rate * gap;
-  switch (joint.kind) {
-    case JointKind::ball:
-      return {apart.squaredNorm(), 0};
-    case JointKind::hinge: {
-      const Vec3 axis = p.q * sides.in_parent;
-      return {apart.squaredNorm(),
-              across(spin + rate * axis.cross(c.q * sides.in_child), axis).squaredNorm()};
-    }
-    case JointKind::universal: {
-      const Vec3 a = p.q * sides.in_parent, b = c.q * sides.in_child;
-      const double turn = rate * a.dot(b) - spin.dot(a.cross(b));
-      return {apart.squaredNorm(), turn * turn};
-    }
-    case JointKind::slider: {
-      const Vec3 axis = p.q * sides.in_parent;
-      // Small, and as ODE takes it.
-      const Quat out = c.q * (p.q * sides.turned).conjugate();
-      const Vec3 turned = std::copysign(2.0, out.w()) * out.vec();
-      // The axis turns with the parent.
-      return {across(apart - w_p.cross(gap), axis).squaredNorm(), (spin + rate * turned).squaredNorm()};
-    }
+  // The axis of a slide turns with the parent.
+  Found found{joint.slides(0) ? across(apart - w_p.cross(gap), p.q * sides.slide).squaredNorm()
+                              : apart.squaredNorm()};
+  const Vec3 a = p.q * sides.in_parent, b = c.q * sides.in_child;
+  if (joint.type().turns == 0) {
+    // Small, and as ODE takes it.
+    const Quat out = c.q * (p.q * sides.turned).conjugate();
+    const Vec3 turned = std::copysign(2.0, out.w()) * out.vec();
+    found.angular2 = (spin + rate * turned).squaredNorm();
+  } else if (joint.type().turns == 1) {
+    found.angular2 = across(spin + rate * a.cross(b), a).squaredNorm();
+  } else if (joint.type().turns == 2) {
+    const double turn = rate * a.dot(b) - spin.dot(a.cross(b));
+    found.angular2 = turn * turn;
   }
-  return {};
+  return found;
 }
 
 Residual ResidualMeter::measure(const model::State& before, std::span<const OdeBody> bodies, double step,

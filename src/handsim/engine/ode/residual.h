@@ -25,7 +25,9 @@ class ResidualMeter {
  private:
   /// Points and axes of a joint's rows, in its bodies' axes.
   struct Sides {
-    Vec3 in_parent = Vec3::Zero(), in_child = Vec3::Zero();  ///< axes; of a universal joint one each
+    Vec3 slide = Vec3::Zero();  ///< in the parent
+    /// Axes of turns: the first in the parent, the last in the child.
+    Vec3 in_parent = Vec3::Zero(), in_child = Vec3::Zero();
     Quat turned = Quat::Identity();  ///< the child in the parent's axes where the joint is at 0
   };
   /// Squares of lengths.

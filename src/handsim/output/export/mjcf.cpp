@@ -13,7 +13,6 @@ namespace handsim::output {
 namespace {
 
 using model::Effect;
-using model::JointKind;
 
 constexpr int kMostGroups = 32;
 constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
@@ -99,7 +98,7 @@ class MjcfWriter {
       problems.push_back(
           {std::nullopt, "groups", fmt::format("{}", model_.groups.size()), "at most 32 for MJCF"});
     for (const model::Joint& joint : model_.joints)
-      if (joint.closes_loop && (joint.kind == JointKind::universal || joint.kind == JointKind::slider))
+      if (joint.closes_loop && (joint.type().slides > 0 || joint.type().turns == 2))
         problems.push_back({std::nullopt, joint.name, "a loop closed by a universal or slider joint",
                             "a ball joint or hinge there, for MJCF"});
     if (!problems.empty()) throw Error(std::move(problems));
@@ -147,7 +146,7 @@ class MjcfWriter {
   void add_joint(const model::Joint& joint, int indent) {
     const std::string in(as_index(indent), ' ');
     const double *q = start_.q.data() + joint.first_dof, *u = start_.u.data() + joint.first_dof;
-    if (joint.kind == JointKind::ball) {
+    if (joint.spherical()) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
                        numbers(joint.child_frame.p)));
       // MuJoCo's ball joint has its rotation and rates in body axes.
@@ -161,8 +160,8 @@ class MjcfWriter {
       const model::JointAxis& axis = joint.axes[i];
       const std::string name = attribute(joint.name + "." + axis.name);
       std::string text = fmt::format("{}<joint name=\"{}\" type=\"{}\" pos=\"{}\" axis=\"{}\"", in, name,
-                                     joint.kind == JointKind::slider ? "slide" : "hinge",
-                                     numbers(joint.child_frame.p), numbers(joint.child_frame.q * axis.axis));
+                                     joint.slides(i) ? "slide" : "hinge", numbers(joint.child_frame.p),
+                                     numbers(joint.child_frame.q * axis.axis));
       if (has_stop(axis, settings_))
         text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", axis.stop->low, axis.stop->high);
       else
@@ -270,7 +269,7 @@ class MjcfWriter {
       if (!joint.closes_loop) continue;
       connect(joint, joint.child_frame.p);
       // A hinge needs two points of its axis.
-      if (joint.kind == JointKind::hinge) connect(joint, joint.child_frame * Vec3(0.01 * joint.axes[0].axis));
+      if (joint.type().turns == 1) connect(joint, joint.child_frame * Vec3(0.01 * joint.axes[0].axis));
     }
     if (!text.empty()) line("  <equality>\n" + text + "  </equality>");
   }

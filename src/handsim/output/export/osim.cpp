@@ -106,8 +106,7 @@ class OsimWriter {
     for (const model::Joint& each : model_.joints) {
       if (each.closes_loop)
         problems.push_back({std::nullopt, each.name, "a loop", "a tree of joints, for OpenSim"});
-      if (each.kind == JointKind::universal &&
-          std::abs(each.axes[0].axis.dot(each.axes[1].axis)) > kPerpendicular)
+      if (each.type().turns == 2 && std::abs(each.axes[0].axis.dot(each.axes[1].axis)) > kPerpendicular)
         problems.push_back(
             {std::nullopt, each.name, "axes that are not perpendicular", "perpendicular axes, for OpenSim"});
     }
@@ -295,7 +294,7 @@ class OsimWriter {
   std::vector<Coordinate> coordinates(const model::Joint& each) const {
     std::vector<Coordinate> out;
     const double *q = start_.q.data() + each.first_dof, *u = start_.u.data() + each.first_dof;
-    if (each.kind == JointKind::ball) {
+    if (each.spherical()) {
       const Vec3 angles = xyz_angles(rotation_quaternion({q[0], q[1], q[2]}));
       for (int k = 0; k < 3; ++k)
         out.push_back({each.name + "." + "xyz"[k], angles[k], u[k], -M_PI, M_PI, ""});
@@ -303,7 +302,7 @@ class OsimWriter {
     }
     for (std::size_t i = 0; i < each.axes.size(); ++i) {
       const model::JointAxis& axis = each.axes[i];
-      const double far = each.kind == JointKind::slider ? kFreeTravel : M_PI;
+      const double far = each.slides(i) ? kFreeTravel : M_PI;
       const bool stopped = has_stop(axis, settings_);
       out.push_back({each.name + "." + axis.name, q[i], u[i], stopped ? axis.stop->low : -far,
                      stopped ? axis.stop->high : far, ""});

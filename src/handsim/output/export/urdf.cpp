@@ -12,7 +12,6 @@ namespace handsim::output {
 namespace {
 
 using model::Effect;
-using model::JointKind;
 
 constexpr double kUnlimited = 1000, kVelocity = 1000;
 /// The link in the middle of a universal joint: programs that read URDF require mass on every moving link.
@@ -54,7 +53,7 @@ class UrdfWriter {
   void check() const {
     std::vector<Problem> problems;
     for (const model::Joint& each : model_.joints)
-      if (each.closes_loop || each.kind == JointKind::ball)
+      if (each.closes_loop || each.spherical())
         problems.push_back({std::nullopt, each.name, each.closes_loop ? "a loop" : "a ball joint",
                             "a tree of hinges, universal joints and sliders, for URDF"});
     for (const model::Shape& shape : model_.shapes)
@@ -147,7 +146,7 @@ class UrdfWriter {
       }
       const bool stopped = has_stop(axis, settings_);
       const double effort = torque_limit(as_index(each.first_dof) + i);
-      const bool slider = each.kind == JointKind::slider;
+      const bool slider = each.slides(i);
       std::string more = fmt::format("<axis xyz=\"{}\"/>", numbers(axis.axis));
       const double far = slider ? 1e3 : 2 * M_PI;
       if (stopped || slider)

@@ -8,7 +8,7 @@ std::vector<std::string> coordinate_names(const model::Model& model) {
   std::vector<std::string> names;
   for (const model::Joint& joint : model.joints) {
     for (const model::JointAxis& axis : joint.axes) names.push_back(joint.name + "." + axis.name);
-    if (joint.kind == model::JointKind::ball)
+    if (joint.spherical())
       for (const char* axis : {"x", "y", "z"}) names.push_back(joint.name + "." + axis);
   }
   return names;
@@ -20,7 +20,7 @@ std::vector<std::string> trajectory_columns(const model::Model& model) {
   std::size_t dof = 0;
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < model::dof_count(joint.kind); ++i, ++dof) {
-      const char* unit = joint.kind == model::JointKind::slider ? "m" : "rad";
+      const char* unit = joint.unit(as_index(i));
       out.push_back(fmt::format("{}[{}]", names[dof], unit));
       rates.push_back(fmt::format("{}.rate[{}/s]", names[dof], unit));
     }

@@ -81,11 +81,12 @@ std::vector<Problem> start_defects(const model::Model& model, const model::Effec
   std::vector<Problem> problems;
   if (!effects.has(model::Effect::joint_stops)) return problems;
   for (std::size_t i = 0; i < model.joints.size(); ++i)
-    for (const model::JointAxis& axis : model.joints[i].axes) {
+    for (std::size_t a = 0; a < model.joints[i].axes.size(); ++a) {
       const model::Joint& joint = model.joints[i];
+      const model::JointAxis& axis = joint.axes[a];
       if (!axis.stop) continue;
       if (axis.initial >= axis.stop->low - kRounding && axis.initial <= axis.stop->high + kRounding) continue;
-      const char* unit = joint.kind == model::JointKind::slider ? "m" : "rad";
+      const char* unit = joint.unit(a);
       problems.push_back(
           {origins.joints[i], joint.name + "." + axis.name,
            fmt::format("a start at {:.4g} {}", axis.initial, unit),

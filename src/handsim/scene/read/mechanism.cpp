@@ -53,11 +53,11 @@ BodySpec read_body(MapReader reader, const std::vector<model::Material>& materia
   return body;
 }
 
-model::JointAxis read_axis(MapReader reader, bool slider) {
+model::JointAxis read_axis(MapReader reader, bool slides) {
   model::JointAxis axis;
   axis.name = reader.name("name");
   axis.axis = reader.direction("axis");
-  const Quantity range = slider ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
+  const Quantity range = slides ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
   if (const auto stop = reader.maybe_range("range", range)) {
     axis.stop = model::Stop{stop->first, stop->second, 0};
     axis.stop->restitution = reader.number("bounce", {Dimension::none, 0, 1}, 0.0);
@@ -68,29 +68,28 @@ model::JointAxis read_axis(MapReader reader, bool slider) {
 }
 
 void check_axes(MapReader& reader, const MechanismJointSpec& joint) {
-  const std::size_t needed =
-      joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(model::dof_count(joint.kind));
+  const std::size_t needed = model::type_of(joint.kind).axes();
   if (joint.axes.size() != needed)
     return reader.problem("axes", fmt::format("a list of {}", joint.axes.size()),
                           fmt::format("a list of {} for this type of joint", needed));
-  hand::check_axis_pair(reader, joint.axes);
+  if (model::type_of(joint.kind).perpendicular()) hand::check_axis_pair(reader, joint.axes);
 }
 
 MechanismJointSpec read_joint(MapReader reader) {
   MechanismJointSpec joint;
   joint.place = reader.node().place();
   joint.name = reader.name("name");
-  joint.kind = reader.choice<JointKind>("type", {{"hinge", JointKind::hinge},
-                                                 {"universal", JointKind::universal},
-                                                 {"ball", JointKind::ball},
-                                                 {"slider", JointKind::slider}});
+  std::vector<std::pair<std::string_view, JointKind>> types;
+  for (std::size_t i = 0; i < std::size(model::kJointTypes); ++i)
+    types.emplace_back(model::kJointTypes[i].name, static_cast<JointKind>(i));
+  joint.kind = reader.choice("type", types);
   const bool kind_known = reader.sound();
   joint.parent = reader.text("parent", "world");
   joint.child = reader.name("child");
   joint.position = reader.vector("position", kCoordinate);
-  const bool needs_axes = joint.kind != JointKind::ball;
-  reader.each("axes", kind_known && needs_axes ? 1 : 0, 2, [&](MapReader axis) {
-    joint.axes.push_back(read_axis(std::move(axis), joint.kind == JointKind::slider));
+  const model::JointType& type = model::type_of(joint.kind);
+  reader.each("axes", kind_known && type.axes() > 0 ? 1 : 0, 2, [&](MapReader axis) {
+    joint.axes.push_back(read_axis(std::move(axis), joint.axes.size() < as_index(type.slides)));
   });
   if (reader.sound()) check_axes(reader, joint);
   reader.finish();

@@ -1,4 +1,4 @@
-#include "handsim/scene/read/mesh_file.h"
+#include "handsim/scene/read/mesh_reader.h"
 
 #include <algorithm>
 #include <array>

@@ -79,7 +79,8 @@ Json axes_json(const model::Model& model, const model::State& start) {
   for (const model::Joint& joint : model.joints)
     for (std::size_t axis = 0; axis < joint.axes.size(); ++axis) {
       const output::DrawArrow& arrow = drawn.arrows[next++];
-      const int body = joint.kind == model::JointKind::universal && axis == 0 ? joint.parent : joint.child;
+      const bool before_another = !joint.slides(axis) && axis + 1 < joint.axes.size();
+      const int body = before_another ? joint.parent : joint.child;
       const Pose x_BW = start.bodies[as_index(body)].pose().inverse();
       out.push_back({{"name", joint.name + "." + joint.axes[axis].name},
                      {"body", body},

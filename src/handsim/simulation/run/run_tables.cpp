@@ -35,9 +35,8 @@ std::string columns_of(const Things& things, std::initializer_list<const char*> 
 
 /// OpenSim tables cannot mix angles and lengths in degrees: models with sliders have none.
 bool all_angles(const model::Model& model) {
-  return model.dof_count() > 0 && std::ranges::none_of(model.joints, [](const model::Joint& joint) {
-           return joint.kind == model::JointKind::slider;
-         });
+  return model.dof_count() > 0 &&
+         std::ranges::none_of(model.joints, [](const model::Joint& joint) { return joint.slides(0); });
 }
 
 /// markers.trc: OpenSim's header, then frames.

@@ -29,9 +29,8 @@ Monitor::Monitor(const Watched& watched)
 
 Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(model), step_(step) {
   for (const model::Joint& joint : model.joints)
-    slider_axes_.push_back(joint.kind == model::JointKind::slider
-                               ? Vec3(joint.parent_frame.q * joint.axes[0].axis)
-                               : Vec3(Vec3::Zero()));
+    slider_axes_.push_back(joint.slides(0) ? Vec3(joint.parent_frame.q * joint.axes[0].axis)
+                                           : Vec3(Vec3::Zero()));
   if (!stops) return;
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
@@ -64,7 +63,7 @@ void Monitor::update_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
     const model::BodyState& child = state.bodies[as_index(joint.child)];
-    const bool slides = joint.kind == model::JointKind::slider;
+    const bool slides = joint.slides(0);
     Vec3 apart = child.p + child.q * joint.child_frame.p;
     Vec3 axis = slides ? slider_axes_[i] : Vec3::Zero();
     // The world stays at the origin, so that nothing is to be turned.

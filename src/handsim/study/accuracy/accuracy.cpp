@@ -118,7 +118,7 @@ class MotionRecorder {
       for (std::size_t a = 0; a < joint.axes.size(); ++a) {
         const auto i = static_cast<std::size_t>(joint.first_dof) + a;
         double moved = q[i] - last_q_[i];
-        if (joint.kind != model::JointKind::slider) moved = std::remainder(moved, 2 * M_PI);
+        if (!joint.slides(a)) moved = std::remainder(moved, 2 * M_PI);
         work_ += joint.axes[a].torque * moved;
       }
     last_q_ = q;
@@ -282,7 +282,7 @@ double work(const Job& job, bool motion) {
 std::string unit_of(const AccuracySpec& spec) {
   const scene::Scene scene = scene::load_scene(spec.scene);
   for (const model::Joint& joint : scene.model.joints)
-    if (spec.observe && joint.name == *spec.observe && joint.kind == model::JointKind::slider) return "m";
+    if (spec.observe && joint.name == *spec.observe) return joint.unit(0);
   return "rad";
 }
 

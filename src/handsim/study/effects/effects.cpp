@@ -83,16 +83,16 @@ class Comparison {
       row_.displacement.raise((without.bodies[i].p - whole.bodies[i].p).norm(), whole.time,
                               model_.bodies[i].name);
     for (const model::Joint& joint : model_.joints) {
-      if (joint.kind == model::JointKind::slider) continue;
       const auto first = static_cast<std::size_t>(joint.first_dof);
       const std::span a = std::span(whole.q).subspan(first), b = std::span(without.q).subspan(first);
-      if (joint.kind == model::JointKind::ball) {
+      if (joint.spherical()) {
         const Quat turn = model::joint_transform(joint, a).q.conjugate() * model::joint_transform(joint, b).q;
         add_angle(rotation_vector(turn).norm(), whole.time, joint.name);
       }
       for (std::size_t k = 0; k < joint.axes.size(); ++k)
-        add_angle(std::abs(std::remainder(b[k] - a[k], 2 * M_PI)), whole.time,
-                  joint.name + "." + joint.axes[k].name);
+        if (!joint.slides(k))
+          add_angle(std::abs(std::remainder(b[k] - a[k], 2 * M_PI)), whole.time,
+                    joint.name + "." + joint.axes[k].name);
     }
     if (count_ > 0) row_.angle_rms = std::sqrt(sum_ / static_cast<double>(count_));
   }
@@ -183,7 +183,7 @@ EffectsResult run_effects(const scene::Scene& scene, int repeats,
   result.repeats = repeats;
   result.steps = Simulation(scene).step_count();
   for (const model::Joint& joint : scene.model.joints)
-    result.has_angles = result.has_angles || joint.kind != model::JointKind::slider;
+    result.has_angles = result.has_angles || !joint.slides(as_index(dof_count(joint.kind)) - 1);
   std::vector<Variant> all = variants(scene);
   if (all.empty()) throw input_error("effects", "no effect", "a scene with at least one effect");
   const auto possible = std::ranges::count_if(all, [](const Variant& v) { return !v.row.fault; });

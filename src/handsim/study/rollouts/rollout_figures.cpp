@@ -131,8 +131,9 @@ void add_curves(const Simulation& simulation, TimeSeries& to) {
   add("time[s]", state.time);
   const std::vector<std::string> names = output::coordinate_names(model);
   for (const model::Joint& joint : model.joints)
-    for (std::size_t a = 0; a < joint.axes.size() && joint.kind != model::JointKind::slider; ++a)
-      add(names[as_index(joint.first_dof) + a] + "[rad]", state.q[as_index(joint.first_dof) + a]);
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (!joint.slides(a))
+        add(names[as_index(joint.first_dof) + a] + "[rad]", state.q[as_index(joint.first_dof) + a]);
   if (simulation.scene().control)
     for (const control::DrivenAxis& axis : simulation.scene().control->axes)
       add(axis.name + ".torque[N_m]", state.tau[axis.dof]);

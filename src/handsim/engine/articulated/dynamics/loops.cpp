@@ -99,23 +99,31 @@ void Loops::compute_rows() {
   for (const Cut& cut : mechanism_.topology().cuts) {
     const model::Joint& joint = model_.joints[as_index(cut.joint)];
     const Side a = motion_of(cut.parent, cut.island), b = motion_of(cut.child, cut.island);
-    if (joint.kind == model::JointKind::slider) {
-      const Vec3 axis = a.R * joint.axes[0].axis;
-      const auto [s, t] = across(joint.axes[0].axis);
+    const auto slides = as_index(joint.type().slides);
+    // The direction of a slide, or any, and two across it.
+    const Vec3 r = slides > 0 ? joint.axes[0].axis : Vec3::UnitX();
+    const auto [s, t] = across(r);
+    if (slides > 0) {
       add_point_row(a, b, a.R * s, true);
       add_point_row(a, b, a.R * t, true);
-      add_angle_row(a, b, a.R * s, b.R * t);
-      add_angle_row(a, b, a.R * t, b.R * joint.axes[0].axis);
-      add_angle_row(a, b, axis, b.R * s);
-      continue;
+    } else {
+      for (int k = 0; k < 3; ++k) add_point_row(a, b, Vec3::Unit(k), false);
     }
-    for (int k = 0; k < 3; ++k) add_point_row(a, b, Vec3::Unit(k), false);
-    if (joint.kind == model::JointKind::universal)
-      add_angle_row(a, b, a.R * joint.axes[0].axis, b.R * joint.axes[1].axis);
-    if (joint.kind == model::JointKind::hinge) {
-      const auto [s, t] = across(joint.axes[0].axis);
-      add_angle_row(a, b, a.R * s, b.R * joint.axes[0].axis);
-      add_angle_row(a, b, a.R * t, b.R * joint.axes[0].axis);
+    switch (joint.type().turns) {
+      case 0:
+        add_angle_row(a, b, a.R * s, b.R * t);
+        add_angle_row(a, b, a.R * t, b.R * r);
+        add_angle_row(a, b, a.R * r, b.R * s);
+        break;
+      case 1: {
+        const Vec3& axis = joint.axes[slides].axis;
+        const auto [u, w] = across(axis);
+        add_angle_row(a, b, a.R * u, b.R * axis);
+        add_angle_row(a, b, a.R * w, b.R * axis);
+        break;
+      }
+      case 2:
+        add_angle_row(a, b, a.R * joint.axes[slides].axis, b.R * joint.axes[slides + 1].axis);
     }
   }
 }

@@ -325,7 +325,7 @@ void Mechanism::load_node(const Node& node, const LaneSlot& slot, const model::S
   }
   const model::Joint& joint = model_.joints[as_index(*node.joint)];
   if (node.kind != NodeKind::ball) {
-    std::array<double, 3> value{};
+    std::array<double, 4> value{};
     model::joint_coordinates(joint, state, value);
     q[0] = value[as_index(node.axis_index)];
     model::joint_rates(joint, state, value);

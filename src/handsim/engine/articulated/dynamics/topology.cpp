@@ -164,51 +164,46 @@ class Builder {
       first.depth = out_.nodes[as_index(*first.parent)].depth + 1;
     }
     first.base = moves(parent) ? model::kWorld : parent;
-    Node last = first;
-    if (joint.kind == model::JointKind::universal) {
-      first.axis_index = reversed ? 1 : 0;
-      first.axis = sign * joint.axes[as_index(first.axis_index)].axis;
-      first.before = q_LF;
-      first.turned = q_LF * pure(first.axis);
-      last.parent = static_cast<int>(out_.nodes.size());
-      last.depth = first.depth + 1;
-      last.base = model::kWorld;
-      last.anchor = Vec3::Zero();
-      last.axis_index = 1 - first.axis_index;
-      out_.nodes.push_back(first);
-      attach(last, joint, Quat::Identity(), q_ML, sign);
-    } else {
-      attach(last, joint, q_LF, q_ML, sign);
+    // A node for each axis and one for free rotation, in the tree's order.
+    const int count = static_cast<int>(joint.axes.size()) + (joint.spherical() ? 1 : 0);
+    Node node = first;
+    for (int k = 0; k < count; ++k) {
+      const bool last = k + 1 == count;
+      node.axis_index = reversed ? count - 1 - k : k;
+      attach(node, joint, k == 0 ? q_LF : Quat::Identity(), last ? q_ML : Quat::Identity(), sign);
+      if (last) break;
+      out_.nodes.push_back(node);
+      node = first;
+      node.parent = static_cast<int>(out_.nodes.size()) - 1;
+      node.depth = out_.nodes.back().depth + 1;
+      node.base = model::kWorld;
+      node.anchor = Vec3::Zero();
     }
-    last.arm = -(frames_[as_index(child)].q_LB * x_CM.p);
-    carry(last, child);
+    node.arm = -(frames_[as_index(child)].q_LB * x_CM.p);
+    carry(node, child);
     out_.node_of_body[as_index(child)] = static_cast<int>(out_.nodes.size());
-    out_.nodes.push_back(last);
+    out_.nodes.push_back(node);
   }
 
-  /// The joint's transform, but for the places of its ends.
+  /// The transform of one of a joint's nodes, but for the places of its ends.
   static void attach(Node& node, const model::Joint& joint, const Quat& q_LF, const Quat& q_ML, double sign) {
-    switch (joint.kind) {
-      case model::JointKind::hinge:
-      case model::JointKind::universal: {
-        const Vec3 axis = sign * joint.axes[as_index(node.axis_index)].axis;
-        node.kind = NodeKind::revolute;
-        node.before = q_LF * q_ML;
-        node.turned = q_LF * pure(axis) * q_ML;
-        node.axis = q_ML.conjugate() * axis;
-        return;
-      }
-      case model::JointKind::slider:
-        node.kind = NodeKind::prismatic;
-        node.before = q_LF * q_ML;
-        node.axis = q_LF * (sign * joint.axes[0].axis);
-        return;
-      case model::JointKind::ball:
-        node.kind = NodeKind::ball;
-        node.before = q_LF;
-        node.after = q_ML;
-        return;
+    const auto index = as_index(node.axis_index);
+    if (index == joint.axes.size()) {
+      node.kind = NodeKind::ball;
+      node.before = q_LF;
+      node.after = q_ML;
+      return;
     }
+    const Vec3 axis = sign * joint.axes[index].axis;
+    node.before = q_LF * q_ML;
+    if (joint.slides(index)) {
+      node.kind = NodeKind::prismatic;
+      node.axis = q_LF * axis;
+      return;
+    }
+    node.kind = NodeKind::revolute;
+    node.turned = q_LF * pure(axis) * q_ML;
+    node.axis = q_ML.conjugate() * axis;
   }
 
   void sort_by_depth() {
