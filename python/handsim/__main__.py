@@ -20,6 +20,7 @@ COMMANDS: dict[str, str] = {
     "optimise": "handsim._optimise_command",
     "rollouts": "handsim._rollouts_command",
     "track": "handsim._c3d",
+    "validate": "handsim._validate_command",
 }
 """Commands in Python, by name: the module of each."""
 

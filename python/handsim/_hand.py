@@ -261,7 +261,7 @@ class Hand:
         if not self.muscles:
             raise Error("muscles: got a hand without muscles, need Hand(..., muscles=True)", "input",
                         [Problem(None, None, None, "muscles", "a hand without muscles", "Hand(..., muscles=True)")])
-        return _core.hand_moment_arms(self.scene._core, q)
+        return _core.hand_muscles(self.scene._core, q)[0]
 
     def _point(self, point: Point) -> tuple[int, NDArray[np.float64]]:
         """Row of the body, and offset in its frame."""

@@ -95,10 +95,10 @@ class Outcome(NamedTuple):
     def middle_90(self) -> tuple[float, float]:
         """The 5th and the 95th percentile."""
         ordered = np.sort(self.values)
-        return _quantile(ordered, 0.05), _quantile(ordered, 0.95)
+        return quantile(ordered, 0.05), quantile(ordered, 0.95)
 
 
-def _quantile(ordered: Any, share: float) -> Any:
+def quantile(ordered: Any, share: float) -> Any:
     """The value below which a share of the sorted values lies, linear between neighbours."""
     place = share * float(len(ordered) - 1)
     below = int(place)
@@ -257,7 +257,7 @@ def summary_text(table: Table, outcomes: list[Outcome], table_hash: int) -> str:
 
 # The plot.
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     return text.translate(PLOT_CONTROLS)
 
 
@@ -271,7 +271,7 @@ def _plot_data(outcomes: list[Outcome]) -> str:
     for of in outcomes:
         for key in of.keys:
             out.append(f"$key{block} << EOD\n")
-            out += [f'{" ".join(map(_number, (each.middle, each.low, each.high, *each.estimate)))} "{_plain(each.label)}"\n'
+            out += [f'{" ".join(map(_number, (each.middle, each.low, each.high, *each.estimate)))} "{plain(each.label)}"\n'
                     for each in key.bins if each.estimate]
             out.append("EOD\n")
             block += 1
@@ -288,8 +288,8 @@ def _panel(of: Outcome, key: Key, block: int) -> str:
     """An outcome over a varied key."""
     if not key.bins:
         return "  set multiplot next\n"
-    label = "share held" if of.name == "held" else _plain(("share " if of.verdict else "mean ") + of.name)
-    out = (f"  set xlabel '{_plain(key.name)}' noenhanced\n  set ylabel '{label}' noenhanced\n"
+    label = "share held" if of.name == "held" else plain(("share " if of.verdict else "mean ") + of.name)
+    out = (f"  set xlabel '{plain(key.name)}' noenhanced\n  set ylabel '{label}' noenhanced\n"
            f"  set yrange {'[-0.03:1.03]' if of.verdict else '[*:*]'}\n")
     if key.text:
         return out + (f"  set xrange [-0.5:{_number(len(key.bins) - 0.5)}]\n  set xtics auto\n  plot $key{block} using 1:4:5:6:xtic(7) with "
@@ -320,7 +320,7 @@ def _plot(table: Table, outcomes: list[Outcome]) -> tuple[str, str, str]:
     each = keys if dense else (keys + columns - 1) // columns * columns
     rows = (each * len(outcomes) + columns - 1) // columns
     more = f": of {count} keys the {keys} with the largest differences for each outcome" if keys < count else ""
-    commands = f"  set multiplot layout {rows},{columns} title '{_plain(table.head['title'])}{more}' noenhanced\n  set grid ytics\n  unset key\n  set zero 1e-30\n"
+    commands = f"  set multiplot layout {rows},{columns} title '{plain(table.head['title'])}{more}' noenhanced\n  set grid ytics\n  unset key\n  set zero 1e-30\n"
     for i, of in enumerate(outcomes):
         commands += "".join(_panel(of, of.keys[key], i * count + key) for key in _strongest(of, keys))
         commands += "  set multiplot next\n" * (each - keys)
@@ -409,7 +409,7 @@ def screen_text(table: Table, outcomes: list[Outcome]) -> str:
     return "".join(out)
 
 
-def _field(text: str) -> str:
+def field(text: str) -> str:
     return '"' + text.replace("\n", " ").replace('"', '""') + '"'
 
 
@@ -421,7 +421,7 @@ def figure_rows(head: str, outcomes: list[Outcome]) -> str:
         if len(of.values):
             assert of.all
             low, high = of.all[1:] if of.verdict else of.middle_90()
-            out.append(f"{head},{_field(of.name)},{len(of.values)},{of.all[0]:.7g},{low:.7g},{high:.7g},{_field(short_owners(of.variance))}\n")
+            out.append(f"{head},{field(of.name)},{len(of.values)},{of.all[0]:.7g},{low:.7g},{high:.7g},{field(short_owners(of.variance))}\n")
     return "".join(out)
 
 
@@ -468,7 +468,7 @@ def bands_text(curves: list[tuple[list[str], Array]]) -> str:
     out = [",".join(f'"{head}"' if "," in head else head for head in heads)]
     for row in range(len(longest)):
         there = np.sort(np.stack([values[row] for _, values in curves if row < len(values)]), axis=0)
-        bands = np.stack([_quantile(there, share) for share in (0.05, 0.5, 0.95)], axis=1)[1:]
+        bands = np.stack([quantile(there, share) for share in (0.05, 0.5, 0.95)], axis=1)[1:]
         out.append(",".join([_number(longest[row, 0]), *(f"{value:.7g}" for value in bands.ravel().tolist())]))
     return "\n".join(out) + "\n"
 

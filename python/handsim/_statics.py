@@ -1,174 +1,287 @@
-"""Largest forces of a hand with muscles at a posture, and postures in which it rests: what `handsim compare` puts side by side."""
+"""Forces and postures of a hand with muscles that is still: the largest forces on its skin, and where its joints rest. Rows of
+`handsim validate` are computed so, and what `handsim compare` puts side by side."""
 from __future__ import annotations
 
-from typing import Any, Mapping, Optional, Sequence
+from typing import Any, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from ._errors import Error, Fault, input_error
 from ._hand import Hand
+from ._scene import Scene
 
 Array = NDArray[np.float64]
-FUSED = 2.1e-3
+FUSED = 2.02e-3
 """A joint of a smaller range is fused [rad]: bone holds its moment."""
 GIVES = np.radians(20)
-"""A posture is one within this angle of each joint [rad]: passive tissue holds moments of up to this times its stiffness."""
-PINCH_FRICTION = 0.6
-"""Of skin on aluminium (Seo 2009), as in the rows of pinches of `handsim validate`."""
+"""A posture is one within this angle of each joint: over it tissue and resting muscles hold moments, too. Chosen; docs/muscles.md says which
+rows it moves."""
+AT_STOP = 1e-6
+"""An axis this near to its stop lies on it [rad]."""
+INWARDS = -0.5
+"""Cosine beyond which the other end lies inside the finger's shaft."""
+EDGES = 8
+"""Of a cone of friction."""
+FRICTION = 0.6
+"""Of skin on aluminium (Seo 2009), as in the rows of pinches and grips of `handsim validate`."""
+FINGERS = ("index", "middle", "ring", "little")
+DIRECTIONS = {"palmar": (0, 0, -1), "dorsal": (0, 0, 1), "distal": (0, 1, 0), "proximal": (0, -1, 0), "ulnar": (1, 0, 0), "radial": (-1, 0, 0)}
+"""In the frame of a right hand's segment."""
 
 
-def largest(gain: Array, equal: Array, to: Array, most: Array) -> tuple[float, Array]:
-    """The largest ``gain @ x`` with ``equal @ x == to`` and ``0 <= x <= most``, and x, by Mehrotra's interior points (1992).
+def fault(where: str, quantity: str, detail: str) -> Error:
+    """An error of the physics of a hand that is still."""
+    return Error(f"{where}: {quantity}: {detail}", "physics", fault=Fault(0.0, where, quantity, detail))
 
-    :return: NaN where no x is within the bounds
+
+class NotHeld(Error):
+    """Muscles, tissue, stops and the forces that may press do not hold a posture: there is no force in it."""
+
+    def __init__(self, where: str = "the hand") -> None:
+        detail = "muscles and tissue do not hold this posture"
+        super().__init__(f"{where}: largest force: {detail}", "physics", fault=Fault(0.0, where, "largest force", detail))
+
+
+def largest(gain: Array, equal: Array, to: Array, most: Array, less: Optional[Array] = None) -> Array:
+    """The x of the largest ``gain @ x`` with ``equal @ x == to``, ``less @ x <= 0`` and ``0 <= x <= most``: a linear program, by HiGHS.
+
+    :param most: inf: no bound
+    :raises NotHeld: where no x is within the bounds
+    :raises Error: of kind physics where the gain has no bound, or HiGHS no result; of kind input without SciPy
     """
-    finite = np.isfinite(most)
-    # Rows of one size; bounds x + s = most with slacks s.
-    scale = np.maximum(np.abs(equal).max(axis=1), 1e-12)
-    n, k = len(gain), int(finite.sum())
-    A = np.zeros((len(to) + k, n + k))
-    A[:len(to), :n] = equal / scale[:, None]
-    A[len(to) + np.arange(k), np.flatnonzero(finite)] = 1
-    A[len(to) + np.arange(k), n + np.arange(k)] = 1
-    b = np.concatenate([to / scale, most[finite]])
-    c = np.concatenate([-gain, np.zeros(k)])
-    x = np.ones(n + k)
-    s = np.ones(n + k)
-    y = np.zeros(len(b))
-    for _ in range(80):
-        primal, dual, gap = b - A @ x, c - A.T @ y - s, float(x @ s) / len(x)
-        size = 1 + np.abs(c @ x)
-        if np.abs(primal).max() < 1e-9 and np.abs(dual).max() < 1e-7 and gap * len(x) < 1e-7 * size:
-            return float(gain @ x[:n]), np.asarray(x[:n])
-        normal = (A * (x / s)) @ A.T + 1e-13 * np.eye(len(b))
+    try:
+        from scipy.optimize import linprog
+    except ImportError:
+        raise input_error("SciPy", "no Python module of this name", "it, for largest forces: pip install scipy") from None
+    found = linprog(-gain, less, None if less is None else np.zeros(len(less)), equal, to, np.stack([np.zeros(len(most)), most], axis=1), method="highs")
+    if found.status == 2:
+        raise NotHeld
+    if not found.success:
+        raise fault("the hand", "largest force", "it has no limit: stops hold all of it" if found.status == 3 else f"no result: {found.message}")
+    return np.asarray(found.x)
 
-        def step(target: Array) -> tuple[Array, Array, Array]:
-            dy = np.linalg.solve(normal, primal + A @ ((x * dual - target) / s))
-            ds = dual - A.T @ dy
-            return (target - x * ds) / s, dy, ds
 
-        def room(of: Array, by: Array) -> float:
-            return min(1.0, float(np.min(np.divide(-of, by, out=np.full(len(of), np.inf), where=by < 0))))
+def cone(normal: Array, friction: float) -> Array:
+    """Edges of a cone of friction, each of a newton along its normal, shape (edges, 3); without friction the normal."""
+    if friction == 0:
+        return normal[None]
+    x, y, z = normal
+    first = np.array([-y, x, 0]) if np.hypot(x, y) > 1e-12 * abs(z) else np.array([0, -z, y])
+    first = first / np.linalg.norm(first)
+    turns = 2 * np.pi * np.arange(EDGES)[:, None] / EDGES
+    return np.asarray(normal + friction * (np.cos(turns) * first + np.sin(turns) * np.cross(normal, first)))
 
-        dx, dy, ds = step(-x * s)
-        ahead = float((x + room(x, dx) * dx) @ (s + room(s, ds) * ds)) / len(x)
-        dx, dy, ds = step((ahead / gap) ** 3 * gap - x * s - dx * ds)
-        x = x + 0.99 * room(x, dx) * dx
-        y, s = y + 0.99 * room(s, ds) * dy, s + 0.99 * room(s, ds) * ds
-        if not np.isfinite(x).all() or x.max() > 1e12:
-            break
-    return float("nan"), x[:n]
+
+def matrix_of(quaternion: ArrayLike) -> Array:
+    """Of w x y z: columns are the axes of the turned frame."""
+    w, x, y, z = np.asarray(quaternion)
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def alone(core: _core.Scene) -> Statics:
+    """Of the right hand that is alone in its scene."""
+    hand = Hand.__new__(Hand)
+    hand.scene, hand.side = Scene(core), "right"
+    return Statics(hand)
+
+
+class Pressed(NamedTuple):
+    """What a hand holds while nothing moves."""
+
+    sum: float
+    """Of forces times their gains."""
+    forces: Array
+    """[N]"""
+    activations: Array
+    """Of the muscles, 0 to 1."""
 
 
 class Statics:
-    """A hand at rest at coordinates. Moments of muscles, passive tissue, bands and forces on the skin balance at every joint that
-    counts; joints that are fused do not."""
+    """A hand at coordinates q [rad], shape (coordinates,). Moments of muscles, passive tissue, bands, stops and forces on the skin
+    balance at every joint that counts; joints that are fused do not."""
 
     def __init__(self, hand: Hand) -> None:
         self.hand = hand
         self.names = hand.coordinates
-        self.low, self.high = hand.joints["low[rad]"], hand.joints["high[rad]"]
-        self.moves = [high - low > FUSED for low, high in zip(self.low, self.high)]
-        self.stiffness = np.asarray(hand.joints["stiffness[N m/rad]"])
-        self.gives = GIVES * self.stiffness
-        self.rest = np.clip(hand.joints["rest[rad]"], self.low, self.high)
+        self.low, self.high = np.asarray(hand.joints["low[rad]"]), np.asarray(hand.joints["high[rad]"])
+        self.rest, self.stiffness = np.asarray(hand.joints["rest[rad]"]), np.asarray(hand.joints["stiffness[N m/rad]"])
+        self.moves = ~(self.high - self.low < FUSED)
 
     def at(self, pose: Mapping[str, float], rest: bool = False) -> Array:
-        """Coordinates [rad] of a pose in degrees, within the joints' ranges; others at 0 or at rest."""
+        """Coordinates of a pose [rad]; others at 0, or with ``rest`` at their tissue's rest."""
         q = self.rest.copy() if rest else np.zeros(len(self.names))
         for name, angle in pose.items():
             if name in self.names:
-                q[self.names.index(name)] = np.radians(angle)
-        return np.asarray(np.clip(q, self.low, self.high), dtype=np.float64)
+                q[self.names.index(name)] = angle
+        return np.asarray(q, dtype=np.float64)
+
+    def within(self, pose: Mapping[str, float], rest: bool = False) -> Array:
+        """As `at`, of a pose in degrees, within the joints' ranges."""
+        return np.asarray(np.clip(self.at({name: np.radians(angle) for name, angle in pose.items()}, rest), self.low, self.high))
 
     def rows(self, *starts: str) -> list[int]:
-        """Coordinates of joints that move and whose names start so."""
-        return [i for i, name in enumerate(self.names) if self.moves[i] and name.startswith(tuple(starts))]
+        """Coordinates whose names start so."""
+        return [i for i, name in enumerate(self.names) if name.startswith(starts)]
 
-    def torques(self, q: Array) -> tuple[Array, Array]:
-        """Torque of each muscle at full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
-        arms = _core.hand_moment_arms(self.hand.scene._core, q)
-        active, passive, bands = _core.hand_muscle_forces(self.hand.scene._core, q)
-        tissue = self.stiffness * (np.asarray(self.hand.joints["rest[rad]"]) - q)
-        return np.asarray(arms.T * active, dtype=np.float64), np.asarray(arms.T @ passive + bands + tissue, dtype=np.float64)
+    def muscles(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """By muscle: moment arms [m], shape (muscles, coordinates), excursion [m], and the forces that full activation adds, and at rest [N].
+        By coordinate: the moment of bands [N m]."""
+        return _core.hand_muscles(self.hand.scene._core, q)
 
-    def press(self, q: Array, fingers: Sequence[str], forces: Array, gain: ArrayLike) -> tuple[float, Array]:
+    def passive(self, q: Array) -> Array:
+        """Moments of tissue, and of muscles without activation [N m]."""
+        arms, _, _, rest, _ = self.muscles(q)
+        return np.asarray(rest @ arms + self.stiffness * (self.rest - q))
+
+    def _gives(self, q: Array, row: int) -> float:
+        """Moment of tissue and resting muscles within the posture [N m]."""
+        away = np.zeros(len(q))
+        away[row] = GIVES
+        return abs(float(self.passive(q + away)[row] - self.passive(q - away)[row])) / 2
+
+    def moments(self, q: Array) -> tuple[Array, Array]:
+        """Moment of each muscle's full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
+        arms, _, active, rest, bands = self.muscles(q)
+        return np.asarray(arms.T * active), np.asarray(rest @ arms + self.stiffness * (self.rest - q) + bands)
+
+    def press(self, q: Array, rows: Sequence[int], forces: Array, gain: Optional[ArrayLike] = None, less: Optional[Array] = None) -> Pressed:
         """The largest sum of forces that a hand exerts while nothing moves.
 
-        :param fingers: their joints have to balance; ``wrist``: the wrist, too, else it is held
+        :param rows: coordinates that have to balance; others are held
         :param forces: torques [N m] of a newton of each force on the outside, shape (coordinates, forces)
-        :param gain: of each force
-        :return: the sum, and the forces [N]
+        :param gain: of each force; 1 without it
+        :param less: sums of forces that stay below 0, shape (sums, forces)
+        :raises NotHeld: where the hand does not hold the posture
         """
-        muscles, rest = self.torques(q)
-        rows = self.rows(*fingers)
-        count = forces.shape[1]
+        held = [i for i in sorted(set(rows)) if self.moves[i]]
+        active, outside = self.moments(q)
+        gives = np.array([self._gives(q, i) for i in held])
         # What tissue holds: from -gives to gives, and what a stop holds that the joint lies on.
-        low, high = (np.abs(q - stops)[rows] < 1e-6 for stops in (np.asarray(self.low), np.asarray(self.high)))
-        side = np.where(high, -1.0, 1.0)
-        equal = np.hstack([np.hstack([forces, -muscles])[rows], -np.diag(side)])
-        held = np.where(low | high, np.inf, 2 * self.gives[rows])
-        most = np.concatenate([np.full(count, np.inf), np.ones(muscles.shape[1]), held])
-        gains = np.concatenate([np.asarray(gain, dtype=float), np.zeros(len(most) - count)])
-        value, x = largest(gains, equal, rest[rows] - side * self.gives[rows], most)
-        return value, x[:count]
-
-    def torque_of(self, q: Array, point: Any, direction: ArrayLike) -> Array:
-        """Torques with which joints press a newton at a point along a direction in the hand's frame; a wrist has none of it: what is
-        held is held by the palm, too."""
-        out = self.hand.jacobian(q, point)[:3].T @ np.asarray(direction, dtype=float)
-        out[[i for i, name in enumerate(self.names) if name.startswith("wrist")]] = 0
-        return np.asarray(out)
+        high = (q >= self.high - AT_STOP)[held]
+        on_stop, side = high | (q <= self.low + AT_STOP)[held], np.where(high, -1.0, 1.0)
+        count, muscles = forces.shape[1], active.shape[1]
+        equal = np.hstack([np.hstack([forces, -active])[held], -np.diag(side)])
+        most = np.concatenate([np.full(count, np.inf), np.ones(muscles), np.where(on_stop, np.inf, 2 * gives)])
+        gains = np.zeros(len(most))
+        gains[:count] = 1 if gain is None else gain
+        limits = None if less is None else np.hstack([less, np.zeros((len(less), len(most) - count))])
+        x = largest(gains, equal, outside[held] - side * gives, most, limits)
+        return Pressed(max(0.0, float(gains @ x)), x[:count], np.clip(x[count:count + muscles], 0, 1))
 
     def axes(self, q: Array, body: str) -> Array:
         """Columns: ulnar (right hand), distal and dorsal axis of a body in the hand's frame."""
-        w, x, y, z = self.hand.poses(q).quaternion[self.hand.bodies.index(body)]
-        return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+        return matrix_of(self.hand.poses(q).quaternion[self.hand.bodies.index(body)])
 
-    def cone(self, q: Array, point: Any, normal: Array, friction: float = 0.8,
-             sides: int = 8) -> list[tuple[Array, Array]]:
-        """Torques of the edges of a cone of friction, each of a newton along the normal, and their forces."""
-        first = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.7 else [0, 1.0, 0])
-        first /= np.linalg.norm(first)
-        second = np.cross(normal, first)
-        turns = 2 * np.pi * np.arange(sides) / sides
-        edges = [normal + friction * (np.cos(t) * first + np.sin(t) * second) for t in turns]
-        return [(self.torque_of(q, point, edge), edge) for edge in edges]
+    def torques(self, q: Array, point: Any, forces: Array) -> Array:
+        """Torques with which the joints of its finger press a newton at a point, shape (coordinates, forces). What the wrist would have
+        to hold, is held by the palm, too.
 
-    def slack_pose(self, pose: Mapping[str, float]) -> Array:
-        """Where fingers rest with all muscles at rest, their pose's coordinates held. Joints creep along their moments."""
-        q = self.at(pose, rest=True)
-        free = [i for i in self.rows("thumb", "index", "middle", "ring", "little") if self.names[i] not in pose]
-        step = np.full(len(free), 1.0)
-        before = np.zeros(len(free))
-        for _ in range(20000):
-            moment = self.torques(q)[1][free]
-            at_stop = ((q[free] <= self.low[free]) & (moment < 0)) | ((q[free] >= self.high[free]) & (moment > 0))
-            if np.abs(np.where(at_stop, 0, moment)).max(initial=0) < 1e-6:
-                break
-            step = np.where(moment * before < 0, 0.5 * step, np.minimum(1.05 * step, 20))
-            before = moment
-            q[free] = np.clip(q[free] + np.clip(step * moment, -0.05, 0.05), self.low[free], self.high[free])
-        return q
+        :param forces: in the hand's frame, shape (forces, 3)
+        """
+        out = np.asarray(self.hand.jacobian(q, point)[:3].T @ forces.T)
+        out[self.rows("wrist")] = 0
+        return out
+
+    def tip(self, finger: str) -> float:
+        """y [m] of the fingertip in the last segment's frame."""
+        return float(self.hand.tips.row(self.hand.tips["name"].index(finger + "_tip"))["position"][1])
+
+    def _shape(self, segment: str) -> dict[str, Any]:
+        return self.hand.shapes.row(self.hand.shapes["body"].index(segment))
+
+    def middle(self, segment: str) -> float:
+        """y [m] of the middle of a segment: between its joints, or its joint and the fingertip."""
+        shape = self._shape(segment)
+        # Only a fingertip's round end is beyond the ends.
+        return float(shape["position"][1] + (0.5 * shape["radius"] if segment.endswith("_distal") else 0))
+
+    def round_end(self, finger: str) -> tuple[str, Array]:
+        """The centre of a fingertip's round end."""
+        shape = self._shape(finger + "_distal")
+        return finger + "_distal", np.array([0, shape["position"][1] + 0.5 * shape["length"], 0])
+
+    def balance(self, q: Array, free: Sequence[int], tensions: Mapping[int, float] = {}) -> Array:
+        """Coordinates where those that may turn balance: passive moments, bands and the tensions [N] of muscles.
+
+        :param free: coordinates that may turn
+        :param tensions: by row of `Hand.muscles`; the muscle's passive force is part of it
+        :raises Error: of kind physics where none is found
+        """
+        turning = np.asarray(free, dtype=int)
+        low, high = self.low[turning], self.high[turning]
+        low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
+
+        def moments(at: Array) -> Array:
+            arms, _, _, force, bands = self.muscles(at)
+            for muscle, tension in tensions.items():
+                force[muscle] = tension
+            return np.asarray((force @ arms + self.stiffness * (self.rest - at) + bands)[turning])
+
+        # Pseudo-transient: steps along the moments, as damped joints turn, until only stops hold them.
+        q, step = q.copy(), 1.0
+        now = moments(q)
+        for _ in range(200_000):
+            x = q[turning]
+            left = np.abs(now[~(((x <= low) & (now < 0)) | ((x >= high) & (now > 0)))]).max(initial=0)
+            if left < 1e-8:
+                return q
+            following = q.copy()
+            following[turning] = np.clip(x + np.clip(step * now, -0.05, 0.05), low, high)
+            then = moments(following)
+            # Small components do not count: a nearly balanced one changes its sign with every step of the others.
+            if ((then * now < -0.25 * now * now) & (np.abs(then) > 0.1 * left)).any():
+                step *= 0.5
+                continue
+            step = min(step * 1.1, 50.0)
+            q, now = following, then
+        raise fault("the hand", "balance", "no posture was found in which moments balance")
+
+
+def pinch(of: Statics, q: Array, finger: str, friction: float, balanced: Sequence[int] = ()) -> float:
+    """The largest force between the round ends of the thumb and of a finger, along the line of their centres [N].
+
+    :param balanced: more coordinates that have to balance
+    :raises Error: of kind physics where the ends do not face each other
+    """
+    ends = [of.round_end("thumb"), of.round_end(finger)]
+    normal = of.hand.position(q, ends[1]) - of.hand.position(q, ends[0])
+    normal = normal / np.linalg.norm(normal)
+    outwards = [of.axes(q, body)[:, 1] for body, _ in ends]
+    if normal @ outwards[0] < INWARDS or -normal @ outwards[1] < INWARDS:
+        raise fault("the hand", "pinch", "the round ends do not face each other in this pose")
+    edges = cone(normal, friction)
+    # The thumb presses towards the finger, the finger with the opposite force.
+    forces = of.torques(q, ends[0], edges) - of.torques(q, ends[1], edges)
+    return of.press(q, [*of.rows("thumb_", finger + "_"), *balanced], forces).sum
+
+
+def tip_force(of: Statics, q: Array, finger: str, direction: str, friction: float, segment: Optional[str] = None, balanced: Sequence[int] = ()) -> float:
+    """The largest force along a direction at a fingertip, without a moment [N].
+
+    :param direction: one of DIRECTIONS, from which friction lets the force lean
+    :param segment: whose middle is pressed instead
+    """
+    body = segment or finger + "_distal"
+    point = body, np.array([0, of.middle(segment) if segment else of.tip(finger), 0])
+    edges = cone(np.array(DIRECTIONS[direction], dtype=float), friction) @ of.axes(q, body).T
+    return of.press(q, [*of.rows(finger + "_"), *balanced], of.torques(q, point, edges)).sum
 
 
 def polytope(of: Statics, finger: str, point: str, body: str, pose: Mapping[str, float], across: int, mirror: int = 1,
              count: int = 48) -> Array:
     """Largest forces at a point of a finger in a plane of a body, shape (count, 2) [N]: along its axis `across` (0: ulnar, with
     mirror -1 on a left hand; 1: distal) and palmar, the first one along `across`, the others turned towards palmar."""
-    q = of.at(pose)
+    q = of.within(pose)
     axes = of.axes(q, body)
-    first = axes[:, across] * (mirror if across == 0 else 1)
-    out = []
-    for turn in 2 * np.pi * np.arange(count) / count:
-        along = np.array([np.cos(turn), np.sin(turn)])
-        force = of.torque_of(q, point, along[0] * first - along[1] * axes[:, 2])
-        value, _ = of.press(q, [finger], force[:, None], [1.0])
-        out.append(value * along if np.isfinite(value) else 0 * along)
-    return np.array(out)
+    turns = 2 * np.pi * np.arange(count) / count
+    along = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    plane = np.stack([axes[:, across] * (mirror if across == 0 else 1), -axes[:, 2]])
+    torques = of.torques(q, point, along @ plane)
+    return np.array([of.press(q, of.rows(finger + "_"), torques[:, i:i + 1]).sum * along[i] for i in range(count)])
 
 
 GRIP = {"mcp.flexion": 45.0, "pip.flexion": 60.0, "dip.flexion": 30.0}
@@ -184,46 +297,34 @@ def grip(of: Statics, wrist: Optional[float] = None) -> tuple[float, dict[str, f
 
     :param wrist: flexion at which muscles balance the wrist, too [deg]; None: it is held at 0
     """
-    fingers = ["index", "middle", "ring", "little"]
-    q = of.at({"wrist.flexion": wrist or 0.0, **{f"{f}_{joint}": angle for f in fingers for joint, angle in GRIP.items()}})
-    columns, gain, owner = [], [], []
-    for finger in fingers:
-        for segment in ("middle", "distal"):
-            body = f"{finger}_{segment}"
-            palmar = -of.axes(q, body)[:, 2]
-            for torque, force in of.cone(q, body, palmar):
-                columns.append(torque)
-                # Of what presses the bar to the palm: it is dorsal of the bar.
-                gain.append(float(force @ np.array([0, -0.35, 0.94])))
-                owner.append(finger)
-    value, forces = of.press(q, fingers if wrist is None else [*fingers, "wrist"], np.array(columns).T, gain)
-    return value, {f: float(sum(g * n for g, n, o in zip(gain, forces, owner) if o == f)) for f in fingers}
+    q = of.within({"wrist.flexion": wrist or 0.0, **{f"{f}_{joint}": angle for f in FINGERS for joint, angle in GRIP.items()}})
+    bodies = [f"{finger}_{segment}" for finger in FINGERS for segment in ("middle", "distal")]
+    edges = [cone(-of.axes(q, body)[:, 2], FRICTION) for body in bodies]
+    columns = np.hstack([of.torques(q, body, each) for body, each in zip(bodies, edges)])
+    # Of what presses the bar to the palm: it is dorsal of the bar.
+    gain = np.vstack(edges) @ np.array([0, -0.35, 0.94])
+    rows = of.rows(*(finger + "_" for finger in FINGERS), *([] if wrist is None else ["wrist"]))
+    found = of.press(q, rows, columns, gain)
+    by_finger = (gain * found.forces).reshape(len(FINGERS), -1).sum(axis=1)
+    return found.sum, {finger: float(force) for finger, force in zip(FINGERS, by_finger)}
 
 
 def key_pinch(of: Statics) -> float:
     """Of the thumb's pad against what does not move [N]."""
-    q = of.at(KEY)
-    normal = -of.axes(q, "thumb_distal")[:, 2]
-    thumb = np.array([torque for torque, _ in of.cone(q, "thumb_distal", normal, PINCH_FRICTION)]).T
-    return of.press(q, ["thumb"], thumb, np.ones(thumb.shape[1]))[0]
+    q = of.within(KEY)
+    edges = cone(-of.axes(q, "thumb_distal")[:, 2], FRICTION)
+    return of.press(q, of.rows("thumb_"), of.torques(q, "thumb_distal", edges)).sum
 
 
 def tip_pinch(of: Statics) -> float:
     """Of the round ends of thumb and index against each other [N]."""
-    q = of.at(TIP)
-    ends = [_round_end(of, finger) for finger in ("thumb", "index")]
-    normal = of.hand.position(q, ends[1]) - of.hand.position(q, ends[0])
-    normal = normal / np.linalg.norm(normal)
-    thumb, index = (np.array([torque for torque, _ in of.cone(q, end, normal, PINCH_FRICTION)]).T for end in ends)
-    # The index presses back with the same force.
-    return of.press(q, ["thumb", "index"], thumb - index, np.ones(thumb.shape[1]))[0]
+    return pinch(of, of.within(TIP), "index", FRICTION)
 
 
-def _round_end(of: Statics, finger: str) -> tuple[str, Array]:
-    """The centre of a fingertip's round end."""
-    tip = of.hand.tips.row(of.hand.tips["name"].index(finger + "_tip"))
-    radius = of.hand.segments["radius[m]"][of.hand.bodies.index(tip["body"])]
-    return tip["body"], np.asarray(tip["position"]) - [0, radius, 0]
+def slack_pose(of: Statics, pose: Mapping[str, float]) -> Array:
+    """Where fingers rest with all muscles at rest, their pose's coordinates held [deg]."""
+    free = [i for i in of.rows("thumb_", *(finger + "_" for finger in FINGERS)) if of.moves[i] and of.names[i] not in pose]
+    return of.balance(of.within(pose, rest=True), free)
 
 
 def thumb_workspace(of: Statics, voxel: float = 4e-3, steps: Optional[Sequence[int]] = None) -> tuple[float, Array]:

@@ -21,7 +21,7 @@ from ._hand import WHAT_IF, Hand
 from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, files_of
 from ._shipped import data_path, find_file
-from ._statics import Statics, grip, key_pinch, polytope, thumb_workspace, tip_pinch
+from ._statics import Statics, grip, key_pinch, polytope, slack_pose, thumb_workspace, tip_pinch
 from ._yaml import parser
 
 USAGE = """handsim compare A [B] [--set KEY=VALUE] [--out DIR]
@@ -114,7 +114,7 @@ def measure(hand: Hand) -> dict[str, Any]:
                            "planes": [polytope(of, mirror=mirror, **_place(each)).tolist() for each in PLANES],
                            "workspace_cm3": 1e6 * volume, "workspace": _outline(points, mirror),
                            "tenodesis": {}}
-    rests = [of.slack_pose({"wrist.flexion": float(angle)}) for angle in WRIST]
+    rests = [slack_pose(of, {"wrist.flexion": float(angle)}) for angle in WRIST]
     for joint in JOINTS:
         column = of.names.index(joint + ".flexion")
         out["tenodesis"][joint] = [float(np.degrees(q[column])) for q in rests]

@@ -19,7 +19,7 @@ from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
 from ._progress import Progress, bar
 from ._scene import Scene, load
-from ._shipped import find_file
+from ._shipped import data_path, find_file
 from ._table import Table
 from ._table_files import read_csv, read_h5, read_json, read_sto
 
@@ -266,15 +266,19 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         return Study("track", folder, "")
 
 
-def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, out: Out = None) -> Study:
+def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, out: Out = None, progress: Progress = None) -> Study:
     """The hand beside measurements: moment arms, forces, moments, masses with their sources.
 
-    :param measurements: file of measurements; None: the shipped one
+    :param measurements: file of measurements, or the name of a shipped one; None: config/validate.yaml
     :param uncertain: as many hands are drawn within what is uncertain: columns ``percentile_5``, ``percentile_95``
+    :raises Error: of kind physics, with its name, for a row without a value: a hand that does not hold its posture
     """
-    with _folder(out) as folder:
-        return Study("validate", folder, _core.validate(_path("measurements", measurements), folder,
-                                                         None if uncertain is None else whole("uncertain", uncertain, 2)))
+    from ._validate_report import study
+
+    file = data_path() / "config/validate.yaml" if measurements is None else find_file(measurements, "measurements")
+    count = None if uncertain is None else whole("uncertain", uncertain, 2)
+    with _folder(out) as folder, bar(progress, "validate") as told:
+        return Study("validate", folder, study(file, folder, uncertain=count, told=told).text)
 
 
 __all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "read_csv", "read_h5",

@@ -56,24 +56,6 @@ std::vector<std::string> words_of(const std::string& command) {
   return words;
 }
 
-// Oracle: the table. The commands of the rows that are simulations name their scenes.
-TEST(StudyPage, OfValidateHasACommandForEachRow) {
-  HANDSIM_SKIP_WITH_SANITIZER("a test of the shipped hand measures it too, and other studies have pages");
-  const test::TemporaryFolder folder;
-  const fs::path out = folder.path() / "validate";
-  run_program({"validate", "--out", out.string(), "--report"});
-  const auto study = nlohmann::json::parse(text_of(out / "study.json"));
-  const auto table = table_of(out / "validate.csv");
-  EXPECT_TRUE(contains(study["command"], "handsim validate "));
-  EXPECT_EQ(study["rows"]["validate.csv"].size(), table.size() - 1);
-  EXPECT_GT(table.size(), 20U);
-  const std::string page = text_of(out / "report.html");
-  EXPECT_TRUE(contains(page, "validate.csv"));
-  EXPECT_TRUE(contains(page, cell(table, 1, "quantity")));
-  const auto about = nlohmann::json::parse(text_of(out / "validate.json"));
-  EXPECT_TRUE(contains(page, about["title"]));
-}
-
 // Oracle: the person of the scene, median_man: 1.755 m, a hand of 193.1 mm (handsim hand).
 TEST(StudyPage, OfGraspsSaysWhoseHandItIsAndIsNotTitledByItsFolder) {
   HANDSIM_SKIP_WITH_SANITIZER("a run of seconds");

@@ -6,7 +6,7 @@
 prints what people have beside the hand of today, and with --fit beside the least-squares fit, and the factors on the forces. Targets are
 grips by the span of a dynamometer, the posture of the wrist and a blocked ulnar nerve, shares of the fingers, forces of fingertips,
 of single fingers that press, of the thumb and of pinches, and moments of the wrist while the fingers are free. Each is a linear program:
-activations of 0 to 1, moments of the joints balance, those of the wrist too (src/handsim/study/validate/press.cpp). Contacts of a
+activations of 0 to 1, moments of the joints balance, those of the wrist too (python/handsim/_statics.py). Contacts of a
 grip are those of a simulation that closes the fingers on the bar; there only normal forces count, since friction does little in it.
 Priors are 0.3 of the logarithm for finger flexors and 0.4 to 0.6 for others. The shipped forces are the fit of 2026-11-27 from the forces of before, with friction at the bar, and then: finger flexors, wrist extensors and EDC3 to
 EDM times 1.3, with which the simulated grip (`grip_force` of handsim validate) is the norm's; FDP2 at half and FDS2 at 200 N; ECRB and
@@ -53,7 +53,7 @@ class Program:
     """The largest sum of gains. columns: torques of a newton of each force; across: held by the palm's friction."""
 
     def __init__(self, q, columns, gains, balanced, across=None, owners=None):
-        self.muscles, self.rest = STATICS.torques(q)
+        self.muscles, self.rest = STATICS.moments(q)
         self.columns, self.gains, self.rows, self.across, self.owners = np.array(columns).T, np.array(gains, dtype=float), balanced, across, owners
         low, high = (np.abs(q - np.asarray(stops)) < 1e-6 for stops in (STATICS.low, STATICS.high))
         self.held = [(None if high[i] else -GIVES[i], None if low[i] else GIVES[i]) for i in balanced]

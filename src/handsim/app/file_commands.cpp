@@ -68,7 +68,7 @@ constexpr std::array kReaders = {
     FileReader{"anthropometry", FileKind::anthropometry, read_root<hand::read_anthropometry>},
     FileReader{"grip_norms", FileKind::grip_norms, read_root<hand::read_grip_table>},
     FileReader{"muscles", FileKind::muscles, read_muscles},
-    FileReader{"measurements", FileKind::measurements, study::read_validate},
+    FileReader{"measurements", FileKind::measurements, study::read_measurements},
     FileReader{"rollouts", FileKind::rollouts, read_root<study::read_rollouts>},
     FileReader{"names", FileKind::motion_names, read_root<control::read_motion_names>},
     FileReader{"markers", FileKind::marker_set, read_root<study::read_marker_set>},

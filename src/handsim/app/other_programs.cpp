@@ -27,7 +27,7 @@ struct OtherCommand {
   const char *name, *help, *example;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 6> kOtherCommands = {
+constexpr std::array<OtherCommand, 7> kOtherCommands = {
     {{"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
       "handsim compare healthy.yaml blocked.yaml --out out/compared"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
@@ -41,7 +41,10 @@ constexpr std::array<OtherCommand, 6> kOtherCommands = {
       "machines: one table, what makes them held, a plot",
       "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
-      "handsim stability config/stability.yaml --out out/stability --quick"}}};
+      "handsim stability config/stability.yaml --out out/stability --quick"},
+     {"validate",
+      "The hand against measurements: moment arms, forces, moments, masses beside their sources",
+      "handsim validate --out out/validate"}}};
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it. An interpreter that has no package or no NumPy goes on to the next one.

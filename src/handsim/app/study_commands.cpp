@@ -10,7 +10,6 @@
 #include "handsim/app/progress.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
-#include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
 
@@ -72,24 +71,6 @@ void add_accuracy(CommandLine& line) {
   add_report_flag(accuracy, asked->run);
 }
 
-void add_validate(CommandLine& line) {
-  const auto asked = std::make_shared<Asked<study::ValidateOptions>>();
-  CLI::App& validate = line.add(
-      "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-      "handsim validate --out out/validate", bar_command<study::validate, study::ValidateOptions>, asked);
-  add_input(validate, "measurements", asked->file, "file of measurements (default: the installed ones)");
-  validate
-      .add_option("--out", asked->run.out,
-                  "folder for the study's files and runs/ (default with --runs or --report: out/validate)")
-      ->check(check_path);
-  validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)");
-  add_uncertain(validate, asked->uncertain);
-  add_report_flag(validate, asked->run);
-  validate.parse_complete_callback([asked, &validate] {
-    if (asked->run.out.empty() && (asked->runs || asked->run.report)) asked->run.out = default_out(validate);
-  });
-}
-
 int effects_command(const Asked<study::EffectsOptions>& asked) {
   const scene::Scene scene = scene::load_scene(*asked.file, asked.overrides);
   print_warnings(scene.warnings);
@@ -117,7 +98,7 @@ void add_effects(CommandLine& line) {
 }  // namespace
 
 void add_study_commands(CommandLine& line) {
-  for (const auto add : {add_grasp, add_accuracy, add_effects, add_validate}) add(line);
+  for (const auto add : {add_grasp, add_accuracy, add_effects}) add(line);
 }
 
 }  // namespace handsim::app

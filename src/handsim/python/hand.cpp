@@ -61,6 +61,14 @@ py::dict segments(const SceneHandle& of) {
   return out;
 }
 
+/// One number for each coordinate.
+Numbers coordinates_of(const model::Model& model, const py::object& numbers, const char* name) {
+  Numbers out(numbers, {static_cast<py::ssize_t>(model.dof_count())}, name);
+  for (const double each : out.span())
+    if (!std::isfinite(each)) throw input_error(name, std::to_string(each), "finite numbers");
+  return out;
+}
+
 /// The first hand at coordinates, with its hand frame at the origin of the world.
 struct Posture {
   const model::Model& model;
@@ -68,20 +76,13 @@ struct Posture {
   model::State state;
 
   Posture(const SceneHandle& of, const py::object& q) : model(of.scene->model), hand(first_hand(of)) {
-    state = model::state_at(model, coordinates(q, "q").span());
+    state = model::state_at(model, coordinates_of(model, q, "q").span());
     const Pose x_HW = (state.bodies[as_index(hand.palm)].pose() * hand.wrist_frame).inverse();
     for (model::BodyState& body : state.bodies) {
       const Pose x_HB = x_HW * body.pose();
       body.p = x_HB.p;
       body.q = x_HB.q;
     }
-  }
-  /// One number for each coordinate.
-  Numbers coordinates(const py::object& numbers, const char* name) const {
-    Numbers out(numbers, {static_cast<py::ssize_t>(model.dof_count())}, name);
-    for (const double each : out.span())
-      if (!std::isfinite(each)) throw input_error(name, std::to_string(each), "finite numbers");
-    return out;
   }
 };
 
@@ -120,43 +121,48 @@ py::array_t<double> mass_matrix(const SceneHandle& of, const py::object& q) {
 py::array_t<double> inverse_dynamics(const SceneHandle& of, const py::object& q, const py::object& u,
                                      const py::object& a, const py::object& gravity) {
   Posture posture(of, q);
-  const Numbers rates = posture.coordinates(u, "u"), change = posture.coordinates(a, "a");
+  const Numbers rates = coordinates_of(posture.model, u, "u"), change = coordinates_of(posture.model, a, "a");
   const Vec3 pull(Numbers(gravity, {3}, "gravity").span().data());
   posture.state.u.assign(rates.span().begin(), rates.span().end());
   return array_of(model::inverse_dynamics(posture.model, posture.state, change.span(), pull));
 }
 
-py::array_t<double> moment_arms(const SceneHandle& of, const py::object& q) {
-  const Posture posture(of, q);
-  const std::vector<model::Muscle>& muscles = posture.model.muscles;
-  Eigen::MatrixXd out =
-      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(muscles.size()), posture.model.dof_count());
-  for (std::size_t m = 0; m < muscles.size(); ++m) {
-    const model::PathState path = model::path_state(muscles[m].path, posture.state.q);
-    for (std::size_t i = 0; i < muscles[m].path.arms.size(); ++i)
-      out(static_cast<Eigen::Index>(m), muscles[m].path.arms[i].dof) = path.arm[i];
-  }
-  return matrix(out);
-}
-
-/// By muscle: the force that full activation adds, and the force at rest [N]. By coordinate: the torque of
-/// bands [N m].
-py::tuple muscle_forces(const SceneHandle& of, const py::object& q) {
-  const Posture posture(of, q);
-  const model::Model& model = posture.model;
-  Column active, passive, torque(posture.state.q.size());
+/// Of the muscles at coordinates: moment arms by muscle and coordinate [m], excursions [m], the force that full
+/// activation adds, and the force at rest [N]. By coordinate: the torque of bands [N m].
+py::tuple muscles_at(const SceneHandle& of, const py::object& q) {
+  const model::Model& model = of.scene->model;
+  const Numbers at = coordinates_of(model, q, "q");
+  Eigen::MatrixXd arms =
+      Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(model.muscles.size()), model.dof_count());
+  Column excursion, active, passive, torque(at.span().size());
   for (const model::Muscle& muscle : model.muscles) {
-    const double excursion = model::path_state(muscle.path, posture.state.q).excursion;
-    active.push_back(model::isometric_force(muscle, excursion));
-    passive.push_back(model::passive_force(muscle, excursion));
+    const model::PathState path = model::path_state(muscle.path, at.span());
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+      arms(static_cast<Eigen::Index>(excursion.size()), muscle.path.arms[i].dof) = path.arm[i];
+    excursion.push_back(path.excursion);
+    active.push_back(model::isometric_force(muscle, path.excursion));
+    passive.push_back(model::passive_force(muscle, path.excursion));
   }
   for (const model::Band& band : model.bands) {
-    const model::PathState path = model::path_state(band.path, posture.state.q);
+    const model::PathState path = model::path_state(band.path, at.span());
     const double pull = -band.stiffness * (path.excursion + band.rest);
     for (std::size_t i = 0; i < band.path.arms.size(); ++i)
       torque[as_index(band.path.arms[i].dof)] += path.arm[i] * (band.both_ways ? pull : std::max(0.0, pull));
   }
-  return py::make_tuple(array_of(active), array_of(passive), array_of(torque));
+  return py::make_tuple(matrix(arms), array_of(excursion), array_of(active), array_of(passive),
+                        array_of(torque));
+}
+
+/// Length and mass; centre of mass from the wrist and radii of gyration about three axes, over the length [1].
+py::dict whole_hand(const SceneHandle& of) {
+  first_hand(of);
+  const hand::BuiltHand& built = of.scene->hands.front();
+  const auto found = hand::whole_hand(built).shares;
+  return py::dict(py::arg("length") = built.size.length, py::arg("mass") = built.mass,
+                  py::arg("centre_of_mass") = found.centre_of_mass,
+                  py::arg("sagittal") = found.gyration_sagittal,
+                  py::arg("transverse") = found.gyration_transverse,
+                  py::arg("longitudinal") = found.gyration_longitudinal);
 }
 
 /// Size, mass and strength of the first hand.
@@ -190,8 +196,8 @@ void bind_hand(py::module_& module) {
   module.def("hand_jacobian", &jacobian);
   module.def("hand_mass_matrix", &mass_matrix);
   module.def("hand_inverse_dynamics", &inverse_dynamics);
-  module.def("hand_moment_arms", &moment_arms);
-  module.def("hand_muscle_forces", &muscle_forces);
+  module.def("hand_muscles", &muscles_at);
+  module.def("whole_hand", &whole_hand);
 }
 
 }  // namespace handsim::python

@@ -88,6 +88,7 @@ PYBIND11_MODULE(_core, module) {
   translate_errors();
   bind_scene(module);
   bind_hand(module);
+  bind_measurements(module);
   bind_pictures(module);
   bind_run(module);
   bind_files(module);

@@ -6,7 +6,6 @@
 #include "handsim/study/effects/effects.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/population.h"
-#include "handsim/study/validate/validate.h"
 
 namespace handsim::python {
 
@@ -78,10 +77,6 @@ std::vector<PersonNumbers> draw_persons(const std::string& population, int count
   return out;
 }
 
-std::string validate(const std::optional<path>& file, const path& out, std::optional<int> uncertain) {
-  return without_gil([&] { return study::validate({file, false, uncertain}, {out}).text; });
-}
-
 void bind_motion(py::module_& module) {
   module.def("inverse", [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
                            const std::optional<path>& names, const std::optional<path>& loads,
@@ -120,7 +115,6 @@ void bind_studies(py::module_& module) {
   module.def("accuracy", &accuracy);
   module.def("effects", &effects_study);
   module.def("grasps", &grasps);
-  module.def("validate", &validate);
   bind_motion(module);
 }
 

@@ -1,0 +1,478 @@
+"""Hands beside people's measured values: the rows of a file such as config/validate.yaml, each computed of a hand."""
+from __future__ import annotations
+
+import json
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional
+
+import numpy as np
+
+from . import _core
+from ._errors import Error, input_error
+from ._rollouts_files import quantile
+from ._scene import Scene
+from ._simulation import Simulation
+from ._statics import DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, fault, matrix_of, pinch, tip_force
+
+Row = dict[str, Any]
+"""Of a file, as src/handsim/study/validate/validate.h says."""
+Angles = Mapping[str, float]
+"""By axis [rad]."""
+Told = Optional[Callable[[float], object]]
+OF_SCENES = ("simulation", "grip_force")
+"""Kinds of rows whose hand is a scene's, not one of the file's people."""
+
+
+class Uncertainty(NamedTuple):
+    """A figure of drawn hands, of those that have it."""
+
+    missing: int
+    low: float
+    """5th percentile."""
+    high: float
+    """95th percentile."""
+    variance: list[tuple[str, float]]
+    """Inputs with their shares of the variance, the largest first."""
+
+
+class Measured:
+    """A row with the hand's value."""
+
+    def __init__(self, row: Row, ours: float, deviation: float, measured: bool, note: str = "") -> None:
+        self.row, self.ours = row, ours
+        self.note = note
+        """What is to be said of the value."""
+        self.deviation = deviation
+        """Over the spread; of moment_arms: root mean square over the angles."""
+        self.measured = measured
+        """False: a simulation that was not run."""
+        self.weight = 1.0
+        """One over the rows that this value serves."""
+        self.uncertainty: Optional[Uncertainty] = None
+        self.inside = False
+        """The measured value is within the middle 90 % of drawn hands, its spread added."""
+
+    @property
+    def within(self) -> bool:
+        return self.measured and self.deviation <= 1
+
+
+class Tally(NamedTuple):
+    """How many measured values there are, and how many of them are within. A value that serves several rows counts once, within by
+    the part of these rows that it is within."""
+
+    within: float
+    values: float
+
+    @property
+    def share(self) -> float:
+        return self.within / self.values if self.values else 0.0
+
+
+Filter = Callable[[Row], bool]
+
+
+def every(_: Row) -> bool:
+    return True
+
+
+def of_people(row: Row) -> bool:
+    """Of people, with the spread and the conditions of the source."""
+    return bool(row["of"] == "people" and row["spread_is"] == "source" and not row["chosen"])
+
+
+def predicted(row: Row) -> bool:
+    return bool(row["value_is"] == "predicted")
+
+
+def _sum(of: Iterable[float]) -> float:
+    """In their order: `sum` of newer Pythons rounds otherwise."""
+    out = 0.0
+    for each in of:
+        out += each
+    return out
+
+
+class Result(NamedTuple):
+    title: str
+    goal: float
+    """Share of values within one spread."""
+    rows: list[Measured]
+
+    def within(self, of: Filter = every) -> Tally:
+        """Values within one spread, of measured rows."""
+        rows = [row for row in self.rows if row.measured and of(row.row)]
+        return Tally(_sum(row.weight for row in rows if row.within), _sum(row.weight for row in rows))
+
+    def covered(self, of: Filter = every) -> Tally:
+        """Rows with drawn hands whose measured value is inside."""
+        rows = [row for row in self.rows if row.uncertainty and of(row.row)]
+        return Tally(float(sum(row.inside for row in rows)), float(len(rows)))
+
+    @property
+    def passed(self) -> bool:
+        """Every required row that was measured is within its spread."""
+        return all(row.within or not row.measured or not row.row["required"] for row in self.rows)
+
+
+# Rows of a person's hand.
+
+def _arms(of: Statics, row: Row) -> Array:
+    """A muscle's arm at each angle [m]."""
+    muscle, axis = of.hand.muscles.index(row["muscle"]), of.names.index(row["axis"])
+    return _scale(of, row) * np.array([of.muscles(of.at({**row["pose"], row["axis"]: angle}))[0][muscle, axis] for angle in row["angles"]])
+
+
+def _scale(of: Statics, row: Row) -> float:
+    """To the length of the measured hand."""
+    return float(row["hand_length"] / _core.whole_hand(of.hand.scene._core)["length"]) if "hand_length" in row else 1.0
+
+
+def _muscles(of: Statics, row: Row) -> list[int]:
+    return [of.hand.muscles.index(name) for name in row["muscles"]]
+
+
+def _excursion(of: Statics, row: Row) -> float:
+    """Of tendons from one pose to another [m]."""
+    ends = [of.muscles(of.at(row.get(key, {})))[1][_muscles(of, row)] for key in ("pose", "from")]
+    return _scale(of, row) * float(np.mean(ends[0] - ends[1]))
+
+
+def _tip_share(of: Statics, row: Row) -> float:
+    """Force on what holds the tip in force and moment, per tension: joint moments r T = J^T (force, moment), of the finger's flexion
+    axes, with forces in the plane of flexion."""
+    q, finger = of.at(row["pose"]), row["finger"]
+    body = finger + "_distal"
+    turn = of.axes(q, body).T
+    J = of.hand.jacobian(q, (body, np.array([0, of.tip(finger), 0])))
+    planar = [of.names.index(finger + joint) for joint in ("_mcp.flexion", "_pip.flexion", "_dip.flexion")]
+    arms = of.muscles(q)[0][_muscles(of, row)].sum(axis=0)
+    force = np.linalg.solve(np.vstack([(turn @ J[:3])[1:], (turn @ J[3:])[:1]]).T[planar], arms[planar])
+    if row["direction"] == "any":
+        return float(np.hypot(force[0], force[1]))
+    return float(force[:2] @ np.array(DIRECTIONS[row["direction"]], dtype=float)[1:])
+
+
+def _joint_moment(of: Statics, row: Row) -> float:
+    """Largest isometric moment about an axis [N m]: of muscles that turn it that way, or where other axes balance, too."""
+    q, axis, sign = of.at(row["pose"]), of.names.index(row["axis"]), -1.0 if row["direction"] == "negative" else 1.0
+    if "balanced" in row:
+        outside = np.zeros((len(q), 1))
+        outside[axis] = sign
+        return of.press(q, [axis, *_balanced(of, row)], outside).sum
+    arms, _, active, rest, _ = of.muscles(q)
+    chosen = _muscles(of, row)
+    return float(np.maximum(sign * arms[chosen, axis], 0) @ (active + rest)[chosen])
+
+
+def _balanced(of: Statics, row: Row) -> list[int]:
+    return [of.names.index(axis) for axis in row.get("balanced", [])]
+
+
+def _rotation(of: Statics, row: Row) -> float:
+    """From rest to where a loaded tendon, tissue and resting muscles balance [rad]."""
+    free, muscle = of.rows(row["finger"] + "_"), of.hand.muscles.index(row["muscle"])
+    rest = of.balance(of.at(row["pose"], rest=True), free)
+    tension = row["load"] * of.hand.scene.muscles[muscle].force
+    return float((of.balance(rest, free, {muscle: tension}) - rest)[of.names.index(row["axis"])])
+
+
+def _coupled(of: Statics, row: Row) -> float:
+    """Where tissue, bands and resting muscles balance, other axes held [rad]; with a finger all its axes may turn."""
+    axis = of.names.index(row["axis"])
+    return float(of.balance(of.at(row["pose"], rest=True), of.rows(row["finger"] + "_") if "finger" in row else [axis])[axis])
+
+
+def _pulley(_: Statics, row: Row) -> float:
+    return float(_core.pulley_forces(row["tension"], row["pip"])[row.get("pulley") == "A4"])
+
+
+def _whole(key: str) -> Callable[[Statics, Row], float]:
+    return lambda of, row: float(_core.whole_hand(of.hand.scene._core)[key or row["direction"]])
+
+
+KINDS: dict[str, Callable[[Statics, Row], float]] = {
+    "moment_arms": lambda of, row: float(_arms(of, row).mean()), "excursion": _excursion, "tip_force_share": _tip_share,
+    "tip_force": lambda of, row: tip_force(of, of.at(row["pose"]), row["finger"], row["direction"], row["friction"], row.get("segment"), _balanced(of, row)),
+    "pinch_force": lambda of, row: pinch(of, of.at(row["pose"]), row["finger"], row["friction"], _balanced(of, row)),
+    "joint_moment": _joint_moment, "loaded_rotation": _rotation, "coupled_angle": _coupled, "pulley_force": _pulley,
+    "passive_moment": lambda of, row: float(of.passive(of.at(row["pose"], rest=True))[of.names.index(row["axis"])]),
+    "sheath_friction": lambda of, row: 1 - float(_core.sheath_gain(row["pip"])) ** -2,
+    "hand_mass": _whole("mass"), "centre_of_mass": _whole("centre_of_mass"), "gyration": _whole("")}
+"""Kinds of rows of a person's hand, in SI."""
+
+
+def strongest(ways: Iterable[Callable[[], Any]]) -> Any:
+    """The largest of what ways give. :raises NotHeld: where the hand does not hold any of them"""
+    found = []
+    for way in ways:
+        with suppress(NotHeld):
+            found.append(way())
+    if not found:
+        raise NotHeld
+    return max(found)
+
+
+def measure(row: Row, in_pose: Callable[[Row], float]) -> float:
+    """A row's value in SI: the largest over its poses, over that of another one.
+
+    :param in_pose: the value of a row in its one pose
+    :raises NotHeld: where the hand does not hold any of the poses
+    :raises Error: of kind physics, with the row's name, where there is none
+    """
+    try:
+        value = strongest(lambda pose=pose: in_pose({**row, "pose": pose}) for pose in [row["pose"], *row.get("or_poses", [])])
+        return value / in_pose({**row, "pose": row["over_pose"]}) if "over_pose" in row else value
+    except NotHeld:
+        raise NotHeld(row["name"]) from None
+    except Error as error:
+        if error.fault is None:
+            raise
+        raise fault(row["name"], error.fault.quantity, error.fault.detail) from None
+
+
+# Rows of scenes.
+
+class _Touch(NamedTuple):
+    """A contact of a finger with the object: its normal and force on the hand, at a point, all in the world."""
+
+    segment: str
+    point: Array
+    normal: Array
+    force: Array
+
+
+class GripRun:
+    """A hand whose palm is still, its wrist held at angles while its fingers close on an object. The palm's frame is the world's."""
+
+    def __init__(self, row: Row) -> None:
+        self.row, self.wrist = row, row["pose"]
+        changes = row.get("set", [])
+        fused = ", ".join(f"{axis}: {angle!r}" for axis, angle in self.wrist.items())
+        self.scene, bare = (Scene(_core.Scene.load(row["scene"], [*changes, f"hands.0.fused={{{angles}}}", "record.contacts=true"]))
+                            for angles in (fused, ""))
+        # The same hand on a wrist that turns.
+        self.of = alone(_core.hand_alone(bare._core))
+        self.simulation = Simulation(self.scene)
+        bodies = self.scene.bodies
+        self.segments = {shape.name: bodies[shape.body] for shape in self.scene._model.shapes if shape.body >= 0}
+
+    def force(self) -> float:
+        """The scene closes the hand for half of its time. Then muscles have the activations of the largest force that the fingers can
+        press along a line by the normals of their contacts, while `balanced` axes have no moment; each comes in a quarter of the time.
+
+        :returns: the force along that line in the end [N]
+        """
+        steps = max(1, round(self.scene.duration / self.scene.step))
+        if steps > 1:
+            self.simulation.step(substeps=steps // 2)
+        lines = [np.array([0, np.sin(tilt), -np.cos(tilt)]) for tilt in self.row["tilts"]]
+
+        def held(i: int) -> tuple[float, int, Pressed]:
+            found = self._held(lines[i])
+            return found.sum, i, found
+
+        _, best, pressed = strongest((lambda i=i: held(i)) for i in range(len(lines)))  # type: ignore[misc]
+        left = steps - steps // 2
+        ramp = left // 2
+        for i in range(1, ramp):
+            self.simulation.step(excitations=i / ramp * pressed.activations)
+        self.simulation.step(excitations=pressed.activations, substeps=left - max(0, ramp - 1))
+        return max(0.0, float(_sum(touch.force @ lines[best] for touch in self._touches())))
+
+    def _touches(self) -> list[_Touch]:
+        contacts, out = self.simulation.contacts, []
+        for i in np.flatnonzero(~(contacts.depth < 0)):
+            for name, side in ((contacts.a[i], 1.0), (contacts.b[i], -1.0)):
+                hand, _, segment = self.segments.get(name, "").partition(".")
+                if hand == "right" and "_" in segment and not segment.startswith("thumb_"):
+                    out.append(_Touch(segment, contacts.position[i], side * contacts.normal[i], side * contacts.force[i]))
+        return out
+
+    def _held(self, along: Array) -> Pressed:
+        """The largest force along a line by normals, whose parts across it the palm's friction holds."""
+        names = [name.partition(".")[2] for name in self.scene.coordinates]
+        q = self.of.at({**self.wrist, **dict(zip(names, self.simulation.q))})
+        bodies, touches = self.simulation.bodies, self._touches()
+        columns = np.zeros((len(q), len(touches)))
+        for i, touch in enumerate(touches):
+            body = self.scene.bodies.index("right." + touch.segment)
+            frame = matrix_of(bodies.quaternion[body]).T
+            force = self.of.axes(q, touch.segment) @ frame @ -touch.normal
+            columns[:, i:i + 1] = self.of.torques(q, (touch.segment, frame @ (touch.point - bodies.position[body])), force[None])
+        normals = np.array([touch.normal for touch in touches]).reshape(-1, 3)
+        gain, first = normals @ along, np.array([1.0, 0, 0])
+        across = normals @ np.stack([first, np.cross(along, first)], axis=1)
+        less = np.stack([sign * across[:, i] - self.row["friction"] * gain for i in (0, 1) for sign in (1, -1)])
+        return self.of.press(q, [*self.of.rows(*(finger + "_" for finger in FINGERS)), *_balanced(self.of, self.row)], columns, gain, less)
+
+
+def found_at(summary: Any, path: str) -> Any:
+    """What stands at a path of keys, of indices of lists, and of `name`s of a list's entries, with or without their hand:
+    ``contact_forces.fingers.index.force_at_end_N``; None: there is nothing."""
+    now = summary
+    for key in path.split("."):
+        if isinstance(now, dict):
+            now = now.get(key)
+        elif isinstance(now, list) and key.isascii() and key.isdigit():
+            now = now[int(key)] if int(key) < len(now) else None
+        elif isinstance(now, list):
+            names = [(str(each.get("name", "")) if isinstance(each, dict) else "", each) for each in now]
+            now = next((each for name, each in reversed(names) if name == key or name.endswith("." + key)), None)
+        else:
+            return None
+    return now
+
+
+class SimulatedScenes:
+    """Runs scenes, each once for all rows that ask for it."""
+
+    def __init__(self, out: Path) -> None:
+        self.out = out
+        self._summaries: dict[tuple[str, tuple[str, ...]], Any] = {}
+
+    def figure(self, row: Row) -> float:
+        """The row's number. :raises Error: of kind input if the summary does not have it"""
+        summary = self._summary(row)
+
+        def total(figures: list[str]) -> float:
+            out = []
+            for figure in figures:
+                found = np.atleast_1d(np.array([each if _is_number(each) else np.nan for each in _list(found_at(summary, figure))], dtype=float))
+                if found.shape not in ((1,), (3,)) or np.isnan(found).any() or (out and out[0].shape != found.shape):
+                    raise input_error(row["name"], f"no number {figure} in the summary of {row['scene']}",
+                                      "figures such as climbs.0.load_N, all numbers or all vectors")
+                out.append(found)
+            whole = np.sum(out, axis=0)
+            return float(whole[0] if len(whole) == 1 else np.linalg.norm(whole))
+
+        return total(row["figure"]) / total(row["over"]) if "over" in row else total(row["figure"])
+
+    def _summary(self, row: Row) -> Any:
+        key = row["scene"], tuple(row.get("set", []))
+        if key not in self._summaries:
+            scene = Scene(_core.Scene.load(row["scene"], list(key[1])))
+            self._summaries[key] = scene.run(self.out / f"run_{len(self._summaries) + 1}", frames=0, progress=False).summary
+        return self._summaries[key]
+
+
+def _list(of: Any) -> list[Any]:
+    return of if isinstance(of, list) and len(of) == 3 else [of]
+
+
+def _is_number(of: Any) -> bool:
+    return isinstance(of, (int, float)) and not isinstance(of, bool)
+
+
+# A file.
+
+class Measurements:
+    """A file of measurements."""
+
+    def __init__(self, path: Path) -> None:
+        """:raises Error: of kind input with every problem of the file, and of the files that it names"""
+        self.path, self._core = path, _core.measurements(path)
+        content = json.loads(self._core.text)
+        self.title: str = content["title"]
+        self.goal: float = content["goal"]
+        self.rows: list[Row] = content["rows"]
+
+    def run(self, runs: Optional[Path] = None, uncertain: Optional[int] = None, told: Told = None) -> Result:
+        """The hands' values of all rows.
+
+        :param runs: folder for the files of simulations; None: these rows are not measured
+        :param uncertain: hands drawn of each person, for rows that are no simulations
+        :raises Error: of kind physics, with its name, for a row that has no value
+        """
+        subjects = _Subjects(self._core)
+        scenes = None if runs is None else SimulatedScenes(runs)
+        rows: list[Measured] = []
+        for row in self.rows:
+            measured, ours, note = row["kind"] != "simulation" or scenes is not None, 0.0, ""
+            try:
+                if row["kind"] == "grip_force":
+                    ours = measure(row, lambda one: GripRun(one).force())
+                elif row["kind"] != "simulation":
+                    ours = subjects.measure(row)
+                elif scenes is not None:
+                    ours = scenes.figure(row)
+            except NotHeld as error:
+                assert error.fault
+                note = f"no force: {error.fault.detail}"
+            if "over_row" in row and measured:
+                ours /= rows[row["over_row"]].ours
+            away = (float(np.sqrt(np.mean((_arms(subjects.of(row), row) - row["arms"]) ** 2))) if row["kind"] == "moment_arms" else
+                    abs(ours - row["measured"]))
+            rows.append(Measured(row, ours, away / row["spread"], measured, note))
+        _weigh(rows)
+        if uncertain is not None:
+            self._draw(rows, uncertain, told)
+        return Result(self.title, self.goal, rows)
+
+    def _draw(self, rows: list[Measured], count: int, told: Told) -> None:
+        """Draws hands of each person, and measures all rows that are no simulations on them."""
+        names = {row["person"]: self._core.uncertain(row["person"]) for row in self.rows if "person" in row}
+        drawn = {person: [{name: _core.normal(1, i, name) for name in of} for i in range(count)] for person, of in names.items()}
+        ours = np.full((len(rows), count), np.nan)
+        for i in range(count):
+            subjects = _Subjects(self._core, {person: each[i] for person, each in drawn.items()})
+            for r, row in enumerate(self.rows):
+                if "person" in row:
+                    try:
+                        ours[r, i] = subjects.measure(row)
+                    except NotHeld:
+                        ours[r, i] = 0
+                    except Error as error:
+                        if error.fault is None:
+                            raise
+                        continue  # such a hand has no posture in which moments balance
+                    if "over_row" in row:
+                        ours[r, i] /= ours[row["over_row"], i]
+            if told is not None:
+                told((i + 1) / count)
+        for measured, values in zip(rows, ours):
+            row = measured.row
+            if "person" not in row:
+                continue
+            inputs = [(name, np.array([each[name] for each in drawn[row["person"]]])) for name in names[row["person"]]]
+            measured.uncertainty = _uncertainty(inputs, values)
+            both = _uncertainty([], values + row["spread"] * np.array([_core.normal(2, i, row["name"]) for i in range(count)]))
+            measured.inside = both.low <= row["measured"] <= both.high
+
+
+class _Subjects:
+    """The hands that rows measure, each built once."""
+
+    def __init__(self, core: Any, deviations: Optional[Mapping[str, dict[str, float]]] = None) -> None:
+        self._core, self._deviations = core, deviations or {}
+        self._built: dict[tuple[str, str], Statics] = {}
+
+    def of(self, row: Row) -> Statics:
+        key = row["person"], row.get("hand", "")
+        if key not in self._built:
+            self._built[key] = alone(self._core.hand(*key, self._deviations.get(key[0], {})))
+        return self._built[key]
+
+    def measure(self, row: Row) -> float:
+        return measure(row, lambda one: KINDS[row["kind"]](self.of(row), one))
+
+
+def _weigh(rows: list[Measured]) -> None:
+    """Rows of one kind with the same bits have one value."""
+    served: dict[tuple[str, float], int] = {}
+    for row in rows:
+        if row.measured:
+            key = row.row["kind"], row.ours
+            served[key] = served.get(key, 0) + 1
+    for row in rows:
+        if row.measured and row.ours != 0:
+            row.weight = 1 / served[row.row["kind"], row.ours]
+
+
+def _uncertainty(inputs: list[tuple[str, Array]], values: Array) -> Uncertainty:
+    there = np.isfinite(values)
+    found = values[there] if there.any() else np.full(2, np.nan)
+    kept = [(name, of[there], False) for name, of in inputs]
+    ordered = np.sort(found)
+    return Uncertainty(int(np.count_nonzero(~there)), float(quantile(ordered, 0.05)), float(quantile(ordered, 0.95)), _core.variance_shares(kept, found))
