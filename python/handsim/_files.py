@@ -124,8 +124,8 @@ def ended(work: Callable[[], int]) -> int:
 
 
 def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequence[str], values: Sequence[str],
-                 required: Sequence[str]) -> dict[str, Any]:
-    """Options by their names, ``--set`` a list, and the one argument without a name by ``place``."""
+                 required: Sequence[str], most: int = 1) -> dict[str, Any]:
+    """Options by their names, ``--set`` a list, and by ``place`` the one argument without a name, or a list of 1 to ``most`` of them."""
     out: dict[str, Any] = {"--set": []}
     places: list[str] = []
     rest = iter(arguments)
@@ -146,9 +146,9 @@ def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequ
         else:
             places.append(each)
     wrong = {name: "nothing" for name in required if name not in out}
-    if len(places) != 1:
+    if not 1 <= len(places) <= most:
         wrong[place] = str(len(places) or "nothing")
     if wrong:
         raise Error("\n".join(f"{name}: got {got}, need one" for name, got in wrong.items()), "input",
                     [Problem(None, None, None, name, got, "one") for name, got in wrong.items()])
-    return {**out, place: places[0]}
+    return {**out, place: places[0] if most == 1 else places}
