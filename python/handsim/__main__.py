@@ -1,6 +1,6 @@
 """The command line: ``python -m handsim run two_hands.yaml --out out``.
 
-Commands of COMMANDS are Python modules with ``main(arguments) -> exit status``; all others are the program's.
+Commands of COMMANDS are functions of Python modules, ``main(arguments) -> exit status``; all others are the program's.
 """
 from __future__ import annotations
 
@@ -13,16 +13,26 @@ from pathlib import Path
 from . import _core
 
 COMMANDS: dict[str, str] = {
+    "accuracy": "handsim._accuracy",
     "compare": "handsim.compare",
+    "effects": "handsim._effects",
     "export": "handsim.export",
     "identify": "handsim._identify_command",
     "live": "handsim._live.command",
     "optimise": "handsim._optimise_command",
+    "report": "handsim._report_command:report",
     "rollouts": "handsim._rollouts_command",
     "track": "handsim._c3d",
     "validate": "handsim._validate_command",
+    "view": "handsim._report_command:view",
 }
-"""Commands in Python, by name: the module of each."""
+"""Commands in Python, by name: the module of each, and the function where it is not main."""
+
+
+def page_of_run(folder: str) -> str:
+    from ._run_page import page_of_run
+
+    return page_of_run(folder)
 
 
 def main() -> int:
@@ -30,12 +40,13 @@ def main() -> int:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     arguments = sys.argv[1:]
     if arguments and arguments[0] in COMMANDS:
-        status: int = import_module(COMMANDS[arguments[0]]).main(arguments[1:])
+        module, _, function = COMMANDS[arguments[0]].partition(":")
+        status: int = getattr(import_module(module), function or "main")(arguments[1:])
         return status
     # Commands with uncertain hands go on as `rollouts`, in a new process of this interpreter.
     os.environ.setdefault("HANDSIM_PYTHON", sys.executable)
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH")]))
-    return _core.command_line(arguments)
+    return _core.command_line(arguments, page_of_run)
 
 
 if __name__ == "__main__":

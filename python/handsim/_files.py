@@ -124,9 +124,9 @@ def ended(work: Callable[[], int]) -> int:
 
 
 def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequence[str], values: Sequence[str],
-                 required: Sequence[str], needs_place: bool = True) -> dict[str, Any]:
-    """Options by their names, ``--set`` a list, and the one argument without a name by ``place``, which may be absent unless it is
-    needed."""
+                 required: Sequence[str], least: int = 1, most: int = 1) -> dict[str, Any]:
+    """Options by their names, ``--set`` a list, and by ``place`` the one argument without a name, which may be absent where ``least``
+    is 0, or a list of them where ``most`` is above 1."""
     out: dict[str, Any] = {"--set": []}
     places: list[str] = []
     rest = iter(arguments)
@@ -147,9 +147,9 @@ def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequ
         else:
             places.append(each)
     wrong = {name: "nothing" for name in required if name not in out}
-    if len(places) > 1 or (needs_place and not places):
+    if not least <= len(places) <= most:
         wrong[place] = str(len(places) or "nothing")
     if wrong:
         raise Error("\n".join(f"{name}: got {got}, need one" for name, got in wrong.items()), "input",
                     [Problem(None, None, None, name, got, "one") for name, got in wrong.items()])
-    return {**out, **{place: each for each in places}}
+    return {**out, place: places} if most > 1 else {**out, **{place: each for each in places}}

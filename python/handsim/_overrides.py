@@ -11,6 +11,7 @@ from ._errors import input_error
 
 Source = Union[str, "PathLike[str]", Mapping[str, Any]]
 Overrides = Optional[Mapping[str, Any]]
+ENGINES = ("ode", "dae", "articulated", "auto")
 
 
 def override_text(value: Any) -> str:
@@ -40,3 +41,11 @@ def override_list(overrides: Overrides, engine: Optional[str] = None) -> list[st
     if not isinstance(overrides, (Mapping, type(None))):
         raise input_error("overrides", type(overrides).__name__, "a mapping: dotted key to value")
     return out + [f"{key}={override_text(value)}" for key, value in (overrides or {}).items()]
+
+
+def command_overrides(options: Mapping[str, Any]) -> list[str]:
+    """Of a command's ``--engine`` and ``--set``."""
+    engine = options.get("--engine")
+    if engine is not None and engine not in ENGINES:
+        raise input_error("--engine", engine, f"one of {', '.join(ENGINES)}")
+    return [*([f"solver.engine={engine}"] if engine else []), *options["--set"]]

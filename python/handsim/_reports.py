@@ -8,6 +8,7 @@ from typing import Iterable, Optional, Union
 from . import _core
 from ._errors import input_error, real
 from ._pictures import Picture, check_picture
+from ._run_page import write_page
 
 PathText = Union[str, "PathLike[str]"]
 
@@ -22,7 +23,7 @@ def report(folder: PathText, other: Optional[PathText] = None, *, out: Optional[
     :raises Error: of kind input for other folders, and for runs in a build without three.js
     """
     folders = [Path(fspath(each)) for each in (folder, other) if each is not None]
-    return _core.report(folders, None if out is None else Path(fspath(out)))
+    return write_page(folders, None if out is None else Path(fspath(out)))
 
 
 def save_video(pictures: Iterable[Picture], path: PathText, fps: float = 30) -> None:

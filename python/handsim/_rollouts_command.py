@@ -2,7 +2,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import signal
 import sys
 from pathlib import Path
@@ -11,10 +10,12 @@ from typing import Any, Callable, Optional, Sequence
 from . import _core
 from ._errors import Error, input_error
 from ._files import ended, read_options
+from ._overrides import command_overrides
 from ._progress import bar
 from ._rollouts import Asked, Executor, Range, Threads, dask_at
 from ._rollouts_run import Finished, Stopped, remove_rows, rollouts_order, run, uncertain_grasps
 from ._shipped import find_file
+from ._study_files import plot_note, whole_option
 
 USAGE = """handsim rollouts STUDY [--out DIR]
 
@@ -37,17 +38,7 @@ Exit status 1: stopped, or a file could not be written.
 Example: handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100
 """
 MOST_COUNT = 100_000_000
-ENGINES = ("ode", "dae", "articulated", "auto")
 VALUES = ("--out", "--set", "--engine", "--count", "--seed", "--jobs", "--on", "--range")
-
-
-def _whole(options: dict[str, Any], name: str, least: int, most: int) -> Optional[int]:
-    text = options.get(name)
-    if text is None:
-        return None
-    if not text.isascii() or not text.isdigit() or not least <= int(text) <= most:
-        raise input_error(name, text, f"a whole number, {least} to {most}")
-    return int(text)
 
 
 def _range(text: Optional[str]) -> Optional[Range]:
@@ -57,13 +48,6 @@ def _range(text: Optional[str]) -> Optional[Range]:
     if not (text.isascii() and first.isdigit() and last.isdigit() and int(first) < int(last)):
         raise input_error("--range", text, "A:B, from rollout A to before B, such as 0:1000")
     return int(first), int(last)
-
-
-def _overrides(options: dict[str, Any]) -> tuple[str, ...]:
-    engine = options.get("--engine")
-    if engine is not None and engine not in ENGINES:
-        raise input_error("--engine", engine, f"one of {', '.join(ENGINES)}")
-    return (*([f"solver.engine={engine}"] if engine else []), *options["--set"])
 
 
 def _note(text: str) -> None:
@@ -109,16 +93,16 @@ def _end(finished: Finished, out: Path, drawn: bool, again: str) -> int:
         _note(f"missing: {what}")
     print(finished.text, end="")
     rate = f" ({finished.computed / finished.seconds:.3g} a second)" if finished.seconds > 0 and finished.computed else ""
-    plots = "" if finished.plotted else f" (no plots: gnuplot {'failed' if shutil.which('gnuplot') else 'is missing'}; the .gp file is its script)"
+    plots, status = plot_note(finished.plotted)
     print(f"files in {out}{plots}" if drawn else f"  {finished.computed} rollouts in {finished.seconds:.3g} s{rate}; files in {out}{plots}")
-    return 1 if not finished.plotted and shutil.which("gnuplot") else 0
+    return status
 
 
 def _work(options: dict[str, Any]) -> int:
     study = find_file(options["STUDY"], "study")
     out = Path(options.get("--out") or Path("out") / study.stem)
-    asked = Asked(study, False, _overrides(options), _whole(options, "--count", 1, MOST_COUNT), _whole(options, "--seed", 0, 2**31 - 1))
-    threads, only = _whole(options, "--jobs", 1, 4096) or 0, _range(options.get("--range"))
+    asked = Asked(study, False, tuple(command_overrides(options)), whole_option(options, "--count", 1, MOST_COUNT), whole_option(options, "--seed", 0, 2**31 - 1))
+    threads, only = whole_option(options, "--jobs", 1, 4096) or 0, _range(options.get("--range"))
     order = rollouts_order(asked, out, resume="--resume" in options, only=only, report="--report" in options)
     wait = _stopping()
     executor = _executor(options.get("--on", ""), threads)
@@ -145,7 +129,7 @@ def _job(job: dict[str, Any]) -> int:
                 finished = uncertain_grasps([Path(each) for each in job["scenes"]], job["sides"], [Path(each) for each in job["persons"]], overrides, count,
                                             out, executor, told, wait, _note)
                 if finished.done == finished.size:
-                    _core.finish_study(out, job["command"], {}, job["report"])
+                    _core.finish_study(out, job["command"], {}, {}, job["report"])
                 return _end(finished, out, True, "")
             inverse = job.get("inverse")
             asked = Asked(job["file"], True, overrides, count, inverse=tuple(inverse) if inverse else None)

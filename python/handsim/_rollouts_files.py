@@ -5,7 +5,6 @@ Nothing here holds more than some columns of the table in memory.
 from __future__ import annotations
 
 import csv
-import json
 import math
 import mmap
 import os
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Error
 from ._rollouts import Parts
+from ._study_files import json_file, number, plain, quoted
 
 Array = NDArray[np.float64]
 Estimate = Optional[tuple[float, float, float]]
@@ -37,7 +37,6 @@ BUDGET = 100e6
 TEXT_BYTES = 100
 FILES = ["rollouts.csv", "rollouts.json", "rollouts.gp", "study.json", "report.html", "rollouts.png", "rollouts.svg", "rollouts.h5", "summary.json",
          "bands.csv"]
-PLOT_CONTROLS = {ord(c): " " for c in "'`\"\\" + "".join(map(chr, range(32)))}
 COLOR = "#1f5fa8"
 
 
@@ -251,27 +250,17 @@ def summary_text(table: Table, outcomes: list[Outcome], table_hash: int) -> str:
         out["outcomes"] = {of.name: _outcome_json(of) for of in outcomes[1:]}
     out["table_hash"] = f"{table_hash:016x}"
     out["origin"] = table.head["origin"]
-    text: str = _core.json_text(json.dumps(_finite(out), ensure_ascii=False))
-    return text
+    return json_file(_finite(out))
 
 
 # The plot.
-
-def plain(text: str) -> str:
-    return text.translate(PLOT_CONTROLS)
-
-
-def _number(value: float) -> str:
-    """As the shortest text that reads back as the same."""
-    return repr(float(value)).removesuffix(".0")
-
 
 def _plot_data(outcomes: list[Outcome]) -> str:
     out, block = [], 0
     for of in outcomes:
         for key in of.keys:
             out.append(f"$key{block} << EOD\n")
-            out += [f'{" ".join(map(_number, (each.middle, each.low, each.high, *each.estimate)))} "{plain(each.label)}"\n'
+            out += [f'{" ".join(map(number, (each.middle, each.low, each.high, *each.estimate)))} "{plain(each.label)}"\n'
                     for each in key.bins if each.estimate]
             out.append("EOD\n")
             block += 1
@@ -292,11 +281,11 @@ def _panel(of: Outcome, key: Key, block: int) -> str:
     out = (f"  set xlabel '{plain(key.name)}' noenhanced\n  set ylabel '{label}' noenhanced\n"
            f"  set yrange {'[-0.03:1.03]' if of.verdict else '[*:*]'}\n")
     if key.text:
-        return out + (f"  set xrange [-0.5:{_number(len(key.bins) - 0.5)}]\n  set xtics auto\n  plot $key{block} using 1:4:5:6:xtic(7) with "
+        return out + (f"  set xrange [-0.5:{number(len(key.bins) - 0.5)}]\n  set xtics auto\n  plot $key{block} using 1:4:5:6:xtic(7) with "
                       f"yerrorbars pt 7 lc rgb '{COLOR}'\n")
     low, high = key.bins[0].low, key.bins[-1].high
     margin = 0.03 * (high - low) if high > low else 1.0
-    return out + (f"  set xrange [{_number(low - margin)}:{_number(high + margin)}]\n  set xtics {_number(_tick(2 * margin + high - low))}\n"
+    return out + (f"  set xrange [{number(low - margin)}:{number(high + margin)}]\n  set xtics {number(_tick(2 * margin + high - low))}\n"
                   f"  plot $key{block} using 1:4:2:3:5:6 with xyerrorbars pt 7 lc rgb '{COLOR}', $key{block} using 1:4 with lines lc rgb '{COLOR}'\n")
 
 
@@ -409,7 +398,7 @@ def screen_text(table: Table, outcomes: list[Outcome]) -> str:
     return "".join(out)
 
 
-def field(text: str) -> str:
+def quoted(text: str) -> str:
     return '"' + text.replace("\n", " ").replace('"', '""') + '"'
 
 
@@ -421,7 +410,7 @@ def figure_rows(head: str, outcomes: list[Outcome]) -> str:
         if len(of.values):
             assert of.all
             low, high = of.all[1:] if of.verdict else of.middle_90()
-            out.append(f"{head},{field(of.name)},{len(of.values)},{of.all[0]:.7g},{low:.7g},{high:.7g},{field(short_owners(of.variance))}\n")
+            out.append(f"{head},{quoted(of.name)},{len(of.values)},{of.all[0]:.7g},{low:.7g},{high:.7g},{quoted(short_owners(of.variance))}\n")
     return "".join(out)
 
 
@@ -469,7 +458,7 @@ def bands_text(curves: list[tuple[list[str], Array]]) -> str:
     for row in range(len(longest)):
         there = np.sort(np.stack([values[row] for _, values in curves if row < len(values)]), axis=0)
         bands = np.stack([quantile(there, share) for share in (0.05, 0.5, 0.95)], axis=1)[1:]
-        out.append(",".join([_number(longest[row, 0]), *(f"{value:.7g}" for value in bands.ravel().tolist())]))
+        out.append(",".join([number(longest[row, 0]), *(f"{value:.7g}" for value in bands.ravel().tolist())]))
     return "\n".join(out) + "\n"
 
 

@@ -200,7 +200,7 @@ def _run(order: Order, study: Any, executor: Executor, told: Told, wait: Callabl
         raise Error(f"{error}\n{parts.path}: got {rows.got}, need {rows.need}", "output", [*error.problems, rows]) from None
     out = Finished(done, done, computed, time.monotonic() - begin, screen_text(table, outcomes), held_text(table, outcomes[0]), outcomes, plotted, lacking)
     parts.path.unlink()
-    _core.finish_study(order.out, order.command, {"rollouts.csv": order.row} if order.row else {}, order.report)
+    _core.finish_study(order.out, order.command, {}, {"rollouts.csv": order.row} if order.row else {}, order.report)
     return out
 
 

@@ -19,6 +19,7 @@ from ._model import Model
 from ._overrides import Overrides, Source, json_text, override_list
 from ._pictures import Camera, Picture, contact_sheet, html_picture
 from ._progress import Progress, bar
+from ._run_page import run_page, write_page
 from ._shipped import find_file
 from ._table import Quantities, Table, rows_table
 from ._table_files import read_csv
@@ -201,6 +202,8 @@ class Scene:
         with bar(progress, "run") as told:
             values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures() and not poses else 0, poses,
                                          plots, report, film, stop_lost, told)
+        if report:
+            write_page([folder])
         return Result(self, values, folder)
 
     def video(self, path: Union[str, "PathLike[str]"], time: Optional[float] = None, *, fps: float = 30,
@@ -349,9 +352,7 @@ class Result:
         :raises Error: of kind input in a build without three.js
         """
         with tempfile.TemporaryDirectory() as parent:
-            page = Path(parent) / "page.html"
-            _core.report([self.folder or self._write_files(Path(parent) / "run_in_memory")], page)
-            text = page.read_text(encoding="utf-8").replace(f"{parent}/", "")
+            text = run_page([self.folder or self._write_files(Path(parent) / "run_in_memory")]).replace(f"{parent}/", "")
         if path is not None:
             write_file(check_target("path", path, "html"), text.encode())
         return text

@@ -26,7 +26,7 @@ def _value(text: str) -> Union[float, str, None]:
 
 def at(path: Path, line: int, key: str, got: str, need: str) -> Error:
     """An input error with its line."""
-    return Error(f"{path}:{line}:1: {key}: got {got}, need {need}", "input", [Problem(str(path), line, 1, key, got, need)])
+    return Error(f"{path}:{line}:1: {key + ': ' if key else ''}got {got}, need {need}", "input", [Problem(str(path), line, 1, key, got, need)])
 
 
 def _text(path: PathText) -> tuple[Path, str]:

@@ -56,4 +56,4 @@ def main(arguments: Sequence[str]) -> int:
     if any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
         return 0
-    return ended(lambda: _work(read_options("validate", arguments, "MEASUREMENTS", ("--runs", "--report"), ("--out", "--uncertain"), (), False)))
+    return ended(lambda: _work(read_options("validate", arguments, "MEASUREMENTS", ("--runs", "--report"), ("--out", "--uncertain"), (), least=0)))

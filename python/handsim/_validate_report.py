@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple, Optional
 
 from . import _core
-from ._rollouts_files import field, owners_text, plain
+from ._rollouts_files import owners_text
+from ._study_files import plain, quoted
 from ._validate import Filter, Measured, Measurements, Result, Row, Tally, Told, every, of_people, predicted
 
 MOST_SPREADS = 4.0
@@ -200,9 +201,9 @@ def csv_text(result: Result) -> str:
             continue
         of, scale, drawn = row.row, row.row["scale"], row.uncertainty
         drawn_cells = f"{drawn.low / scale:.6g},{drawn.high / scale:.6g},{'yes' if row.inside else 'no'}" if drawn else ",,"
-        out += (f"{field(of['name'])},{row.ours / scale:.6g},{of['measured'] / scale:.6g},{of['spread'] / scale:.6g},{of['unit']},{row.deviation:.4g},"
-                f"{'within' if row.within else 'short'},{'yes' if of['required'] else 'no'},{of['of']},{of['spread_is']},{of['value_is']},{field(of['chosen'])},"
-                f"{row.weight:.4g},{field(of['source'])},{field('; '.join(filter(None, (of['reason'], row.note))))},{drawn_cells}\n")
+        out += (f"{quoted(of['name'])},{row.ours / scale:.6g},{of['measured'] / scale:.6g},{of['spread'] / scale:.6g},{of['unit']},{row.deviation:.4g},"
+                f"{'within' if row.within else 'short'},{'yes' if of['required'] else 'no'},{of['of']},{of['spread_is']},{of['value_is']},{quoted(of['chosen'])},"
+                f"{row.weight:.4g},{quoted(of['source'])},{quoted('; '.join(filter(None, (of['reason'], row.note))))},{drawn_cells}\n")
     return out
 
 
@@ -256,7 +257,7 @@ def study(file: Path, out: Optional[Path], *, runs: bool = False, uncertain: Opt
             folder.clear()
             plotted = write(result, out)
             command, rows = _commands(file, runs, result)
-            _core.finish_study(out, command, {}, report, rows)
+            _core.finish_study(out, command, rows, {}, report)
         return End(text, result.passed, plotted)
     finally:
         del folder  # ends the lock

@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _core, _rollouts, _rollouts_run
+from . import _accuracy, _core, _effects, _rollouts, _rollouts_run
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
@@ -99,8 +99,8 @@ def _folder(out: Out) -> Iterator[Path]:
 def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, progress: Progress = None) -> Study:
     """Errors against a reference and CPU time of every method and step of an accuracy study."""
     with _folder(out) as folder, bar(progress, "accuracy") as told:
-        text = _core.accuracy(find_file(study), folder, told)
-        return Study("accuracy", folder, text)
+        found, _ = _accuracy.study(find_file(study), folder, told)
+        return Study("accuracy", folder, _accuracy.screen_text(found))
 
 
 def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats: int = 7, out: Out = None,
@@ -110,7 +110,7 @@ def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     file = find_file(scene) if isinstance(scene, (str, PathLike)) else None
     with _folder(out) as folder, bar(progress, "effects") as told:
-        return Study("effects", folder, _core.effects(of._core, file, override_list(overrides), folder, repeats, told))
+        return Study("effects", folder, _effects.study(of, file, override_list(overrides), repeats, folder, told).text)
 
 
 def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = None, *, sides: Sequence[str] = (),
@@ -143,7 +143,7 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
             command = f"{_core.command_text(words, override_list(overrides))} --uncertain {uncertain}"
             with _executor(client, threads) as executor:
                 text = _rollouts_run.uncertain_grasps(listed, list(sides), [], override_list(overrides), uncertain, folder, executor, told).text
-            _core.finish_study(folder, command, {}, False)
+            _core.finish_study(folder, command, {}, {}, False)
             return Study("uncertain", folder, text)
         _core.grasps(listed, folder, list(sides), override_list(overrides), friction, friction_search, margin, confirm, pictures, told)
         return Study("grasps", folder, "")

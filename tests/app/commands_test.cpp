@@ -177,9 +177,6 @@ const std::vector<Usage> kUsages = {
     {"GraspFriction",
      {"grasp", source("config/grasp_pinch.yaml"), "--out", "OUT", "--friction", "-3"},
      "--friction: got -3, need a coefficient of friction, 0 to 10"},
-    {"AccuracyTarget",
-     {"accuracy", source("config/accuracy_slider_crank.yaml"), "--out", "OUT", "--target", "fine"},
-     "--target: got fine, need an error above 0"},
     {"SetWithoutEquals", run_with({"--set", "solver.step"}),
      "--set: got \"solver.step\", need key.path=value"},
     {"SetWithoutKey", run_with({"--set", "=1"}), "--set: got \"=1\", need key.path=value"},
@@ -343,7 +340,7 @@ TEST(Commands, HandTakesAnAgeAndNamesTheSurveyOfChildren) {
 
 TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   EXPECT_EQ(run_program({"--help"}).status, 0);
-  for (const char* command : {"hand", "check", "run", "render", "effects"}) {
+  for (const char* command : {"hand", "check", "run", "render"}) {
     const Outcome outcome = run_program({command, "--help"});
     EXPECT_EQ(outcome.status, 0);
     EXPECT_TRUE(contains(outcome.out, "Example: handsim " + std::string(command))) << outcome.out;
@@ -381,41 +378,6 @@ TEST(Commands, VersionNamesCommitCompilerAndTheBuildOfOde) {
       "handsim [0-9.]+, commit (unknown|[0-9a-f]{7,40}(-dirty)?)\n(GNU|Clang) [0-9.]+, [A-Za-z]+\n"
       "ODE 0\\.[0-9.]+, double precision\narticulated engine, [a-z0-9 ]+( \\([A-Z0-9-]+\\))?\n");
   EXPECT_TRUE(std::regex_match(outcome.out, form)) << outcome.out;
-}
-
-TEST(EffectsCommand, RefusesBadInputAsEverywhereAndWritesNothing) {
-  const TemporaryFolder folder;
-  const fs::path out = folder.path() / "out";
-  const Outcome typo = run_program({"effects", kScene, "--out", out.string(), "--set", "solver.stepp=1 ms"});
-  EXPECT_EQ(typo.status, 2);
-  EXPECT_TRUE(contains(typo.err, "solver.stepp: got")) << typo.err;
-  EXPECT_TRUE(contains(typo.err, "nearest: step")) << typo.err;
-  const Outcome repeats = run_program({"effects", kScene, "--out", out.string(), "--repeats", "0"});
-  EXPECT_EQ(repeats.status, 2);
-  EXPECT_TRUE(contains(repeats.err, "got 0, need a whole number of timed rounds")) << repeats.err;
-  EXPECT_EQ(run_program({"effects", "/none.yaml", "--out", out.string()}).status, 2);
-  const Outcome none = run_program({"effects", kScene, "--out", out.string(), "--set", "effects=[]", "--set",
-                                    "duration=10 ms", "--set", "criteria={}"});
-  EXPECT_EQ(none.status, 2);
-  EXPECT_TRUE(contains(none.err, "effects: got no effect")) << none.err;
-  EXPECT_TRUE(empty_or_missing(out));
-}
-
-TEST(EffectsCommand, PrintsATableOrJsonAndLeavesItsFiles) {
-  const TemporaryFolder folder;
-  const fs::path out = folder.path() / "out";
-  const Words words = {"effects", kScene, "--out", out.string(), "--set", "duration=50 ms", "--repeats", "1"};
-  const Outcome table = run_program(words);
-  EXPECT_EQ(table.status, 0) << table.err;
-  for (const char* effect : {"\ngravity", "\njoint_stops", "\npassive_tissue"})
-    EXPECT_TRUE(contains(table.out, effect)) << table.out;
-  for (const char* file : {"effects.csv", "effects.json", "effects.png", "effects.svg"})
-    EXPECT_TRUE(fs::exists(out / file)) << file;
-  Words json = words;
-  json.push_back("--json");
-  const Outcome printed = run_program(json);
-  EXPECT_EQ(printed.status, 0) << printed.err;
-  EXPECT_EQ(printed.out, test::text_of(out / "effects.json"));
 }
 
 // A ball in a gravity of 1000 m/s2 passes the engine's limit of 1000 m/s after 1 s.

@@ -44,10 +44,16 @@ TEST(PythonCommands, GetTheirArgumentsAsTheyAre) {
   const TemporaryFolder folder;
   const Variable python("HANDSIM_PYTHON", printing(folder));
   const std::vector<std::pair<Words, bool>> cases = {
-      {{"live", "a scene.yaml", "--port", "5"}, true},    {{"compare", "--help"}, true},
-      {{"identify", "a.csv", "--free", "gravity"}, true}, {{"optimise", "a.yaml", "--help"}, true},
-      {{"export", "a.yaml", "--out", "b.glb"}, true},     {{"export", "a.yaml", "--format=usda"}, true},
+      {{"live", "a scene.yaml", "--port", "5"}, true},
+      {{"compare", "--help"}, true},
+      {{"identify", "a.csv", "--free", "gravity"}, true},
+      {{"optimise", "a.yaml", "--help"}, true},
+      {{"export", "a.yaml", "--out", "b.glb"}, true},
+      {{"export", "a.yaml", "--format=usda"}, true},
       {{"export", "no.yaml", "--out", "glb.xml"}, false},
+      {{"report", "a folder", "--out", "b.html"}, true},
+      {{"run", "no.yaml", "--report"}, true},
+      {{"run", "no.yaml"}, false},
   };
   for (const auto& [words, python_command] : cases) {
     const Outcome outcome = run_program(words);
@@ -60,12 +66,18 @@ TEST(PythonCommands, GetTheirArgumentsAsTheyAre) {
 
 TEST(PythonCommands, WithoutPythonEndInASentence) {
   const Variable python("HANDSIM_PYTHON", "/no/python:/no/other");
-  const Outcome outcome = run_program({"live", "two_hands"});
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err,
-                       "python3: got no program that starts: /no/python (No such file or directory), "
-                       "/no/other (No such file or directory), need Python 3"))
-      << outcome.err;
+  const TemporaryFolder folder;
+  const std::string out = folder.path() / "out";
+  for (const Words& words :
+       {Words{"live", "two_hands"}, Words{"run", "two_hands", "--report", "--out", out}}) {
+    const Outcome outcome = run_program(words);
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_TRUE(contains(outcome.err,
+                         "python3: got no program that starts: /no/python (No such file or directory), "
+                         "/no/other (No such file or directory), need Python 3"))
+        << outcome.err;
+  }
+  EXPECT_FALSE(fs::exists(out));  // nothing was simulated
 }
 
 // The next one runs where the first is missing. Oracle: what it prints.

@@ -77,21 +77,5 @@ TEST(NoSundials, EngineAutoTakesTheNextMethod) {
   EXPECT_TRUE(contains(text_of(out / "summary.json"), "\"engine_choice\": \"dae lagrange_penalty"));
 }
 
-// Its reference and its first row would take hours.
-TEST(NoSundials, AnAccuracyStudyThatNeedsItIsRefusedBeforeItsFirstRun) {
-  const TemporaryFolder folder;
-  const fs::path study =
-      write(folder.path() / "study.yaml", "scene: " + kCrank +
-                                              "\nreference: method\nreference_set: {duration: 1e5}\n"
-                                              "steps: [\"1 ms\"]\nmethods:\n"
-                                              "- {name: long, set: {duration: 1e5}}\n"
-                                              "- {name: gear, set: {solver.engine: dae}}\n");
-  const Outcome outcome =
-      run_program({"accuracy", study.string(), "--out", (folder.path() / "out").string()});
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, kNoGear)) << outcome.err;
-  EXPECT_TRUE(empty_or_missing(folder.path() / "out"));
-}
-
 }  // namespace
 }  // namespace handsim::test

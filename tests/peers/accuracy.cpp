@@ -1,6 +1,6 @@
 // The accuracy study with rows of other engines: `peer_accuracy PEERS.yaml --out DIR [--peers FOLDER]`.
-// PEERS.yaml names a study and has a row for each method of a program of this folder: `name`, `program`,
-// `method`, `set`, `steps`, `line`.
+// `handsim accuracy` writes the files. PEERS.yaml names a study and has a row for each method of a program of
+// this folder: `name`, `program`, `method`, `set`, `steps`, `line`.
 #include <unistd.h>
 
 #include <cstdio>
@@ -9,8 +9,10 @@
 #include <fmt/format.h>
 
 #include "handsim/core/yaml_reader.h"
+#include "handsim/output/report/page.h"
 #include "handsim/study/spec_reader.h"
 #include "peers/peer_program.h"
+#include "places.h"
 
 namespace {
 
@@ -49,21 +51,28 @@ std::optional<AccuracyMethod> read_method(MapReader reader, const std::vector<do
   return std::nullopt;
 }
 
-study::AccuracyOptions read(const fs::path& file, const fs::path& folder) {
+/// A study, and its own file.
+struct Asked {
+  fs::path study;
+  study::AccuracySpec spec;
+};
+
+Asked read(const fs::path& file, const fs::path& folder) {
   YamlNode root = load_yaml(file);
   Diagnostics diagnostics;
   MapReader reader(root, "", diagnostics);
-  study::AccuracyOptions options;
-  options.study = file.parent_path() / reader.text("study");
-  const study::AccuracySpec spec = study::load_accuracy(options.study);
+  Asked asked;
+  asked.study = file.parent_path() / reader.text("study");
+  asked.spec = study::load_accuracy(asked.study);
+  const std::vector<double> steps = asked.spec.methods.at(0).steps;
   const YamlNode* rows = reader.list("peers", true, kMostRows);
   for (std::size_t i = 0; rows && i < rows->items.size(); ++i)
-    if (auto method = read_method(MapReader(rows->items[i], fmt::format("peers.{}", i), diagnostics),
-                                  spec.methods.at(0).steps, folder))
-      options.more.push_back(std::move(*method));
+    if (auto method =
+            read_method(MapReader(rows->items[i], fmt::format("peers.{}", i), diagnostics), steps, folder))
+      asked.spec.methods.push_back(std::move(*method));
   reader.finish();
   diagnostics.throw_if_any();
-  return options;
+  return asked;
 }
 
 }  // namespace
@@ -81,9 +90,17 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    const study::StudyEnd end = study::accuracy(read(file, folder), {out, false, {}, {}});
-    std::printf("%s", end.text.c_str());
-    return 0;
+    const Asked asked = read(file, folder);
+    const std::string rows = study::rows_text(asked.spec, study::run_accuracy(asked.spec, nullptr));
+    std::fflush(stdout);
+    const auto word = [](const fs::path& path) { return output::shell_word(path.string()); };
+    FILE* files =
+        popen(fmt::format("{} accuracy --rows {} {}", word(test::kProgramFile), word(asked.study), word(out))
+                  .c_str(),
+              "w");
+    if (!files) throw input_error(test::kProgramFile, "no shell for it", "the program that writes the files");
+    const bool whole = std::fwrite(rows.data(), 1, rows.size(), files) == rows.size();
+    return pclose(files) == 0 && whole ? 0 : 1;
   } catch (const Error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

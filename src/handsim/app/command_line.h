@@ -11,6 +11,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "handsim/app/commands.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
 #include "handsim/simulation/run/film.h"
@@ -21,6 +22,7 @@ namespace handsim::app {
 struct CommandLine {
   CLI::App app{"handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine"};
   std::vector<std::pair<CLI::App*, std::function<int()>>> commands;
+  WritePage page;
 
   /// @param arguments filled in when the command line is parsed.
   template <class Arguments>
@@ -130,12 +132,12 @@ std::string man_page(const CLI::App& app, const std::string& version);
 
 void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);
-void add_report_commands(CommandLine& line);
 void add_motion_commands(CommandLine& line);
 /// For help and completion alone: these commands never reach CLI11.
 void add_other_commands(CommandLine& line);
 
-/// True for a command of the Python package or of the tests, and for `export` in a format of the package.
+/// True for a command of the Python package or of the tests, for `export` in a format of the package, and for
+/// the page of a run.
 bool is_other_command(int argc, const char* const* argv);
 /// Becomes the program of the command. @throws Error (input) without it
 [[noreturn]] void run_other_command(int argc, const char* const* argv);

@@ -78,9 +78,10 @@ std::optional<Error> option_error(const CLI::App& command) {
   return std::nullopt;
 }
 
-int parse_and_call(int argc, const char* const* argv, MoreCommands more) {
+int parse_and_call(int argc, const char* const* argv, MoreCommands more, const WritePage& page) {
   if (!more && is_other_command(argc, argv)) run_other_command(argc, argv);
   CommandLine line;
+  line.page = page;
   CLI::App& app = line.app;
   app.set_version_flag("--version",
                        fmt::format("handsim {}, commit {}\n{}\n{}\narticulated engine, {}", kVersion, kCommit,
@@ -91,7 +92,6 @@ int parse_and_call(int argc, const char* const* argv, MoreCommands more) {
       "simulation diverged, or output was lost; 2 bad input.");
   add_scene_commands(line);
   add_study_commands(line);
-  add_report_commands(line);
   add_motion_commands(line);
   (more ? more : add_other_commands)(line);
   add_completion(line);
@@ -122,8 +122,8 @@ int parse_and_call(int argc, const char* const* argv, MoreCommands more) {
 
 }  // namespace
 
-int run_command_line(int argc, const char* const* argv, MoreCommands more) {
-  return guarded([&] { return parse_and_call(argc, argv, more); });
+int run_command_line(int argc, const char* const* argv, MoreCommands more, const WritePage& page) {
+  return guarded([&] { return parse_and_call(argc, argv, more, page); });
 }
 
 int run_program(int argc, const char* const* argv) {

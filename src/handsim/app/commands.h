@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -13,7 +14,6 @@
 #include "handsim/app/console.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/blocks.h"
-#include "handsim/simulation/report/run_report.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/rollouts.h"
@@ -22,8 +22,14 @@ namespace handsim::app {
 
 struct CommandLine;
 using MoreCommands = void (*)(CommandLine& line);
+/// Writes report.html into the folder of a finished run, and returns what hindered it: nothing, if it did.
+/// The Python package has it (python/handsim/_run_page.py).
+using WritePage = std::function<std::string(const std::filesystem::path& folder)>;
 /// @param more registers the commands of another program that is handsim with them; null: none
-int run_command_line(int argc, const char* const* argv, MoreCommands more = nullptr);
+/// @param page empty: a program without Python, which becomes the package's for a command with a page of a
+/// run
+int run_command_line(int argc, const char* const* argv, MoreCommands more = nullptr,
+                     const WritePage& page = {});
 
 /// Reads a file of a known kind. @throws Error (input) with all its problems.
 template <class Read>
@@ -83,8 +89,8 @@ struct RunArguments : simulation::RunOptions {
   std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
   std::optional<int> seed;       ///< in place of the study's
   bool report = false;           ///< writes report.html
-  /// The folder is removed afterwards: its page has this in its place, and nothing names it.
-  std::optional<simulation::RunTitle> passing;
+  WritePage page;
+  bool passing = false;  ///< the folder is removed afterwards: nothing names it
   bool quiet = false;
   bool json = false;
 };
@@ -103,6 +109,7 @@ int render_command(const RenderArguments& arguments);
 struct GraspArguments : study::GraspStudy {
   std::string side;              ///< right, left, both; empty: the scene's
   bool report = false;           ///< writes report.html
+  WritePage page;                ///< of each run
   std::optional<int> uncertain;  ///< hands that are drawn
   std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
 };
@@ -124,19 +131,6 @@ struct ExportArguments {
 };
 int export_command(const ExportArguments& arguments);
 
-struct ReportArguments {
-  std::vector<std::filesystem::path> folders;  ///< of a run or study, or of two runs
-  std::optional<std::filesystem::path> out;    ///< absent: report.html in the first folder
-};
-int report_command(const ReportArguments& arguments);
-
-struct ViewArguments {
-  std::filesystem::path scene;
-  std::vector<std::string> overrides;
-  bool no_browser = false;
-};
-int view_command(const ViewArguments& arguments);
-
 /// A line for each of the ten deepest overlaps of shapes at the start, deepest first, and how many others.
 std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps);
 
@@ -146,14 +140,11 @@ std::string ending_of(const std::filesystem::path& path);
 /// Makes the folder `out` of default_out() for a file in it. @throws Error (input) if it cannot be made
 void make_default_folder(const std::filesystem::path& file);
 
-/// Sets what the report of a run shows beside its poses: contacts, where an effect of contact is on.
-void record_contacts(scene::Scene& scene);
+/// @throws Error (input) where a command cannot write the pages of its runs.
+void require_pages(const WritePage& page);
 
-/// Writes the page of a run or study, or of two runs in comparison; returns its path. @param out absent:
-/// report.html in the first folder. @throws Error (input) for other folders, and for more than two
-std::filesystem::path write_report(const std::vector<std::filesystem::path>& folders,
-                                   const std::optional<std::filesystem::path>& out = {},
-                                   const std::optional<simulation::RunTitle>& title = {});
+/// Sets what the page of a run shows beside its poses: contacts, where an effect of contact is on.
+void record_contacts(scene::Scene& scene);
 
 /// A reader of YAML files, for `handsim check` and `handsim schema`.
 struct FileReader {

@@ -78,7 +78,6 @@ int print_study(const study::StudyEnd& end, const std::filesystem::path& out, bo
   print_text(end.text);
   for (const std::string& what : end.missing) print_error("missing: {}\n", what);
   if (!out.empty()) print("files in {}{}\n", out.string(), note.text);
-  print_text(end.after);
   return end.passed && end.missing.empty() ? note.status : 1;
 }
 

@@ -5,7 +5,6 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
-#include "handsim/output/report/page.h"
 #include "handsim/study/grasp/grasp_study.h"
 
 namespace handsim::app {
@@ -79,7 +78,7 @@ void print_table(const std::vector<study::GraspRow>& rows) {
   }
 }
 
-void add_reports(const study::GraspTables& tables, const std::filesystem::path& out) {
+void add_pages(study::GraspTables& tables, const std::filesystem::path& out, const WritePage& page) {
   std::set<std::filesystem::path> folders;
   const auto add = [&](const study::RunRow& row) {
     for (const std::string& name : {row.scene + "_" + row.side, row.scene})
@@ -87,7 +86,8 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
   };
   for (const study::GraspRow& row : tables.grasps) add(row);
   for (const study::ClimbRow& row : tables.climbs) add(row);
-  for (const std::filesystem::path& folder : folders) write_report({folder});
+  for (const std::filesystem::path& folder : folders)
+    if (const std::string why = page(folder); !why.empty()) tables.missing.push_back("report: " + why);
 }
 
 /// Hands that are drawn of each scene: becomes the command that draws them.
@@ -124,17 +124,17 @@ int grasp_command(const GraspArguments& arguments) {
   if (arguments.uncertain) uncertain_grasps(study, arguments);
   const study::StudyCommands commands = study::grasp_commands(study);
   if (arguments.report) {
-    output::require_three();
+    require_pages(arguments.page);
     study.overrides.emplace_back("record.contacts=true");
   }
   if (study.video && study.video->file.has_parent_path())
     throw input_error("--video", study.video->file.string(), "a name without a folder, such as grasp.mp4");
   study.draw_apart = true;
-  const study::GraspTables tables = with_progress([&](const auto& show) {
+  study::GraspTables tables = with_progress([&](const auto& show) {
     study.progress = show;
     return study::run_grasps(study);
   });
-  if (arguments.report) add_reports(tables, arguments.out);
+  if (arguments.report) add_pages(tables, arguments.out, arguments.page);
   study::finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);

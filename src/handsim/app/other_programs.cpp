@@ -27,14 +27,23 @@ struct OtherCommand {
   const char *name, *help, *example;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 7> kOtherCommands = {
-    {{"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
+constexpr std::array<OtherCommand, 11> kOtherCommands = {
+    {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
+      "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3"},
+     {"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
       "handsim compare healthy.yaml blocked.yaml --out out/compared"},
+     {"effects",
+      "CPU time and influence of each effect of a scene: table, CSV, JSON and a plot of the scene without "
+      "each "
+      "effect in turn",
+      "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\""},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
       "handsim identify out/run --scene grasp_pinch --free objects.0.mass"},
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach"},
+     {"report", "One HTML page of a finished run or study, or of two runs in comparison",
+      "handsim report out/two_hands"},
      {"rollouts",
       "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores or on "
       "many "
@@ -44,7 +53,9 @@ constexpr std::array<OtherCommand, 7> kOtherCommands = {
       "handsim stability config/stability.yaml --out out/stability --quick"},
      {"validate",
       "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-      "handsim validate --out out/validate"}}};
+      "handsim validate --out out/validate"},
+     {"view", "Simulate a scene in a temporary folder and show its report in the browser",
+      "handsim view config/two_hands.yaml"}}};
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it. An interpreter that has no package or no NumPy goes on to the next one.
@@ -72,8 +83,9 @@ sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
 /// True where a command of this program is the package's: `export` in a format that the package writes, such
-/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file.
+/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file; what writes the page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
+  if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   const std::string word = lower_case(argument);
   if (command == "track") return word == "c3d";

@@ -73,7 +73,7 @@ auto with_progress(const Run& run) {
 
 /// Runs a study with a progress bar and prints its end.
 template <class Study>
-int with_bar(const study::StudyRun& asked, const Study& study, bool json = false) {
+int with_bar(const study::StudyRun& asked, const Study& study) {
   std::optional<ProgressBar> bar(std::in_place);
   study::StudyRun run = asked;
   run.progress = [&bar](double share) { bar->show(share); };
@@ -83,7 +83,7 @@ int with_bar(const study::StudyRun& asked, const Study& study, bool json = false
   };
   const study::StudyEnd end = study(run);
   bar.reset();
-  return print_study(end, asked.out, json);
+  return print_study(end, asked.out);
 }
 
 }  // namespace handsim::app

@@ -175,15 +175,6 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
   return study.scene(*arguments.rollout);
 }
 
-/// A page that cannot be written is missing; the run's files are there.
-void add_report(const RunArguments& run, simulation::RunResult& result) {
-  try {
-    write_report({run.out}, {}, run.passing);
-  } catch (const Error& error) {
-    result.missing.push_back(std::string("report: ") + error.what());
-  }
-}
-
 /// One picture, drawn in a child process.
 void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
   const simulation::PictureState moment = simulation::picture_state_at(scene, arguments.time.value_or(0));
@@ -225,9 +216,20 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
   return out;
 }
 
+void require_pages(const WritePage& page) {
+  output::require_three();
+  if (!page) throw input_error("--report", "a process without the Python package", "the program handsim");
+}
+
+void record_contacts(scene::Scene& scene) {
+  if (!scene.spec.solver.effects.any_contact()) return;
+  scene.spec.record_contacts = true;
+  scene.spec.solver.contact_forces = true;
+}
+
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
-  if (arguments.report) output::require_three();
+  if (arguments.report) require_pages(arguments.page);
   if (arguments.uncertain && !arguments.rollout) {
     check_many(arguments);
     run_uncertain(arguments);
@@ -246,7 +248,9 @@ int run_scene_command(const RunArguments& arguments) {
     options.note = [](const std::string& text) { print_error("note: {}\n", text); };
     return simulation::run(scene, options);
   });
-  if (arguments.report) add_report(arguments, result);
+  if (arguments.report)
+    if (const std::string why = arguments.page(arguments.out); !why.empty())
+      result.missing.push_back("report: " + why);
   print_warnings(overlap_texts(scene.model, result.overlaps));
   print_warnings(result.warnings);
   if (arguments.json)

@@ -82,6 +82,7 @@ void add_run(CommandLine& line) {
       line.add("run", "Simulate a scene: trajectory.csv, summary.json, resolved.yaml, pictures",
                "handsim run config/two_hands.yaml --out out/two_hands --frames 8 --set solver.step=\"2 ms\"",
                run_scene_command, arguments);
+  arguments->page = line.page;
   add_input(run, "scene", arguments->scene, "scene file")->required();
   add_out(run, arguments->out, "folder for the run's files");
   add_overrides(run, arguments->overrides);

@@ -65,6 +65,7 @@ void bind_description(py::module_& module);
 void bind_scene(py::module_& module);
 void bind_hand(py::module_& module);
 void bind_measurements(py::module_& module);
+void bind_page(py::module_& module);
 void bind_pictures(py::module_& module);
 void bind_run(py::module_& module);
 void bind_files(py::module_& module);

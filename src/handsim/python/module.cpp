@@ -1,5 +1,11 @@
 #include "handsim/python/bindings.h"
 
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+#include <pybind11/functional.h>
+
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
 #include "handsim/core/data_folder.h"
@@ -53,13 +59,18 @@ bool has_pictures() {
   }
 }
 
-/// `handsim COMMAND ...` in this process, the program's own export and track. @return its exit status
-int command_line(const std::vector<std::string>& words) {
+/// `handsim COMMAND ...` in this process, the program's own export and track. @param page of a run
+/// @return its exit status
+int command_line(const std::vector<std::string>& words, const app::WritePage& page) {
   std::vector<const char*> argv = {"handsim"};
   for (const std::string& word : words) argv.push_back(word.c_str());
-  const bool other = words.empty() || (words[0] != "export" && words[0] != "track");
+  // Of these commands a part is the package's, whose process this is.
+  constexpr std::array<std::string_view, 4> kShared = {"export", "grasp", "run", "track"};
+  const bool other = words.empty() || std::ranges::find(kShared, words[0]) == kShared.end();
   const auto more = other ? nullptr : &app::add_other_commands;
-  return without_gil([&] { return app::run_command_line(static_cast<int>(argv.size()), argv.data(), more); });
+  return without_gil([&] {
+    return app::finish_output(app::run_command_line(static_cast<int>(argv.size()), argv.data(), more, page));
+  });
 }
 
 /// pybind11 before 2.12 reads the arrays of numpy 2 wrongly. @throws py::import_error
@@ -83,12 +94,13 @@ PYBIND11_MODULE(_core, module) {
   module.attr("commit") = handsim::kCommit;
   module.def("has_pictures", &has_pictures);
   module.def("data_folder", [] { return handsim::data_folder().string(); });
-  module.def("command_line", &command_line);
+  module.def("command_line", &command_line, py::arg("words"), py::arg("page") = handsim::app::WritePage());
   bind_description(module);
   translate_errors();
   bind_scene(module);
   bind_hand(module);
   bind_measurements(module);
+  bind_page(module);
   bind_pictures(module);
   bind_run(module);
   bind_files(module);

@@ -1,8 +1,7 @@
 #include <algorithm>
 
-#include "handsim/app/commands.h"
 #include "handsim/output/render/contact_sheet.h"
-#include "handsim/output/report/page.h"
+#include "handsim/output/render/image.h"
 #include "handsim/output/video/video.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
@@ -12,12 +11,6 @@
 namespace handsim::python {
 
 namespace {
-
-/// The page of a run or study, or of two runs; its path.
-std::filesystem::path report(const std::vector<std::filesystem::path>& folders,
-                             const std::optional<std::filesystem::path>& out) {
-  return without_gil([&] { return app::write_report(folders, out); });
-}
 
 using VideoPixels = py::array_t<std::uint8_t, py::array::c_style>;
 
@@ -134,8 +127,6 @@ void bind_pictures(py::module_& module) {
   module.def("draw", &draw_frames);
   module.def("film", &film);
   module.def("contact_sheet", &sheet);
-  module.attr("has_reports") = output::has_three();
-  module.def("report", &report);
   module.def("video", [](const std::filesystem::path& file, int width, int height, double fps) {
     return std::make_unique<output::VideoWriter>(output::VideoFormat{file, width, height, fps});
   });

@@ -139,9 +139,7 @@ py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folde
     output::require_three();
     scene::Scene scene = *of.scene;
     app::record_contacts(scene);
-    simulation::RunResult result = simulation::run(scene, options);
-    app::write_report({folder});
-    return result;
+    return simulation::run(scene, options);
   }));
 }
 

@@ -3,7 +3,6 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
 #include "handsim/study/accuracy/accuracy.h"
-#include "handsim/study/effects/effects.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/population.h"
 
@@ -15,19 +14,35 @@ using std::filesystem::path;
 
 // Each study writes its command's files into a folder; returns the command's text. Python reads the files.
 
-std::string accuracy(const path& study, const path& out, const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    return study::accuracy({study, {}, {}}, {out, false, hooks.told}).text;
-  });
-}
-
-/// @param file of the scene, for the commands that repeat it; absent: a scene that has none.
-std::string effects_study(const SceneHandle& of, const std::optional<path>& file,
-                          const std::vector<std::string>& overrides, const path& out, int repeats,
-                          const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    return study::effects(*of.scene, {file, overrides, repeats}, {out, false, hooks.told}).text;
-  });
+/// The scene without each of its effects in turn, then without settings of its solver, by name; where it
+/// needs the effect, why.
+py::list variants(const SceneHandle& of) {
+  py::list out;
+  const auto add = [&](const std::string& name, scene::Scene scene) {
+    out.append(py::make_tuple(name, SceneHandle{std::make_shared<const scene::Scene>(std::move(scene))}));
+  };
+  const engine::Settings& solver = of.scene->spec.solver;
+  for (int i = 0; i < model::kEffectCount; ++i) {
+    const auto effect = static_cast<model::Effect>(i);
+    if (!solver.effects.has(effect)) continue;
+    const std::string name(model::name(effect));
+    try {
+      add(name, scene::without_effect(*of.scene, effect));
+    } catch (const Error& error) {
+      out.append(py::make_tuple(name, error.what()));
+    }
+  }
+  if (solver.engine() == engine::EngineKind::ode && solver.ode().projection) {
+    scene::Scene scene = *of.scene;
+    scene.spec.solver.ode().projection = false;
+    add("solver.projection", std::move(scene));
+  }
+  scene::Scene scene = *of.scene;
+  if (bool* on = engine::speculative(scene.spec.solver); on && *on && solver.effects.any_contact()) {
+    *on = false;
+    add("solver.speculative", std::move(scene));
+  }
+  return out;
 }
 
 void grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
@@ -112,8 +127,26 @@ void bind_motion(py::module_& module) {
 
 void bind_studies(py::module_& module) {
   module.def("draw_persons", &draw_persons);
-  module.def("accuracy", &accuracy);
-  module.def("effects", &effects_study);
+  bind_class<study::AccuracySpec>(module, "Accuracy")
+      .def_property_readonly("scenes",
+                             [](const study::AccuracySpec& of) {
+                               std::vector<path> out = {of.scene};
+                               for (const study::AccuracyMethod& method : of.methods)
+                                 if (method.scene) out.push_back(*method.scene);
+                               return out;
+                             })
+      .def("run", [](const study::AccuracySpec& of, const py::object& progress) {
+        return run_study(progress, [&](StudyHooks& hooks) {
+          return study::rows_text(of, study::run_accuracy(of, hooks.told));
+        });
+      });
+  module.def("accuracy", [](const path& file) {
+    return std::make_unique<study::AccuracySpec>(study::load_accuracy(file));
+  });
+  module.def("variants", &variants);
+  module.def("cpu_seconds", [](const SceneHandle& of, long warm_up, long steps) {
+    return without_gil([&] { return study::cpu_seconds(*of.scene, warm_up, steps); });
+  });
   module.def("grasps", &grasps);
   bind_motion(module);
 }

@@ -24,9 +24,8 @@ struct StudyRun {
 };
 
 struct StudyEnd {
-  std::string text;        ///< for the screen
-  std::string after = {};  ///< further text, after the names of files
-  std::string json = {};   ///< in place of both, for programs
+  std::string text;       ///< for the screen
+  std::string json = {};  ///< in its place, for programs
   bool passed = true;
   bool plotted = true;                    ///< false if gnuplot is missing or fails
   std::vector<std::string> missing = {};  ///< what could not be made, and why
@@ -35,19 +34,6 @@ struct StudyEnd {
 /// Tells the text for the screen at once: what comes after it may fail.
 inline void tell(const StudyRun& run, StudyEnd& end) {
   if (run.tell) run.tell(std::exchange(end.text, {}));
-}
-
-/// Runs a part of a row, unless an earlier part failed; a fault of the physics becomes the row's.
-/// @param all other errors, too
-template <class Row, class Part>
-void attempt(Row& row, bool all, const Part& part) {
-  if (row.fault) return;
-  try {
-    part();
-  } catch (const Error& error) {
-    if (!all && !error.fault()) throw;
-    row.fault = error.what();
-  }
 }
 
 /// Calls `work` in threads, which share its tasks and end once `stop` is true. The first exception sets it,

@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include <nlohmann/json.hpp>
+
 #include "scene_files.h"
 
 namespace handsim::study {
@@ -63,38 +65,28 @@ TEST(AccuracyRows, OfOneMethodWithoutAReferenceAreComparedWithTheSmallestStep) {
   EXPECT_GT(result.rows[0].rate_error, result.rows[1].rate_error);
 }
 
-TEST(Cheapest, IsTheCheapestRowThatReachesTheTarget) {
-  AccuracyResult result;
-  AccuracyRow row;
-  for (const auto& [error, cost] : {std::pair(0.1, 1.0), std::pair(0.01, 3.0), std::pair(0.005, 2.0)}) {
-    row.rate_error = error;
-    row.cpu_per_second = cost;
-    result.rows.push_back(row);
-  }
-  EXPECT_EQ(cheapest(result, 0.05), &result.rows[2]);
-  EXPECT_EQ(cheapest(result, 0.2), &result.rows[0]);
-  EXPECT_EQ(cheapest(result, 1e-4), nullptr);
+// Its reference and its first row would take hours.
+TEST(AccuracyRows, OfARefusedSceneEndTheStudyBeforeItsFirstRun) {
+  AccuracySpec spec =
+      slider_crank({method("long", {"duration=1e5"}, {1e-3}),
+                    method("refused", {"solver.engine=dae", "effects=[joint_stops]"}, {1e-3})});
+  spec.reference = Reference::method;
+  spec.reference_set = {"duration=1e5"};
+  EXPECT_THROW(run_accuracy(spec, nullptr), Error);
 }
 
-// Rows with and without contact have different reference motions.
-TEST(Cheapest, IsNoRowWithAReferenceOfItsOwnInAStudyThatHasOne) {
-  AccuracyResult result;
-  AccuracyRow row;
-  row.rate_error = 0.01;
-  row.cpu_per_second = 1;
-  row.own_reference = true;
-  result.rows.push_back(row);
-  EXPECT_NE(cheapest(result, 0.1), nullptr);
-  result.reference.emplace();
-  EXPECT_EQ(cheapest(result, 0.1), nullptr);
-}
-
-TEST(AccuracyFiles, AreWritten) {
-  const test::TemporaryFolder folder;
-  const AccuracySpec spec = slider_crank({method("it's", {"duration=0.2"}, {5e-3, 1e-3})});
-  write_accuracy(spec, run_accuracy(spec, nullptr), folder.path());
-  EXPECT_NE(test::text_of(folder.path() / "accuracy.csv").find("\"it's\",0.005,"), std::string::npos);
-  EXPECT_NE(test::text_of(folder.path() / "accuracy.json").find("\"ODE 0.16"), std::string::npos);
+// Oracle: the numbers of the rows themselves, as JSON has them.
+TEST(AccuracyRows, AsTextHaveEveryDigit) {
+  AccuracySpec spec = slider_crank({method("it's", {"duration=0.2"}, {5e-3})});
+  spec.plot_steps = {5e-3};
+  const AccuracyResult result = run_accuracy(spec, nullptr);
+  const auto json = nlohmann::json::parse(rows_text(spec, result));
+  const AccuracyRow& row = result.rows.at(0);
+  EXPECT_EQ(json["rows"][0]["rate_error"], row.rate_error);
+  EXPECT_EQ(json["rows"][0]["cpu"], row.cpu_per_second);
+  EXPECT_EQ(json["rows"][0]["series"]["rate"][20], row.series.rate.at(20).at(0));
+  EXPECT_EQ(json["reference"]["rate"].size(), 21U);
+  EXPECT_EQ(std::string(json["engines"][0]).substr(0, 8), "ODE 0.16");
 }
 
 }  // namespace

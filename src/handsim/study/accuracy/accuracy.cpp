@@ -152,6 +152,18 @@ Motion record_motion(const scene::Scene& scene, const std::optional<std::string>
   return motion;
 }
 
+/// Runs a part of a row, unless an earlier part failed; a fault of the physics becomes the row's.
+template <class Part>
+void attempt(AccuracyRow& row, const Part& part) {
+  if (row.fault) return;
+  try {
+    part();
+  } catch (const Error& error) {
+    if (!error.fault()) throw;
+    row.fault = error.what();
+  }
+}
+
 /// A row that is not finished.
 struct Job {
   const AccuracyMethod* method = nullptr;
@@ -185,11 +197,7 @@ double cost(const Job& job) {
   const long steps = std::max(1L, std::lround(std::min(job.scene.spec.duration, kTimedSpan) / h));
   const double simulated = static_cast<double>(steps) * h;
   if (job.method->outside) return job.method->outside->cpu_seconds(job.scene, steps) / simulated;
-  simulation::Simulation warm_up(job.scene), simulation(job.scene);
-  for (long i = 0; i < std::min(steps, kWarmUpSteps); ++i) warm_up.step();
-  const double start = cpu_now();
-  for (long i = 0; i < steps; ++i) simulation.step();
-  return (cpu_now() - start) / simulated;
+  return cpu_seconds(job.scene, std::min(steps, kWarmUpSteps), steps) / simulated;
 }
 
 Series slider_crank_series(std::string_view rows, double duration, double every) {
@@ -286,7 +294,41 @@ std::string unit_of(const AccuracySpec& spec) {
   return "rad";
 }
 
+/// The rates of the first observed coordinate, which a plot shows.
+Json series_json(const Series& series) {
+  Json rates = Json::array();
+  for (const std::vector<double>& each : series.rate) rates.push_back(each.at(0));
+  return {{"time", series.time}, {"rate", rates}};
+}
+
+Json row_json(const AccuracyRow& row) {
+  return {{"method", row.method},
+          {"step", row.step},
+          {"fault", row.fault ? Json(*row.fault) : Json()},
+          {"own_reference", row.own_reference},
+          {"is_reference", row.is_reference},
+          {"rate_error", row.rate_error},
+          {"early_rate_error", row.early_rate_error},
+          {"position_error", row.position_error},
+          {"gap", row.gap},
+          {"energy_error", row.energy_error ? Json(*row.energy_error) : Json()},
+          {"cpu", row.cpu_per_second},
+          {"series", series_json(row.series)},
+          {"command", row.command}};
+}
+
 }  // namespace
+
+double cpu_seconds(const scene::Scene& scene, long warm_up, long steps) {
+  if (warm_up > 0) {
+    simulation::Simulation simulation(scene);
+    for (long i = 0; i < warm_up; ++i) simulation.step();
+  }
+  simulation::Simulation simulation(scene);
+  const double start = cpu_now();
+  for (long i = 0; i < steps; ++i) simulation.step();
+  return cpu_now() - start;
+}
 
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress) {
   AccuracyResult result;
@@ -308,7 +350,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   for (std::size_t first = 0, end = 0; first < jobs.size(); first = end) {
     for (end = first; end < jobs.size() && jobs[end].method == jobs[first].method; ++end) {
       Job& job = jobs[end];
-      attempt(job.row, false, [&] {
+      attempt(job.row, [&] {
         Motion motion = record_job(spec, job);
         job.row.series = std::move(motion.series);
         job.row.gap = motion.gap;
@@ -325,7 +367,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   }
   for (int round = 0; round < spec.repeats; ++round)
     for (Job& job : jobs) {
-      attempt(job.row, false, [&] { job.costs.push_back(cost(job)); });
+      attempt(job.row, [&] { job.costs.push_back(cost(job)); });
       report(job, false);
     }
   for (Job& job : jobs) {
@@ -335,14 +377,22 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   return result;
 }
 
-const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
-  const AccuracyRow* best = nullptr;
-  for (const AccuracyRow& row : result.rows) {
-    const bool competes = !row.fault && !row.is_reference && !(result.reference && row.own_reference);
-    if (competes && row.rate_error <= target && (!best || row.cpu_per_second < best->cpu_per_second))
-      best = &row;
-  }
-  return best;
+std::string rows_text(const AccuracySpec& spec, const AccuracyResult& result) {
+  Json out = {{"title", spec.title},
+              {"early", spec.early},
+              {"plot_steps", spec.plot_steps},
+              {"unit", result.unit},
+              {"engines", result.engines},
+              {"reference", result.reference ? series_json(*result.reference) : Json()},
+              {"methods", Json::array()},
+              {"rows", Json::array()}};
+  for (const AccuracyMethod& method : spec.methods)
+    out["methods"].push_back({{"name", method.name},
+                              {"line", method.line ? Json(*method.line) : Json()},
+                              {"own_scene", method.scene.has_value()},
+                              {"outside", method.outside.has_value()}});
+  for (const AccuracyRow& row : result.rows) out["rows"].push_back(row_json(row));
+  return out.dump();
 }
 
 }  // namespace handsim::study

@@ -9,7 +9,6 @@
 
 #include "handsim/model/state.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
@@ -79,8 +78,6 @@ struct AccuracyRow {
   std::optional<std::string> fault;  ///< why the row has no figures
   Series series;                     ///< only for steps in plot_steps
   std::string command;               ///< repeats the run; empty: of an outside engine
-
-  double times_real_time() const { return 1 / cpu_per_second; }
 };
 
 struct AccuracyResult {
@@ -89,6 +86,10 @@ struct AccuracyResult {
   std::string unit;                  ///< of the coordinates: `m` or `rad`
   std::vector<std::string> engines;  ///< engines of the rows, with their versions
 };
+
+/// CPU seconds of so many steps from the start of a scene, after so many of another run that warm up. Nothing
+/// is recorded.
+double cpu_seconds(const scene::Scene& scene, long warm_up, long steps);
 
 /// @throws Error (input) with every problem of the file.
 AccuracySpec load_accuracy(const std::filesystem::path& path);
@@ -99,29 +100,7 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @throws Error (input) for an invalid scene or override.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
-/// The row with the smallest cost whose whole-run error is at most `target`; null if there is none. If the
-/// study has a reference, rows with a reference of their own are ignored.
-const AccuracyRow* cheapest(const AccuracyResult& result, double target);
-
-/// The rows as a table for the screen.
-std::string accuracy_table(const AccuracyResult& result, double early);
-
-/// A table of the cheapest row for each of a series of errors, from 0.1 down to the smallest that a row
-/// reaches; a row that is cheapest for several is at the smallest one. Empty if no row reaches 0.1.
-std::string cheapest_table(const AccuracyResult& result);
-
-/// Writes accuracy.csv, accuracy.json and, if gnuplot is installed, error_cost, cost_step, error_step and
-/// velocity as PNG and SVG.
-/// @returns false if gnuplot is missing or fails; the other files and the script accuracy.gp are written.
-/// @throws Error (input) if the folder cannot be written.
-bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result, const std::filesystem::path& out);
-
-struct AccuracyOptions {
-  std::filesystem::path study;
-  std::optional<double> target;           ///< whole-run error that the cheapest row must reach
-  std::vector<AccuracyMethod> more = {};  ///< beside those of the study file
-};
-/// The whole study. @throws Error (input) as its parts
-StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run);
+/// The rows, and of the study what their files need, as python/handsim/_accuracy.py reads them: JSON.
+std::string rows_text(const AccuracySpec& spec, const AccuracyResult& result);
 
 }  // namespace handsim::study

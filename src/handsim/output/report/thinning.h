@@ -1,18 +1,11 @@
-// Numbers for the page: float32 in base64, and fewer rows where a straight line between kept rows is as good.
+// Curves and motions for a page: fewer rows, where a straight line between kept rows is as good.
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <span>
-#include <string>
 #include <vector>
 
 namespace handsim::output {
-
-/// Base64 (RFC 4648) of the numbers as little-endian float32.
-std::string base64(std::span<const float> values);
-/// Base64 (RFC 4648) of the numbers as little-endian uint16.
-std::string base64(std::span<const std::uint16_t> values);
 
 /// Rows of a table over time such that straight lines between kept rows pass every other row within the
 /// tolerance of each column; first and last stay. One pass: from a kept row, each column's admissible slopes

@@ -1,25 +1,11 @@
-#include "handsim/output/report/binary.h"
+#include "handsim/output/report/thinning.h"
 
-#include <bit>
+#include <algorithm>
 #include <limits>
 
 namespace handsim::output {
 
 namespace {
-
-std::string base64_bytes(std::span<const std::byte> bytes) {
-  constexpr char kDigits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string out;
-  out.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-    unsigned word = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      word = word << 8U | (k < count ? std::to_integer<unsigned>(bytes[i + k]) : 0U);
-    for (std::size_t k = 0; k < 4; ++k) out += k <= count ? kDigits[word >> (18 - 6 * k) & 63U] : '=';
-  }
-  return out;
-}
 
 /// Narrows the slopes of each column by one row; false if the row's own slope is not among them.
 class Door {
@@ -52,10 +38,6 @@ class Door {
 };
 
 }  // namespace
-
-static_assert(std::endian::native == std::endian::little);
-std::string base64(std::span<const float> values) { return base64_bytes(std::as_bytes(values)); }
-std::string base64(std::span<const std::uint16_t> values) { return base64_bytes(std::as_bytes(values)); }
 
 std::vector<std::size_t> kept_rows(std::span<const double> times, std::span<const float> values,
                                    std::span<const double> tolerances) {

@@ -1,9 +1,8 @@
-// Oracles: the test vectors of RFC 4648; the definition of the tolerance, checked for every dropped row.
-#include "handsim/output/report/binary.h"
+// Oracle: the definition of the tolerance, checked for every dropped row.
+#include "handsim/output/report/thinning.h"
 
 #include <gtest/gtest.h>
 
-#include <bit>
 #include <cmath>
 #include <random>
 
@@ -92,15 +91,6 @@ TEST(Thinning, NoiseBeyondTheBudgetWidensTheToleranceAndSaysSo) {
   EXPECT_LE(thin.rows.size(), 300U);
   EXPECT_GT(thin.factor, 1);
   EXPECT_LE(worst(times, values, {1e-3 * thin.factor}, thin.rows), 1 + 1e-6);
-}
-
-TEST(Base64, IsThatOfRfc4648) {
-  // The numbers whose bytes are "foobar00": 66 6f 6f 62 61 72 30 30.
-  const std::vector<float> values = {std::bit_cast<float>(0x626f6f66U), std::bit_cast<float>(0x30307261U)};
-  EXPECT_EQ(base64(values), "Zm9vYmFyMDA=");
-  EXPECT_EQ(base64(std::vector<std::uint16_t>{0x6f66}), "Zm8=");
-  EXPECT_EQ(base64(std::vector<std::uint16_t>{0x6f66, 0x626f}), "Zm9vYg==");
-  EXPECT_EQ(base64(std::vector<float>{}), "");
 }
 
 }  // namespace
