@@ -7,7 +7,7 @@
 #include <cstring>
 #include <fstream>
 
-#include "handsim/scene/read/mesh_reader.h"
+#include "handsim/scene/read/mesh_file.h"
 #include "scene_files.h"
 
 namespace handsim::scene {
