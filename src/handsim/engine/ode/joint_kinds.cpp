@@ -90,16 +90,16 @@ void add_torques(dJointID id, const model::Joint& joint, const double* tau, cons
   }
 }
 
-dJointID create_motor(dWorldID world, const model::Joint& joint, std::size_t count, dBodyID child,
-                      dBodyID parent) {
-  const bool slider = joint.slides(0);
+dJointID create_motor(dWorldID world, const model::Joint& joint, const std::vector<std::size_t>& axes,
+                      dBodyID child, dBodyID parent) {
+  const bool slider = joint.slides(axes.front());
   const dJointID motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
   dJointAttach(motor, child, parent);
   if (slider) {
-    dJointSetLMotorNumAxes(motor, static_cast<int>(count));
+    dJointSetLMotorNumAxes(motor, static_cast<int>(axes.size()));
   } else {
     dJointSetAMotorMode(motor, dAMotorUser);
-    dJointSetAMotorNumAxes(motor, static_cast<int>(count));
+    dJointSetAMotorNumAxes(motor, static_cast<int>(axes.size()));
   }
   return motor;
 }
@@ -111,16 +111,15 @@ void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector
     // ODE: 0 fixed in the world, 1 in our child, 2 in our parent.
     const bool in_child = axes[i] > as_index(joint.type().slides);
     const int frame = in_child ? 1 : (parent_is_body ? 2 : 0);
-    if (joint.slides(0))
+    if (joint.slides(axes[i]))
       dJointSetLMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
     else
       dJointSetAMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
   }
 }
 
-void add_feedback(dJointFeedback& feedback, const model::Joint& joint, std::span<const Vec3> axes,
-                  double* out) {
-  dReal* on_child = joint.slides(0) ? feedback.f1 : feedback.t1;
+void add_feedback(dJointFeedback& feedback, bool slides, std::span<const Vec3> axes, double* out) {
+  dReal* on_child = slides ? feedback.f1 : feedback.t1;
   const Vec3 did(on_child[0], on_child[1], on_child[2]);
   on_child[0] = on_child[1] = on_child[2] = 0;
   const double a = axes[0].dot(did);
@@ -147,13 +146,13 @@ bool StopArc::reached(const Direction& at) const {
   return angle <= low_ || angle >= high_;
 }
 
-void Servos::add(dJointID motor, const model::Joint& joint) {
-  for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+void Servos::add(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes) {
+  for (std::size_t i = 0; i < axes.size(); ++i) {
     Row row;
     row.motor = motor;
     row.group = kParamGroup * static_cast<int>(i);
-    row.dof = static_cast<std::size_t>(joint.first_dof) + i;
-    row.slider = joint.slides(i);
+    row.dof = static_cast<std::size_t>(joint.first_dof) + axes[i];
+    row.slider = joint.slides(axes[i]);
     set_parameter(motor, row.slider, dParamFMax + row.group, 0);
     rows_.push_back(row);
   }

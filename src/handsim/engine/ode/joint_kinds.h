@@ -33,18 +33,17 @@ void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF);
 void add_torques(dJointID id, const model::Joint& joint, const double* tau, const model::State& state,
                  dBodyID child, dBodyID parent);
 
-/// A motor with `count` axes between the bodies of a joint: AMotor, or LMotor where the joint slides.
-dJointID create_motor(dWorldID world, const model::Joint& joint, std::size_t count, dBodyID child,
-                      dBodyID parent);
+/// A motor on axes of a joint, which all slide or all turn, between its bodies: LMotor or AMotor.
+dJointID create_motor(dWorldID world, const model::Joint& joint, const std::vector<std::size_t>& axes,
+                      dBodyID child, dBodyID parent);
 
 /// Axes of a joint's motor, in the same configuration.
 void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes,
                     bool parent_is_body, const Pose& x_WF);
 
-/// Adds what a motor did along a joint's one or two axes: x with sum of x_k axis_k = its torque on the child
+/// Adds what a motor did along its one or two axes: x with sum of x_k axis_k = its torque on the child
 /// [N m], of a slider its force [N]. Clears the feedback, which ODE leaves for a motor without a row.
-void add_feedback(dJointFeedback& feedback, const model::Joint& joint, std::span<const Vec3> axes,
-                  double* out);
+void add_feedback(dJointFeedback& feedback, bool slides, std::span<const Vec3> axes, double* out);
 
 using model::Direction;
 
@@ -68,8 +67,8 @@ class Servos {
   /// @param step of the engine [s].
   explicit Servos(double step) : step_(step) {}
 
-  /// Drives a joint's coordinates by a motor whose axes are the joint's, in their order.
-  void add(dJointID motor, const model::Joint& joint);
+  /// Drives coordinates of a joint by a motor on their axes.
+  void add(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes);
   /// Sets the rows of the next step. @param servos size model.dof_count(), or empty: none acts.
   void set(std::span<const model::Servo> servos);
   /// In the next solution rows whose torque is far below its limit have no limit, for a faster direct solver.

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include <fmt/format.h>
 
@@ -93,9 +92,8 @@ void Joints::place(const Link& link, const model::State& state) const {
   set_geometry(link.id, joint, x_WF);
   if (link.motor != nullptr)
     set_motor_axes(link.motor, joint, link.motor_axes, link.parent.id != nullptr, x_WF);
-  std::vector<std::size_t> all(joint.axes.size());
-  std::iota(all.begin(), all.end(), std::size_t{0});
-  if (link.servo != nullptr) set_motor_axes(link.servo, joint, all, link.parent.id != nullptr, x_WF);
+  for (const ServoMotor& servo : link.servos)
+    set_motor_axes(servo.id, joint, servo.axes, link.parent.id != nullptr, x_WF);
 }
 
 void Joints::reanchor(const model::State& state) {
@@ -143,7 +141,7 @@ void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
     link.tissue.push_back(tissue ? *own : model::Tissue{});
   }
   if (link.motor_axes.empty()) return;
-  link.motor = create_motor(world, joint, link.motor_axes.size(), link.child.id, link.parent.id);
+  link.motor = create_motor(world, joint, link.motor_axes, link.child.id, link.parent.id);
   link.by_motor = with_feedback(link.motor);
   set_tissue(link);
 }
@@ -184,10 +182,15 @@ void Joints::set_drag(std::span<const double> damping) {
 
 void Joints::add_servo(dWorldID world, Link& link) {
   const model::Joint& joint = *link.joint;
-  if (joint.axes.empty()) return;
-  link.servo = create_motor(world, joint, joint.axes.size(), link.child.id, link.parent.id);
-  link.by_servo = with_feedback(link.servo);
-  servos_.add(link.servo, joint);
+  for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+    if (i == 0 || joint.slides(i) != joint.slides(i - 1)) link.servos.emplace_back();
+    link.servos.back().axes.push_back(i);
+  }
+  for (ServoMotor& servo : link.servos) {
+    servo.id = create_motor(world, joint, servo.axes, link.child.id, link.parent.id);
+    servo.feedback = with_feedback(servo.id);
+    servos_.add(servo.id, joint, servo.axes);
+  }
 }
 
 void Joints::watch(std::size_t link_index, const Settings& settings) {
@@ -309,9 +312,11 @@ void Joints::read_torques(std::span<const double> given, std::vector<double>& ta
     const auto count = as_index(dof_count(link.joint->kind));
     const std::span<const Vec3> own = axes.subspan(first, count);
     if (!given.empty()) std::copy_n(given.data() + first, count, tau.data() + first);
-    if (link.by_motor) add_feedback(*link.by_motor, *link.joint, own, tau.data() + first);
-    if (!link.by_servo) continue;
-    add_feedback(*link.by_servo, *link.joint, own, tau_servo.data() + first);
+    if (link.by_motor) add_feedback(*link.by_motor, link.joint->slides(0), own, tau.data() + first);
+    if (link.servos.empty()) continue;
+    for (const ServoMotor& servo : link.servos)
+      add_feedback(*servo.feedback, link.joint->slides(servo.axes[0]),
+                   own.subspan(servo.axes[0], servo.axes.size()), tau_servo.data() + first + servo.axes[0]);
     for (std::size_t k = first; k < first + count; ++k) tau[k] += tau_servo[k];
   }
 }

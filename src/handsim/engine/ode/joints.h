@@ -54,6 +54,12 @@ class Joints {
   dJointID id(std::size_t joint) const { return links_[joint].id; }
 
  private:
+  /// A motor that drives axes of a joint: those that slide, or those that turn.
+  struct ServoMotor {
+    dJointID id = nullptr;
+    std::vector<std::size_t> axes;
+    std::unique_ptr<dJointFeedback> feedback;
+  };
   struct Link {
     const model::Joint* joint = nullptr;
     dJointID id = nullptr;  ///< null: neither side can move
@@ -62,9 +68,9 @@ class Joints {
     dJointID motor = nullptr;             ///< tissue: AMotor, or LMotor of a slider
     std::vector<std::size_t> motor_axes;  ///< our axis of each of the motor's axes
     std::vector<model::Tissue> tissue;    ///< of each of these; zero where only tendons act
-    dJointID servo = nullptr;             ///< drives every axis; with actuation only
-    // Where ODE writes what the two motors did. An address that stays.
-    std::unique_ptr<dJointFeedback> by_motor, by_servo;
+    // Where ODE writes what the motor did. An address that stays.
+    std::unique_ptr<dJointFeedback> by_motor;
+    std::vector<ServoMotor> servos;  ///< drive every axis; with actuation only
   };
   /// A joint with tissue, stops or both.
   struct Watch {
