@@ -248,15 +248,20 @@ def study(file: Path, out: Optional[Path], *, runs: bool = False, uncertain: Opt
     :raises Error: of kind input for a wrong file or folder, of kind physics for a row without a value
     """
     measurements = Measurements(file)
-    folder = None if out is None else _core.output_folder(out, [glob.escape(name) for name in NAMES], [file])
+    if out is None:
+        result = measurements.run(None, uncertain, told)
+        return End(_told(result), result.passed, True)
+    folder = _core.output_folder(out, [glob.escape(name) for name in NAMES], [file])
     try:
-        result = measurements.run(out / "runs" if runs and out is not None else None, uncertain, told)
-        text, plotted = f"{result.title}\n\n{table_text(result)}", True
-        if out is not None:
-            folder.clear()
-            plotted = write(result, out)
-            command, rows = _commands(file, runs, result)
-            _core.finish_study(out, command, {}, report, rows)
-        return End(text, result.passed, plotted)
+        result = measurements.run(out / "runs" if runs else None, uncertain, told)
+        folder.clear()
+        plotted = write(result, out)
+        command, rows = _commands(file, runs, result)
+        _core.finish_study(out, command, {}, report, rows)
+        return End(_told(result), result.passed, plotted)
     finally:
         del folder  # ends the lock
+
+
+def _told(result: Result) -> str:
+    return f"{result.title}\n\n{table_text(result)}"

@@ -195,11 +195,13 @@ void bind_rollouts(py::module_& module) {
     const py::buffer_info bytes = of.request();
     return hash_bytes({static_cast<const char*>(bytes.ptr), static_cast<std::size_t>(bytes.size)});
   });
-  module.def("finish_study", [](const path& out, const std::string& command,
-                                const std::map<std::string, std::string>& templates, bool report,
-                                const std::map<std::string, std::vector<std::string>>& rows) {
-    study::finish_study(out, {command, rows, templates}, report);
-  }, py::arg(), py::arg(), py::arg(), py::arg(), py::arg("rows") = py::dict());
+  module.def(
+      "finish_study",
+      [](const path& out, const std::string& command, const std::map<std::string, std::string>& templates,
+         bool report, const std::map<std::string, std::vector<std::string>>& rows) {
+        study::finish_study(out, {command, rows, templates}, report);
+      },
+      py::arg(), py::arg(), py::arg(), py::arg(), py::arg("rows") = py::dict());
   module.def("command_text", &study::command_text);
 }
 
