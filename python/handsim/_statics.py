@@ -106,9 +106,10 @@ class Statics:
 
     def __init__(self, hand: Hand) -> None:
         self.hand = hand
-        self.names = hand.coordinates
-        self.low, self.high = np.asarray(hand.joints["low[rad]"]), np.asarray(hand.joints["high[rad]"])
-        self.rest, self.stiffness = np.asarray(hand.joints["rest[rad]"]), np.asarray(hand.joints["stiffness[N m/rad]"])
+        model = hand.scene._model
+        joints = [(joint, axis) for joint in (model.joints[i] for i in model.hands[0].joints) for axis in joint.axes]
+        self.names = [f"{joint.name.partition('.')[2]}.{axis.name}" for joint, axis in joints]
+        self.low, self.high, self.rest, self.stiffness = np.array([(axis.low, axis.high, axis.rest, axis.stiffness) for _, axis in joints]).T
         self.moves = ~(self.high - self.low < FUSED)
 
     def at(self, pose: Mapping[str, float], rest: bool = False) -> Array:
@@ -230,7 +231,7 @@ class Statics:
             if left < 1e-8:
                 return q
             following = q.copy()
-            following[turning] = np.clip(x + np.clip(step * now, -0.05, 0.05), low, high)
+            following[turning] = np.minimum(np.maximum(x + np.minimum(np.maximum(step * now, -0.05), 0.05), low), high)
             then = moments(following)
             # Small components do not count: a nearly balanced one changes its sign with every step of the others.
             if ((then * now < -0.25 * now * now) & (np.abs(then) > 0.1 * left)).any():
@@ -332,10 +333,14 @@ def thumb_workspace(of: Statics, voxel: float = 4e-3, steps: Optional[Sequence[i
     rows = [i for i, name in enumerate(of.names) if name.startswith("thumb_")]
     counts = steps or [25, 25, *([11] * (len(rows) - 2))]
     grids = np.meshgrid(*(np.linspace(of.low[i], of.high[i], n) if of.moves[i] else of.rest[i:i + 1] for i, n in zip(rows, counts)))
+    body, offset = of.hand.bodies.index("thumb_distal"), np.array([0, of.tip("thumb"), 0])
     q = np.zeros(len(of.names))
-    points = []
+    poses = []
     for angles in np.stack([each.ravel() for each in grids], axis=1):
         q[rows] = angles
-        points.append(of.hand.position(q, "thumb_tip"))
-    cubes = np.unique(np.floor(np.array(points) / voxel).astype(int), axis=0)
-    return len(cubes) * voxel ** 3, np.array(points)
+        position, quaternion = of.hand.poses(q)
+        poses.append(np.concatenate([position[body], quaternion[body]]))
+    place, w, v = np.array(poses)[:, :3], np.array(poses)[:, 3:4], np.array(poses)[:, 4:]
+    points = place + offset + 2 * np.cross(v, np.cross(v, offset) + w * offset)
+    cubes = np.unique(np.floor(points / voxel).astype(int), axis=0)
+    return len(cubes) * voxel ** 3, points

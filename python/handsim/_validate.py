@@ -203,12 +203,12 @@ KINDS: dict[str, Callable[[Statics, Row], float]] = {
 """Kinds of rows of a person's hand, in SI."""
 
 
-def strongest(ways: Iterable[Callable[[], Any]]) -> Any:
-    """The largest of what ways give. :raises NotHeld: where the hand does not hold any of them"""
+def strongest(find: Callable[[Any], Any], ways: Iterable[Any]) -> Any:
+    """The largest that is found of ways. :raises NotHeld: where the hand does not hold any of them"""
     found = []
     for way in ways:
         with suppress(NotHeld):
-            found.append(way())
+            found.append(find(way))
     if not found:
         raise NotHeld
     return max(found)
@@ -222,7 +222,7 @@ def measure(row: Row, in_pose: Callable[[Row], float]) -> float:
     :raises Error: of kind physics, with the row's name, where there is none
     """
     try:
-        value = strongest(lambda pose=pose: in_pose({**row, "pose": pose}) for pose in [row["pose"], *row.get("or_poses", [])])
+        value: float = strongest(lambda pose: in_pose({**row, "pose": pose}), [row["pose"], *row.get("or_poses", [])])
         return value / in_pose({**row, "pose": row["over_pose"]}) if "over_pose" in row else value
     except NotHeld:
         raise NotHeld(row["name"]) from None
@@ -273,7 +273,7 @@ class GripRun:
             found = self._held(lines[i])
             return found.sum, i, found
 
-        _, best, pressed = strongest((lambda i=i: held(i)) for i in range(len(lines)))  # type: ignore[misc]
+        _, best, pressed = strongest(held, range(len(lines)))
         left = steps - steps // 2
         ramp = left // 2
         for i in range(1, ramp):
@@ -337,7 +337,7 @@ class SimulatedScenes:
         summary = self._summary(row)
 
         def total(figures: list[str]) -> float:
-            out = []
+            out: list[Array] = []
             for figure in figures:
                 found = np.atleast_1d(np.array([each if _is_number(each) else np.nan for each in _list(found_at(summary, figure))], dtype=float))
                 if found.shape not in ((1,), (3,)) or np.isnan(found).any() or (out and out[0].shape != found.shape):

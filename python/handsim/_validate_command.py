@@ -7,7 +7,7 @@ from typing import Any, Optional, Sequence
 
 from ._errors import input_error
 from ._files import ended, read_options
-from ._progress import bar
+from ._progress import Bar, bar
 from ._shipped import data_path, find_file
 from ._validate_report import study
 
@@ -42,8 +42,12 @@ def _work(options: dict[str, Any]) -> int:
     runs, report = "--runs" in options, "--report" in options
     out = Path(options["--out"]) if "--out" in options else Path("out") / (file.stem if given else "validate") if runs or report else None
     with bar(True, "validate") as told:
-        end = study(file, out, runs=runs, uncertain=_hands(options.get("--uncertain")), report=report, told=told)
-    print(end.text, end="")
+        def show(text: str) -> None:
+            if isinstance(told, Bar):
+                told.close()
+            print(text, end="", flush=True)
+
+        end = study(file, out, runs=runs, uncertain=_hands(options.get("--uncertain")), report=report, told=told, show=show)
     lacks = not end.plotted and shutil.which("gnuplot") is not None
     if out is not None:
         plots = "" if end.plotted else f" (no plots: gnuplot {'failed' if lacks else 'is missing'}; the .gp file is its script)"

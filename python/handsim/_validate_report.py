@@ -5,7 +5,7 @@ import glob
 import json
 import math
 from pathlib import Path
-from typing import Any, NamedTuple, Optional
+from typing import Any, Callable, NamedTuple, Optional
 
 from . import _core
 from ._rollouts_files import owners_text
@@ -30,6 +30,9 @@ GROUPS: dict[str, Filter] = {
 HEAD = ("quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,of,spread_is,value_is,chosen,weight,source,reason,"
         "percentile_5,percentile_95,inside\n")
 NAMES = ["validate.csv", "validate.json", "validate.gp", "study.json", "report.html", "validate.png", "validate.svg"]
+
+
+Show = Callable[[str], object]
 
 
 class End(NamedTuple):
@@ -242,22 +245,31 @@ def _commands(file: Path, runs: bool, result: Result) -> tuple[str, dict[str, li
     return _core.command_text(words, []), {"validate.csv": [of_row(row.row) for row in result.rows if row.measured]}
 
 
-def study(file: Path, out: Optional[Path], *, runs: bool = False, uncertain: Optional[int] = None, report: bool = False, told: Told = None) -> End:
+def study(file: Path, out: Optional[Path], *, runs: bool = False, uncertain: Optional[int] = None, report: bool = False, told: Told = None,
+          show: Show = lambda _: None) -> End:
     """The whole study.
 
     :param out: folder of its files; None: none are written, and no simulations are run
+    :param show: gets the text before the files are written, which may fail
     :raises Error: of kind input for a wrong file or folder, of kind physics for a row without a value
     """
     measurements = Measurements(file)
-    folder = None if out is None else _core.output_folder(out, [glob.escape(name) for name in NAMES], [file])
+    if out is None:
+        result = measurements.run(None, uncertain, told)
+        show(text := _text(result))
+        return End(text, result.passed, True)
+    folder = _core.output_folder(out, [glob.escape(name) for name in NAMES], [file])
     try:
-        result = measurements.run(out / "runs" if runs and out is not None else None, uncertain, told)
-        text, plotted = f"{result.title}\n\n{table_text(result)}", True
-        if out is not None:
-            folder.clear()
-            plotted = write(result, out)
-            command, rows = _commands(file, runs, result)
-            _core.finish_study(out, command, rows, {}, report)
+        result = measurements.run(out / "runs" if runs else None, uncertain, told)
+        show(text := _text(result))
+        folder.clear()
+        plotted = write(result, out)
+        command, rows = _commands(file, runs, result)
+        _core.finish_study(out, command, rows, {}, report)
         return End(text, result.passed, plotted)
     finally:
         del folder  # ends the lock
+
+
+def _text(result: Result) -> str:
+    return f"{result.title}\n\n{table_text(result)}"

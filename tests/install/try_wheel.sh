@@ -1,6 +1,6 @@
 #!/bin/sh
 # try_wheel.sh WHEELS [PYTHON]: installs a wheel of the folder WHEELS in a new environment and tries what README shows:
-# Python, a run, a page, rollouts, a task. Needs Python 3.9 to 3.13 with venv, and PyPI for numpy and gymnasium.
+# Python, a run, a page, rollouts, a task. Needs Python 3.9 to 3.13 with venv, and PyPI for numpy, h5py, scipy and gymnasium.
 set -eu
 wheels=$(cd "$1" && pwd)
 python=${2:-python3}
@@ -13,7 +13,7 @@ tag=$("$python" -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
 start=$(date +%s.%N)
 "$bin/pip" install -q --disable-pip-version-check "$wheels"/handsim-*-"$tag-$tag"-*.whl
 end=$(date +%s.%N)
-echo "pip install: $(echo "$end $start" | awk '{printf "%.1f", $1 - $2}') s with numpy; the package has $(du -sm environment/lib/*/site-packages/handsim | cut -f1) MB"
+echo "pip install: $(echo "$end $start" | awk '{printf "%.1f", $1 - $2}') s with what it needs; the package has $(du -sm environment/lib/*/site-packages/handsim | cut -f1) MB"
 "$bin/pip" install -q --disable-pip-version-check gymnasium
 
 cat >ten_lines.py <<'END'

@@ -51,8 +51,7 @@ constexpr std::array<OtherCommand, 11> kOtherCommands = {
       "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick"},
-     {"validate",
-      "The hand against measurements: moment arms, forces, moments, masses beside their sources",
+     {"validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate"},
      {"view", "Simulate a scene in a temporary folder and show its report in the browser",
       "handsim view config/two_hands.yaml"}}};

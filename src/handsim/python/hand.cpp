@@ -127,8 +127,8 @@ py::array_t<double> inverse_dynamics(const SceneHandle& of, const py::object& q,
   return array_of(model::inverse_dynamics(posture.model, posture.state, change.span(), pull));
 }
 
-/// Of the muscles at coordinates: moment arms by muscle and coordinate [m], excursions [m], the force that full
-/// activation adds, and the force at rest [N]. By coordinate: the torque of bands [N m].
+/// Of the muscles at coordinates: moment arms by muscle and coordinate [m], excursions [m], the force that
+/// full activation adds, and the force at rest [N]. By coordinate: the torque of bands [N m].
 py::tuple muscles_at(const SceneHandle& of, const py::object& q) {
   const model::Model& model = of.scene->model;
   const Numbers at = coordinates_of(model, q, "q");
@@ -153,7 +153,8 @@ py::tuple muscles_at(const SceneHandle& of, const py::object& q) {
                         array_of(torque));
 }
 
-/// Length and mass; centre of mass from the wrist and radii of gyration about three axes, over the length [1].
+/// Length and mass; centre of mass from the wrist and radii of gyration about three axes, over the length
+/// [1].
 py::dict whole_hand(const SceneHandle& of) {
   first_hand(of);
   const hand::BuiltHand& built = of.scene->hands.front();

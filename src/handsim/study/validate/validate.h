@@ -14,8 +14,8 @@ namespace handsim::study {
 /// A file of measurements.
 struct Measurements {
   /// JSON: `title`, `goal`, and `rows` with the keys of the file, numbers in SI, poses as axis to angle, and
-  /// scenes as paths from the working folder. Added to each row are the `unit` that is printed and its `scale`
-  /// in SI; `over_row` is the index of the row that `relative_to` names.
+  /// scenes as paths from the working folder. Added to each row are the `unit` that is printed and its
+  /// `scale` in SI; `over_row` is the index of the row that `relative_to` names.
   std::string text;
   using Model = std::shared_ptr<const hand::HandSpec>;
   Model hand;

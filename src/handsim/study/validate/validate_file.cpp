@@ -93,7 +93,8 @@ class RowReader {
     row["source"] = reader.text("source");
     row["reason"] = reader.maybe_text("reason").value_or("");
     row["required"] = reader.flag("required", false);
-    for (const auto& [key, words] : {std::pair("of", "people cadavers model"), {"spread_is", "source chosen"},
+    for (const auto& [key, words] : {std::pair("of", "people cadavers model"),
+                                     {"spread_is", "source chosen"},
                                      {"value_is", "fitted norm scaled predicted"}})
       row[key] = word(reader, key, words);
     row["chosen"] = reader.maybe_text("chosen").value_or("");
@@ -243,7 +244,9 @@ Measurements read(const YamlNode& root, Diagnostics& diagnostics) {
   MapReader reader(root, "", diagnostics);
   Json text = {{"title", reader.text("title", "the hand against measurements")},
                {"goal", reader.number("goal", {Dimension::none, 0, 1}, 0.9)}};
-  const auto kept = [](hand::HandSpec spec) { return std::make_shared<const hand::HandSpec>(std::move(spec)); };
+  const auto kept = [](hand::HandSpec spec) {
+    return std::make_shared<const hand::HandSpec>(std::move(spec));
+  };
   out.hand = kept({});
   if (const YamlNode* node = reader.file_or_block("hand", "a hand model"))
     out.hand = kept(hand::read_hand_spec(*node, reader.path_of("hand"), diagnostics));
