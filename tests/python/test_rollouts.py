@@ -81,6 +81,17 @@ def test_any_threads_and_executors_give_the_same_bytes(whole, tmp_path):
     assert contents(tmp_path / "pool") == contents(tmp_path / "processes") == expected
 
 
+# Oracle: the function itself, in the order of the units.
+def test_any_pure_function_of_a_number_is_computed():
+    told = []
+    executor = _rollouts.executor_of(None, 2)
+    assert _rollouts.map_units(executor, pow, 3, 50, told=told.append) == [3**unit for unit in range(50)]
+    executor.close()
+    assert told[-1] == 1 and told == sorted(told)
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        assert _rollouts.map_units(_rollouts.executor_of(pool, 0), pow, 3, 50) == [3**unit for unit in range(50)]
+
+
 def _dies(work, first, last):
     if first <= 5 < last:
         os._exit(9)
