@@ -15,8 +15,8 @@ from ._progress import Bar, Told, print_line
 from ._rollouts import PARTS, Asked, Executor, Parts, Range, Rows, collect, keep_study, open_study, parts_beyond, rows_of, work_of
 from ._rollouts_files import FILES, Outcome, Table, figure_rows, held_text, screen_text, write_files
 
-NUMBER_BYTES, TEXT_BYTES = 20 + 20 + 2 * 8, 18 + 18 + 2 * 56
-"""Of a number and of a text while rows are kept, in CSV and twice in HDF5, whose file is copied once."""
+NUMBER_BYTES, TEXT_BYTES = 20 + 20 + 8, 18 + 18 + 56
+"""Of a number and of a text while rows are kept, in CSV and in HDF5."""
 STATE_BYTES, NAME_BYTES, COLUMN_BYTES, PANEL_BYTES = 3 * 8, 3 * 64, 1000, 50e3
 MOST_TRAJECTORY = 1 << 30
 """Bytes of one rollout that is written whole."""
