@@ -535,7 +535,10 @@ def _h5_file(written: _Written) -> Any:
     access.set_fileobj_driver(h5fd.fileobj_driver, written)
     # Closes what a traceback holds, too.
     access.set_fclose_degree(h5f.CLOSE_STRONG)
-    return h5f.create(b"rollouts.h5", h5f.ACC_TRUNC, fapl=access)
+    # HDF5 2 writes times of groups, too.
+    root = h5p.create(h5p.FILE_CREATE)
+    root.set_obj_track_times(False)
+    return h5f.create(b"rollouts.h5", h5f.ACC_TRUNC, root, access)
 
 
 def _write_h5(table: Table, part: Path) -> None:
@@ -549,6 +552,7 @@ def _write_h5(table: Table, part: Path) -> None:
     plain = h5p.create(h5p.DATASET_CREATE)
     plain.set_obj_track_times(False)
     ordered = h5p.create(h5p.GROUP_CREATE)
+    ordered.set_obj_track_times(False)
     ordered.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
 
     def texts(of: Iterable[str]) -> Any:
