@@ -450,3 +450,15 @@ def test_playing_again_replaces_its_own(tmp_path):
     for _ in range(2):
         done = play_words(tmp_path, tmp_path / "out", options='{"drive": "muscles"}', width=101, actions=41, value="-1")
         assert done.returncode == 0 and "new episodes end with success" in done.stdout and (tmp_path / "out/actions.csv").is_file(), done.stderr
+
+
+# Oracle: two processes simulate every step that is asked for. Ray and PyTorch are wheels of PyPI: pip install "ray[rllib]" torch.
+def test_rays_workers_learn_on_vectors(tmp_path):
+    for name in ("ray.rllib", "torch", "gymnasium"):
+        pytest.importorskip(name, reason=f"{name} is not installed: training with Ray's workers is not tested")
+    run = subprocess.run([sys.executable, str(Path(__file__).parents[2] / "python/examples/train_with_ray.py"), "--envs", "4", "--steps", "256", "--iterations", "2"],
+                         capture_output=True, text=True, timeout=600, env={**os.environ, "RAY_worker_niceness": "0", "RAY_AUTH_MODE": "disabled"})
+    lines = run.stdout.splitlines()
+    assert run.returncode == 0 and lines[-1].startswith("2 workers of 4 hands"), run.stderr[-2000:]
+    steps = [int(line.split()[0]) for line in lines if "steps a second" in line]
+    assert len(steps) == 2 and steps[0] >= 256 and steps[1] >= steps[0] + 256
