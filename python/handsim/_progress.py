@@ -26,6 +26,11 @@ def in_notebook() -> bool:
     return hasattr(shell, "kernel")
 
 
+def print_line(text: str) -> None:
+    """For people, on stderr."""
+    print(text, file=sys.stderr, flush=True)
+
+
 def _span(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.3g} h"
 
@@ -60,6 +65,13 @@ class Bar:
         else:
             done = round(WIDTH * min(max(share, 0.0), 1.0))
             self._write(f"[{'#' * done}{'.' * (WIDTH - done)}] {text}")
+
+    def line(self, text: str) -> None:
+        """A line above the bar."""
+        if self.length:
+            self._write("")
+            sys.stderr.write("\r")
+        print_line(text)
 
     def close(self) -> None:
         """Takes the bar away."""

@@ -2,6 +2,7 @@
 
 The one unit of work is `rows_of`: rows [first, last) as a pure function of study, seed and range. Threads call it on this
 machine, the workers of a Dask cluster on many, and whatever else has ``submit`` as the executors of concurrent.futures.
+`map_units` has any other pure function of a number computed in the same ways.
 """
 from __future__ import annotations
 
@@ -13,19 +14,21 @@ import os
 import queue
 import threading
 import time
+import uuid
 import zlib
 from collections import deque
 from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Callable, Iterator, NamedTuple, Optional
+from typing import Any, Callable, Iterator, NamedTuple, Optional, Union
 
 import numpy as np
 
 from . import _core
 from ._errors import Error, Problem, input_error
 from ._files import PathText
+from ._progress import print_line
 
 Series = tuple[list[str], Any]
 """Curves of one rollout: names with units, and numbers row by row."""
@@ -46,6 +49,8 @@ MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
 PATIENCE = 2.0
 """Seconds for a result that is there to come."""
+ALONE, ALONE_AGAIN = 10.0, 60.0
+"""Seconds without any worker before a line says so, and until the next line."""
 TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
 STUDIES = 4
 """That a worker keeps in memory."""
@@ -167,6 +172,32 @@ def rows_of(work: Work, first: int, last: int, stop: Any = None) -> Rows:
     return Rows(first, end, csv, trajectories, curves, time.perf_counter() - begin)
 
 
+class Units(NamedTuple):
+    """A pure function of a number, which travels with what it needs."""
+
+    call: Callable[[Any, int], Any]
+    """Of a module, which each worker imports."""
+    shared: Any
+    """Its first argument."""
+    key: str
+
+
+class Answers(NamedTuple):
+    """Of the units [first, last)."""
+
+    first: int
+    last: int
+    results: list[Any]
+    seconds: float
+    """That they took."""
+
+
+def answers_of(work: Units, first: int, last: int, stop: Any = None) -> Answers:
+    """A pure function as `rows_of`."""
+    begin = time.perf_counter()
+    return Answers(first, last, [work.call(work.shared, unit) for unit in range(first, last)], time.perf_counter() - begin)
+
+
 def keep_study(work: Work, study: Any) -> None:
     """What was read for the command serves its threads, too."""
     with _lock:
@@ -184,11 +215,13 @@ class Executor:
         """How many chunks are computed at the same time."""
         return int(self._slots)
 
-    def submit(self, work: Work, first: int, last: int) -> Any:
-        return self._executor.submit(rows_of, work, first, last)
+    def submit(self, call: Callable[..., Any], work: Any, first: int, last: int) -> Any:
+        """:param call: `rows_of` or `answers_of`"""
+        return self._executor.submit(call, work, first, last)
 
-    def check(self) -> None:
-        """:raises Error: of kind output where nobody computes any more"""
+    def check(self) -> str:
+        """Is called while nothing comes. :returns: a line for people, or nothing. :raises Error: of kind output where nobody computes any more"""
+        return ""
 
     def close(self) -> None:
         pass
@@ -202,8 +235,8 @@ class Threads(Executor):
         super().__init__(ThreadPoolExecutor(count, "rollouts"), count)
         self._stop = _core.stop()
 
-    def submit(self, work: Work, first: int, last: int) -> Any:
-        return self._executor.submit(rows_of, work, first, last, self._stop)
+    def submit(self, call: Callable[..., Any], work: Any, first: int, last: int) -> Any:
+        return self._executor.submit(call, work, first, last, self._stop)
 
     def close(self) -> None:
         self._stop.set()
@@ -218,6 +251,9 @@ class Dask(Executor):
         self._client, self._own = client, own
         self._study: Optional[Any] = None
         self._asked, self._count, self._sent = -np.inf, 0, 0
+        self._alone: Optional[float] = None
+        """Since when there is no worker."""
+        self._told = 0.0
 
     @property
     def page(self) -> str:
@@ -228,18 +264,28 @@ class Dask(Executor):
         if time.monotonic() - self._asked > 2:
             self._count = sum(self._client.nthreads().values())
             self._asked = time.monotonic()
+            if self._count:
+                self._alone = None
+            elif self._alone is None:
+                self._alone, self._told = self._asked, self._asked + ALONE - ALONE_AGAIN
         return max(1, self._count)
 
-    def submit(self, work: Work, first: int, last: int) -> Any:
+    def submit(self, call: Callable[..., Any], work: Any, first: int, last: int) -> Any:
         # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
         if self._study is None or self._study.status in ("cancelled", "lost", "error"):
             self._sent += 1
             self._study = self._client.submit(_itself, work, key=f"{STUDY}{work.key}-{self._sent}")
-        return self._client.submit(rows_of, self._study, first, last, pure=False)
+        return self._client.submit(call, self._study, first, last, pure=False)
 
-    def check(self) -> None:
+    def check(self) -> str:
         if self._client.status not in ("running", "connecting"):
             raise _gone("no scheduler answers")
+        now = time.monotonic()
+        if self._alone is None or now - self._told < ALONE_AGAIN:
+            return ""
+        self._told = now
+        address = self._client.scheduler.address
+        return f"waiting for {now - self._alone:.0f} s: the scheduler {address} has no worker; dask worker {address} starts one"
 
     def close(self) -> None:
         self._study = None
@@ -251,7 +297,7 @@ def _gone(why: object) -> Error:
     return Error(f"what computes the rows has gone ({why}); the same command with --resume goes on", "output")
 
 
-def _itself(work: Work) -> Work:
+def _itself(work: Any) -> Any:
     return work
 
 
@@ -294,7 +340,7 @@ class _Queue:
         self.left = sum(last - first for first, last in missing)
         self._seconds: Optional[float] = None
 
-    def measured(self, rows: Rows) -> None:
+    def measured(self, rows: Union[Rows, Answers]) -> None:
         each = rows.seconds / max(1, rows.last - rows.first)
         self._seconds = each if self._seconds is None else 0.7 * self._seconds + 0.3 * each
 
@@ -318,11 +364,15 @@ class _Queue:
         self.left += sum(last - first for first, last in ranges)
 
 
-def collect(work: Work, study: Any, executor: Executor, missing: list[Range], keep: Callable[[Rows], None], wait: Callable[[], None]) -> None:
+def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: list[Range], keep: Callable[[Any], None], crashed: Callable[[int, str], None],
+            wait: Callable[[], None], say: Callable[[str], None]) -> None:
     """Has all of the missing ranges computed, in any order.
 
+    :param call: `rows_of` with a `Work`, or `answers_of` with `Units`
     :param keep: gets the rows as they come
+    :param crashed: gets a row that ends its workers, and the reason
     :param wait: is called now and then; may raise, which ends the work
+    :param say: gets lines for people
     :raises Error: that of a worker; of kind output where no worker is left
     """
     waiting, done = _Queue(missing), queue.SimpleQueue[Any]()
@@ -336,14 +386,15 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
                 # Alone: another's crash is not blamed on this row.
                 waiting.again((suspects[0], suspects.popleft() + 1))
             while len(flying) < 2 * slots + 1 and (chunk := waiting.next(slots)):
-                future = executor.submit(work, *chunk)
+                future = executor.submit(call, work, *chunk)
                 flying[future] = chunk
                 future.add_done_callback(done.put)
             try:
                 future = done.get(timeout=0.2)
             except queue.Empty:
                 wait()
-                executor.check()
+                if line := executor.check():
+                    say(line)
                 continue
             first, last = flying.pop(future)
             try:
@@ -367,8 +418,7 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
                     tries[first] += 1
                     suspects.append(first)
                 else:
-                    text = f"ended the worker that computed it, {TRIES} times alone ({type(error).__name__})"
-                    keep(Rows(first, last, study.crashed(first, text), {}, [], 0))
+                    crashed(first, f"ended the worker that computed it, {TRIES} times alone ({type(error).__name__})")
             else:
                 keep(rows)
                 waiting.measured(rows)
@@ -381,6 +431,32 @@ def collect(work: Work, study: Any, executor: Executor, missing: list[Range], ke
         for future in flying:
             with suppress(OSError):
                 future.cancel()
+
+
+def map_units(executor: Executor, call: Callable[[Any, int], Any], shared: Any, count: int, wait: Callable[[], None] = lambda: None,
+              say: Callable[[str], None] = print_line, told: Optional[Callable[[float], object]] = None) -> list[Any]:
+    """``[call(shared, 0), ..., call(shared, count - 1)]``, in chunks of about a second.
+
+    :param call: a pure function of a module
+    :param shared: goes to each worker once
+    :param told: gets the share done
+    :raises Error: of kind output for a unit that ends its workers, and as `collect`
+    """
+    out: list[Any] = [None] * count
+    done = 0
+
+    def keep(answers: Answers) -> None:
+        nonlocal done
+        out[answers.first:answers.last] = answers.results
+        done += answers.last - answers.first
+        if told is not None:
+            told(done / count)
+
+    def crashed(unit: int, text: str) -> None:
+        raise Error(f"{call.__name__}: unit {unit} {text}", "output")
+
+    collect(answers_of, Units(call, shared, uuid.uuid4().hex), executor, [(0, count)], keep, crashed, wait, say)
+    return out
 
 
 class Parts:

@@ -11,7 +11,7 @@ from . import _core
 from ._errors import Error, input_error
 from ._files import ended, read_options
 from ._overrides import command_overrides
-from ._progress import bar
+from ._progress import bar, print_line
 from ._rollouts import Asked, Executor, Range, Threads, dask_at
 from ._rollouts_run import Finished, Stopped, remove_rows, rollouts_order, run, uncertain_grasps
 from ._shipped import find_file
@@ -50,10 +50,6 @@ def _range(text: Optional[str]) -> Optional[Range]:
     return int(first), int(last)
 
 
-def _note(text: str) -> None:
-    print(text, file=sys.stderr)
-
-
 def _stopping() -> Callable[[], None]:
     """What raises Stopped after Ctrl-C and at the end of a job's time; a second signal ends the program at once."""
     asked = False
@@ -77,7 +73,7 @@ def _executor(address: str, threads: int = 0) -> Executor:
         return Threads(threads)
     out = dask_at(address)
     if out.page:
-        _note(f"Dask's page: {out.page}")
+        print_line(f"Dask's page: {out.page}")
     return out
 
 
@@ -87,10 +83,10 @@ def _end(finished: Finished, out: Path, drawn: bool, again: str) -> int:
         print(f"complete already: files in {out}")
         return 0
     if finished.done < finished.size:
-        _note(f"stopped: {finished.done} of {finished.size} rollouts are done; the same command{again} goes on")
+        print_line(f"stopped: {finished.done} of {finished.size} rollouts are done; the same command{again} goes on")
         return 1
     for what in finished.missing:
-        _note(f"missing: {what}")
+        print_line(f"missing: {what}")
     print(finished.text, end="")
     rate = f" ({finished.computed / finished.seconds:.3g} a second)" if finished.seconds > 0 and finished.computed else ""
     plots, status = plot_note(finished.plotted)
@@ -108,7 +104,7 @@ def _work(options: dict[str, Any]) -> int:
     executor = _executor(options.get("--on", ""), threads)
     try:
         with bar(True, "rollouts") as told:
-            finished = run(order, executor, told, wait, note=_note)
+            finished = run(order, executor, told, wait, note=print_line)
     finally:
         executor.close()
     if only and finished.done == finished.size and not finished.before:
@@ -127,7 +123,7 @@ def _job(job: dict[str, Any]) -> int:
         with bar(True, "hands") as told:
             if "scenes" in job:
                 finished = uncertain_grasps([Path(each) for each in job["scenes"]], job["sides"], [Path(each) for each in job["persons"]], overrides, count,
-                                            out, executor, told, wait, _note)
+                                            out, executor, told, wait, print_line)
                 if finished.done == finished.size:
                     _core.finish_study(out, job["command"], {}, {}, job["report"])
                 return _end(finished, out, True, "")
@@ -138,7 +134,7 @@ def _job(job: dict[str, Any]) -> int:
                 # What it reads of the motion is no part of a study's name.
                 remove_rows(out)
                 order = order._replace(command=job["command"], row="", resume=False, inputs=[Path(each) for each in inverse[:3] if each])
-            finished = run(order, executor, told, wait, "hands", _note)
+            finished = run(order, executor, told, wait, "hands", print_line)
     finally:
         executor.close()
     return _end(finished, out, False, "")

@@ -423,6 +423,8 @@ def _replaced(path: Path, write: Callable[[Path], None]) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         write(part)
+        with open(part, "rb") as file:
+            os.fsync(file.fileno())
         os.replace(part, path)
     except OSError as error:
         raise Error(f"{path}: got a file that cannot be written ({error.strerror or error}), need room on the disk", "output") from None
@@ -462,10 +464,76 @@ def bands_text(curves: list[tuple[list[str], Array]]) -> str:
     return "\n".join(out) + "\n"
 
 
+class _Written:
+    """A file for HDF5. Where the disk is full it keeps the reason and takes what else comes as written, so that HDF5 can close
+    it: a file that it cannot finish ends the process.
+    """
+
+    def __init__(self, file: int) -> None:
+        """:param file: its descriptor; empty"""
+        self._file, self._place, self._size = file, 0, 0
+        self.failure: Optional[OSError] = None
+
+    def seek(self, place: int, whence: int = os.SEEK_SET) -> int:
+        self._place = place + (self._size if whence == os.SEEK_END else 0)
+        return self._place
+
+    def tell(self) -> int:
+        return self._place
+
+    def readinto(self, into: Any) -> int:
+        view = memoryview(into).cast("B")
+        found = os.pread(self._file, len(view), self._place)
+        view[:] = found.ljust(len(view), b"\0")
+        self._place += len(view)
+        return len(view)
+
+    def write(self, data: Any) -> int:
+        view = memoryview(data).cast("B")
+        done = 0
+        try:
+            while self.failure is None and done < len(view):
+                done += os.pwrite(self._file, view[done:], self._place + done)
+        except OSError as error:
+            self.failure = error.with_traceback(None)
+        self._place += len(view)
+        self._size = max(self._size, self._place)
+        return len(view)
+
+    def truncate(self, size: int) -> None:
+        self._size = size
+        try:
+            os.ftruncate(self._file, size)
+        except OSError as error:
+            self.failure = self.failure or error.with_traceback(None)
+
+    def flush(self) -> None:
+        pass
+
+    def check(self) -> None:
+        """:raises OSError: where something was not written"""
+        if self.failure is not None:
+            raise self.failure
+
+
+def _h5_file(written: _Written) -> Any:
+    from h5py import h5f, h5fd, h5p
+
+    # A traceback that holds this list until Python has gone ends the process: HDF5 frees it by calling Python.
+    access = h5p.create(h5p.FILE_ACCESS)
+    access.set_fileobj_driver(h5fd.fileobj_driver, written)
+    # Closes what a traceback holds, too.
+    access.set_fclose_degree(h5f.CLOSE_STRONG)
+    # HDF5 2 writes times of groups, too.
+    root = h5p.create(h5p.FILE_CREATE)
+    root.set_obj_track_times(False)
+    return h5f.create(b"rollouts.h5", h5f.ACC_TRUNC, root, access)
+
+
 def _write_h5(table: Table, part: Path) -> None:
     """Equal tables give equal bytes: without times, by the calls of HDF5 in one order. A missing number is NaN, a missing text
     is empty; units are written ``[m per s]``, since a slash parts groups."""
-    from h5py import h5a, h5d, h5f, h5g, h5p, h5s, h5t, string_dtype
+    from h5py import h5a, h5d, h5g, h5p, h5s, h5t, string_dtype
 
     text_type = h5t.C_S1.copy()
     text_type.set_size(h5t.VARIABLE)
@@ -473,6 +541,7 @@ def _write_h5(table: Table, part: Path) -> None:
     plain = h5p.create(h5p.DATASET_CREATE)
     plain.set_obj_track_times(False)
     ordered = h5p.create(h5p.GROUP_CREATE)
+    ordered.set_obj_track_times(False)
     ordered.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)
 
     def texts(of: Iterable[str]) -> Any:
@@ -486,10 +555,9 @@ def _write_h5(table: Table, part: Path) -> None:
         made = h5d.create(group, name.replace("/", " per ").encode(), h5t.IEEE_F64LE if numbers else text_type,
                           h5s.create_simple(of.shape if numbers else (len(of),)), plain)
         made.write(h5s.ALL, h5s.ALL, np.ascontiguousarray(of) if numbers else texts(of))
+        written.check()
 
-    raw = part.with_name(part.name + ".h5")
-    file = h5f.create(os.fsencode(raw), h5f.ACC_TRUNC)
-    try:
+    def fill() -> None:
         attribute(b"title", [table.head["title"]])
         attribute(b"seed", [table.head["seed"]])
         attribute(b"origin", table.head["origin"])
@@ -502,17 +570,15 @@ def _write_h5(table: Table, part: Path) -> None:
             dataset(group, str(number), values)
             # A head of many names is too large for an attribute: a dataset beside it.
             dataset(group, f"{number}.columns", names)
-        del group
-        h5f.flush(file)
-        # As the image of a file in memory is, which has no mark of being open.
-        with open(raw, "rb") as source, open(part, "wb") as copy:
-            while block := source.read(1 << 22):
-                copy.write(block)
-            copy.seek(20)
-            copy.write(bytes(4))
-    finally:
-        file.close()
-        raw.unlink()
+
+    with open(part, "w+b", buffering=0) as raw:
+        written = _Written(raw.fileno())
+        file = _h5_file(written)
+        try:
+            fill()
+        finally:
+            file.close()
+        written.check()
 
 
 def write_files(table: Table, out: Path) -> tuple[list[Outcome], bool, list[str]]:

@@ -11,12 +11,12 @@ from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence
 
 from . import _core
 from ._errors import Error, Problem, input_error
-from ._progress import Bar, Told
-from ._rollouts import PARTS, Asked, Executor, Parts, Range, Rows, collect, keep_study, open_study, parts_beyond, work_of
+from ._progress import Bar, Told, print_line
+from ._rollouts import PARTS, Asked, Executor, Parts, Range, Rows, collect, keep_study, open_study, parts_beyond, rows_of, work_of
 from ._rollouts_files import FILES, Outcome, Table, figure_rows, held_text, screen_text, write_files
 
-NUMBER_BYTES, TEXT_BYTES = 20 + 20 + 2 * 8, 18 + 18 + 2 * 56
-"""Of a number and of a text while rows are kept, in CSV and twice in HDF5, whose file is copied once."""
+NUMBER_BYTES, TEXT_BYTES = 20 + 20 + 8, 18 + 18 + 56
+"""Of a number and of a text while rows are kept, in CSV and in HDF5."""
 STATE_BYTES, NAME_BYTES, COLUMN_BYTES, PANEL_BYTES = 3 * 8, 3 * 64, 1000, 50e3
 MOST_TRAJECTORY = 1 << 30
 """Bytes of one rollout that is written whole."""
@@ -183,8 +183,11 @@ def _run(order: Order, study: Any, executor: Executor, told: Told, wait: Callabl
         computed += rows.last - rows.first
         progress.add(rows.last - rows.first)
 
+    def crashed(row: int, text: str) -> None:
+        keep(Rows(row, row + 1, study.crashed(row, text), {}, [], 0))
+
     try:
-        collect(work, study, executor, missing, keep, wait)
+        collect(rows_of, work, executor, missing, keep, crashed, wait, told.line if isinstance(told, Bar) else print_line)
     except Stopped:
         pass
     finally:

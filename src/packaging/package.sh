@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# package.sh FOLDER WHEELS: builds in FOLDER handsim_…_amd64.deb and libhandsim-dev_…_amd64.deb for this Debian, with its
-# libraries, from build/release, and handsim-…-linux-x86_64.tar.gz, which runs from any folder with glibc 2.28 or newer: the
+# package.sh FOLDER WHEELS: builds in FOLDER handsim_…_amd64.deb, python3-handsim_…_amd64.deb (where the module is built) and
+# libhandsim-dev_…_amd64.deb for this Debian, with its libraries, from build/release, and handsim-…-linux-x86_64.tar.gz, which runs from any folder with glibc 2.28 or newer: the
 # program, linked with the libraries of the wheels, which are built in WHEELS. MAINTAINER="Name <mail>" names who answers for
 # the packages; without it, who made the last commit.
 set -euo pipefail

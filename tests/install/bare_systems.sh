@@ -50,11 +50,13 @@ try_packages() {
   timed "install handsim" inside "$1" sh -c 'apt-get install -qq -y --no-install-recommends /packages/handsim_*.deb'
   inside "$1" handsim --version
   timed "run" inside "$1" handsim run two_hands --out /tmp/out
+  timed "install python3-handsim" inside "$1" sh -c 'apt-get install -qq -y --no-install-recommends /packages/python3-handsim_*.deb'
+  inside "$1" handsim rollouts rollouts_free_fall --count 2 --engine articulated --out /tmp/rollouts
   timed "install libhandsim-dev, g++ and cmake" inside "$1" \
     sh -c 'apt-get install -qq -y --no-install-recommends /packages/libhandsim-dev_*.deb g++ cmake make'
   timed "find_package(handsim), build" inside "$1" sh -c 'cmake -S /consumer -B /tmp/consumer && cmake --build /tmp/consumer'
   inside "$1" /tmp/consumer/consumer /usr/share/handsim/config/two_hands.yaml | tail -1
-  inside "$1" apt-get purge -qq -y handsim libhandsim-dev >/dev/null
+  inside "$1" apt-get purge -qq -y handsim python3-handsim libhandsim-dev >/dev/null
   local left
   left=$(find "$1" -xdev -iname '*handsim*' -not -path "$1/packages/*" -not -path "$1/tmp/*")
   if [[ -n $left ]]; then echo "left behind: $left"; return 1; fi

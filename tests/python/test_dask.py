@@ -1,12 +1,12 @@
 """Rollouts on a Dask cluster of processes, of which some die, come and differ; more kills: cluster_kills.py."""
 import os
-import subprocess
-import sys
+import random
+import re
 import threading
 import time
 
 import pytest
-from rollout_studies import Killer, contents, wait_for_workers, write_study
+from rollout_studies import Cluster, Killer, contents, wait_for_workers, with_faults, write_study
 
 import handsim as hs
 from handsim import _rollouts
@@ -118,35 +118,40 @@ def test_a_worker_of_another_build_is_refused_by_name(whole, client, tmp_path):
     assert not (tmp_path / PARTS).exists()
 
 
-# Oracle: one machine. The scheduler is killed, a new one is started, and the command is given again.
+# Oracle: one machine. A killed scheduler ends the command, which is given again. More faults, at random: cluster_kills.py.
 def test_a_killed_scheduler_and_the_command_again(whole, tmp_path):
     file, expected = whole
+    faults = ["add", "kill", "scheduler"]
+    assert with_faults(file, tmp_path / "out", tmp_path, [*faults], random.Random(1), 0.0) == faults
+    assert contents(tmp_path / "out") == expected
 
-    def started(*words):
-        return subprocess.Popen([sys.executable, "-m", *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
-    def cluster(port):
-        scheduler = started("distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", port, "--no-dashboard", "--no-show")
-        worker = started("distributed.cli.dask_worker", f"tcp://127.0.0.1:{port}", "--nthreads", 1, "--no-dashboard", "--death-timeout", 20)
-        return scheduler, worker
+# Oracle: a worker that comes after the line; the table of one machine.
+def test_a_cluster_without_workers_is_said(whole, tmp_path, monkeypatch, capfd):
+    file, expected = whole
+    monkeypatch.setattr(_rollouts, "ALONE", 0.5)
+    with Cluster(tmp_path, 0) as cluster, distributed.Client(cluster.address) as client:
+        run = threading.Thread(target=hs.study.rollouts, args=(file,), kwargs={"client": client, "out": tmp_path / "out"})
+        run.start()
+        errors, end = "", time.monotonic() + 60
+        while "has no worker" not in errors and time.monotonic() < end:
+            time.sleep(0.1)
+            errors += capfd.readouterr().err
+        assert re.search(rf"^waiting for \d+ s: the scheduler {cluster.address} has no worker; dask worker {cluster.address} starts one$", errors, re.M)
+        cluster.add()
+        run.join()
+    assert errors.count("has no worker") == 1 and contents(tmp_path / "out") == expected
 
-    processes = []
-    try:
-        for attempt, port in enumerate((18786, 18787)):
-            processes += (first := cluster(port))
-            time.sleep(3)
-            run = started("handsim", "rollouts", file, "--out", tmp_path / "out", "--on", f"dask://127.0.0.1:{port}", "--resume")
-            processes.append(run)
-            if attempt == 0:
-                for _ in range(3000):
-                    if (tmp_path / "out" / PARTS).exists():
-                        break
-                    time.sleep(0.01)
-                first[0].kill()
-            _, errors = run.communicate(timeout=120)
-            assert run.returncode == 0 or (attempt == 0 and "what computes the rows has gone" in errors), errors
-        assert contents(tmp_path / "out") == expected
-    finally:
-        for process in processes:
-            process.kill()
-            process.communicate()
+
+# Oracle: the function itself, and its own error.
+def test_any_pure_function_of_a_number_is_computed(client):
+    assert _rollouts.map_units(_rollouts.executor_of(client, 0), pow, 3, 200) == [3**unit for unit in range(200)]
+    with pytest.raises(ZeroDivisionError):
+        _rollouts.map_units(_rollouts.executor_of(client, 0), divmod, 3, 2)
+    with pytest.raises(hs.Error, match="_exit: unit 0 ended the worker that computed it, 2 times alone"):
+        _rollouts.map_units(_rollouts.executor_of(client, 0), _exit, 9, 1)
+    wait_for_workers(client, 2)
+
+
+def _exit(status, unit):
+    os._exit(status)

@@ -280,6 +280,32 @@ def test_vectors_have_gymnasiums_shapes_and_autoreset():
     env.close()
 
 
+# Oracle: every episode ends after five steps, and in gymnasium's NEXT_STEP the sixth step begins the next one.
+@needs_gymnasium
+@pytest.mark.parametrize("mode", ["NextStep", "Disabled"])
+def test_vectors_in_gymnasiums_other_modes_of_reset(two_hands, mode):
+    from gymnasium.vector import AutoresetMode
+
+    env = hs.gym.HandVectorEnv(SceneTask(two_hands, lambda batch: np.ones(len(batch)), max_steps=5), 3, autoreset_mode=mode)
+    assert env.metadata["autoreset_mode"] == env.autoreset_mode == AutoresetMode(mode)
+    first = env.reset(seed=1)[0].copy()
+    zeros = np.zeros(env.action_space.shape, np.float32)
+    for step in range(1, 12):
+        observation, reward, terminated, truncated, info = env.step(zeros)
+        assert not terminated.any() and info == {}
+        if mode == "NextStep":
+            assert truncated.tolist() == [step in (5, 11)] * 3 and reward.tolist() == [step != 6] * 3
+            assert np.array_equal(observation, first) == (step == 6)
+        else:
+            # The first is reset by its user; the others remain ended.
+            assert truncated.tolist() == [step in (5, 10), step >= 5, step >= 5]
+            if truncated[0]:
+                again = env.reset(options={"reset_mask": np.array([True, False, False])})[0]
+                assert np.array_equal(again[0], first[0]) and not np.array_equal(again[1], first[1])
+    with pytest.raises(ValueError):
+        hs.gym.HandVectorEnv("pose", 1, autoreset_mode="Never")
+
+
 @needs_gymnasium
 def test_make_vec_takes_a_scene_and_a_reward(two_hands):
     env = hs.gym.make_vec(two_hands, 4, reward=lambda batch: batch.u[:, 0], render_mode="rgb_array", rendered=2,
@@ -424,3 +450,15 @@ def test_playing_again_replaces_its_own(tmp_path):
     for _ in range(2):
         done = play_words(tmp_path, tmp_path / "out", options='{"drive": "muscles"}', width=101, actions=41, value="-1")
         assert done.returncode == 0 and "new episodes end with success" in done.stdout and (tmp_path / "out/actions.csv").is_file(), done.stderr
+
+
+# Oracle: two processes simulate every step that is asked for. Ray and PyTorch are wheels of PyPI: pip install "ray[rllib]" torch.
+def test_rays_workers_learn_on_vectors(tmp_path):
+    for name in ("ray.rllib", "torch", "gymnasium"):
+        pytest.importorskip(name, reason=f"{name} is not installed: training with Ray's workers is not tested")
+    run = subprocess.run([sys.executable, str(Path(__file__).parents[2] / "python/examples/train_with_ray.py"), "--envs", "4", "--steps", "256", "--iterations", "2"],
+                         capture_output=True, text=True, timeout=600, env={**os.environ, "RAY_worker_niceness": "0", "RAY_AUTH_MODE": "disabled"})
+    lines = run.stdout.splitlines()
+    assert run.returncode == 0 and lines[-1].startswith("2 workers of 4 hands"), run.stderr[-2000:]
+    steps = [int(line.split()[0]) for line in lines if "steps a second" in line]
+    assert len(steps) == 2 and steps[0] >= 256 and steps[1] >= steps[0] + 256

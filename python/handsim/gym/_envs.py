@@ -35,9 +35,10 @@ def _fps(task: Task) -> int:
 class HandVectorEnv(VectorEnv):  # type: ignore[misc]  # without gymnasium's types, VectorEnv is Any
     """n environments in one batch, on all cores.
 
-    Autoreset mode: SAME_STEP. An environment that ends is reset in the same step: the observation is the first of its
-    next episode; ``info["final_obs"]`` has the last of the old one in the rows of the mask ``info["_final_obs"]``, and
-    ``info["failed"]`` the environments whose motion diverged. Observations are float32 of shape (n, numbers), actions
+    Autoreset mode SAME_STEP: an environment that ends is reset in the same step: the observation is the first of its
+    next episode; ``info["final_obs"]`` has the last of the old one in the rows of the mask ``info["_final_obs"]``.
+    NEXT_STEP: it is reset by the next step, whose action it ignores and whose reward is 0. DISABLED: by `reset` with a
+    mask. ``info["failed"]`` has the environments whose motion diverged. Observations are float32 of shape (n, numbers), actions
     -1..1 of shape (n, actions); the task says what they are.
     """
 
@@ -45,19 +46,23 @@ class HandVectorEnv(VectorEnv):  # type: ignore[misc]  # without gymnasium's typ
 
     def __init__(self, task: Union[Task, str] = "hold", num_envs: int = 1, *, render_mode: Optional[str] = None,
                  rendered: int = 1, threads: int = 0, max_episode_steps: Optional[int] = None,
-                 **options: Any) -> None:
+                 autoreset_mode: Union[AutoresetMode, str] = AutoresetMode.SAME_STEP, **options: Any) -> None:
         """
         :param rendered: `render` draws the first so many environments
         :param threads: 0: one for each core
         :param max_episode_steps: in place of the task's
+        :param autoreset_mode: gymnasium's, or its word: ``SameStep``, ``NextStep``, ``Disabled``
         :param options: of a ready task
         """
         made = task_of(task, **options)
         if max_episode_steps is not None:
             made.max_steps = max_episode_steps
         self.episodes = Episodes(made, num_envs, threads=threads)
-        self.metadata = {**self.metadata, "render_fps": _fps(made)}
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "render_fps": _fps(made), "autoreset_mode": self.autoreset_mode}
         self.num_envs = num_envs
+        self._ended = np.zeros(num_envs, bool)
+        """Reset by the next step."""
         self.render_mode = render_mode
         self.rendered = min(rendered, num_envs)
         self.single_observation_space, self.single_action_space = _spaces(self.episodes)
@@ -68,6 +73,7 @@ class HandVectorEnv(VectorEnv):  # type: ignore[misc]  # without gymnasium's typ
               options: Optional[dict[str, Any]] = None) -> tuple[Observation, dict[str, Any]]:
         """New episodes. :param options: ``{"reset_mask": array}`` of shape (n,), dtype bool: only these"""
         mask = (options or {}).get("reset_mask")
+        self._ended[True if mask is None else mask] = False
         return _observation(self.episodes.reset(mask, seed=seed)), {}
 
     def step(self, actions: Any) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_],
@@ -75,9 +81,16 @@ class HandVectorEnv(VectorEnv):  # type: ignore[misc]  # without gymnasium's typ
         last, reward, terminated, truncated = self.episodes.step(actions)
         observation = _observation(last)
         failed = self.episodes.batch.failed.copy()
+        if self._ended.any():
+            observation = _observation(self.episodes.reset(self._ended))
+            reward[self._ended] = 0
+            for flags in (terminated, truncated, failed):
+                flags[self._ended] = False
         info: dict[str, Any] = {"failed": failed} if failed.any() else {}
         ended = terminated | truncated
-        if ended.any():
+        if self.autoreset_mode == AutoresetMode.NEXT_STEP:
+            self._ended = ended
+        elif self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
             info.update(final_obs=observation, _final_obs=ended)
             observation = _observation(self.episodes.reset(ended))
         return observation, reward, terminated, truncated, info

@@ -1,0 +1,132 @@
+#!/usr/bin/env python3
+"""What Dask costs beside the threads of one machine, and how a scheduler does with many workers.
+
+    cluster_cost.py overhead STUDY [--count 1000] [--engine articulated] [--repeats 5] [--workers 2]
+    cluster_cost.py sleepers [--workers 64] [--rows 20000] [--row 0.2] [--late 0.5]
+
+`overhead` runs `handsim rollouts STUDY` by threads and on a cluster of processes in turn, and prints wall and CPU time of each,
+medians, and ratios. CPU time of the second way is that of client, scheduler and workers together; processes of the cluster start
+before, as they do for users.
+
+Processes of Dask take CPU time for each second of wall time, also idle: they sample their own stacks every 10 ms, and watch
+themselves and each other. Where the machine has other work, a study takes longer and has more of this. The rate is therefore
+measured first, of the idle cluster, and a second ratio of CPU times leaves out what falls into time beyond that of free cores.
+
+`sleepers` has a real scheduler and many workers of one thread, whose rows sleep in place of computing; every tenth chunk ends late. Bytes are the same
+by tests; here only the time of scheduler and client counts.
+"""
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from rollout_studies import Cluster, wait_for_workers
+
+from handsim import _rollouts
+
+
+def timed(words: list[object]) -> tuple[float, float]:
+    """Wall and CPU time of a command [s]."""
+    begin = time.monotonic()
+    process = subprocess.Popen([sys.executable, "-m", "handsim", *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    assert process.stderr
+    errors = process.stderr.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{words}: {errors}")
+    return time.monotonic() - begin, usage.ru_utime + usage.ru_stime
+
+
+def overhead(options: argparse.Namespace) -> None:
+    import distributed
+
+    ratios: list[tuple[float, float, float]] = []
+    with tempfile.TemporaryDirectory() as name, Cluster(Path(name), options.workers) as cluster:
+        with distributed.Client(cluster.address) as client:
+            wait_for_workers(client, options.workers)
+            client.run(__import__, "handsim")
+        before, begin = cluster.seconds(), time.monotonic()
+        time.sleep(options.idle)
+        idle = (sum(cluster.seconds()) - sum(before)) / (time.monotonic() - begin)
+        print(f"idle, the cluster takes {idle:.3f} s of CPU time a second")
+        base = ["rollouts", options.study, "--count", options.count, *(["--engine", options.engine] if options.engine else [])]
+        print("repeat  threads: wall, CPU [s]  Dask: wall, CPU [s] = client + scheduler + workers")
+        for repeat in range(options.repeats):
+            threads = timed([*base, "--out", f"{name}/threads{repeat}", "--jobs", options.workers])
+            before = cluster.seconds()
+            wall, client_cpu = timed([*base, "--out", f"{name}/dask{repeat}", "--on", cluster.on])
+            scheduler, *workers = (after - then for after, then in zip(cluster.seconds(), before))
+            cpu = client_cpu + scheduler + sum(workers)
+            # At most what the idle cluster takes in the time that other work has added.
+            beyond = idle * max(0.0, wall - threads[1] / options.workers)
+            ratios.append((wall / threads[0], cpu / threads[1], (cpu - beyond) / threads[1]))
+            print(f"{repeat:6}  {threads[0]:13.2f} {threads[1]:8.2f}  {wall:10.2f} {cpu:8.2f} = {client_cpu:.2f} + {scheduler:.2f} + {sum(workers):.2f}", flush=True)
+            for file in ("rollouts.csv", "summary.json"):
+                assert Path(name, f"threads{repeat}", file).read_bytes() == Path(name, f"dask{repeat}", file).read_bytes(), file
+    walls, cpus, free = zip(*ratios)
+    print(f"{options.study}, {options.count} draws, {options.workers} cores: Dask over threads, medians of {options.repeats}: wall {statistics.median(walls):.3f} "
+          f"({min(walls):.3f} to {max(walls):.3f}), CPU time {statistics.median(cpus):.3f} ({min(cpus):.3f} to {max(cpus):.3f}), "
+          f"on free cores {statistics.median(free):.3f} ({min(free):.3f} to {max(free):.3f})")
+
+
+class Sleep:
+    """Rows that sleep; every tenth chunk is late."""
+
+    def __init__(self, row: float, late: float) -> None:
+        self.row, self.late, self.key = row, late, f"sleep {time.time()}"
+
+
+def sleeping_rows(work: Sleep, first: int, last: int) -> _rollouts.Rows:
+    time.sleep((last - first) * work.row + (work.late if first % 10 == 0 else 0))
+    return _rollouts.Rows(first, last, b"0" * 650 * (last - first), {}, [], (last - first) * work.row)
+
+
+def sleepers(options: argparse.Namespace) -> None:
+    import distributed
+
+    chunks: list[int] = []
+
+    def keep(rows: _rollouts.Rows) -> None:
+        chunks.append(rows.last - rows.first)
+
+    def crashed(row: int, text: str) -> None:
+        raise SystemExit(f"row {row} {text}")
+
+    with distributed.LocalCluster(n_workers=options.workers, threads_per_worker=1, processes=False, dashboard_address=None) as cluster, \
+            distributed.Client(cluster) as client:
+        wait_for_workers(client, options.workers)
+        begin, before = time.monotonic(), time.process_time()
+        _rollouts.collect(sleeping_rows, Sleep(options.row, options.late), _rollouts.Dask(client), [(0, options.rows)], keep, crashed, lambda: None, print)
+        wall, cpu = time.monotonic() - begin, time.process_time() - before
+    assert sum(chunks) == options.rows
+    work = options.rows * options.row
+    print(f"{options.workers} workers, {options.rows} rows of {options.row} s in {len(chunks)} chunks of at most {max(chunks)}: {wall:.1f} s, busy for "
+          f"{100 * work / wall / options.workers:.0f} %, {1e3 * cpu / len(chunks):.2f} ms of CPU time a chunk of scheduler, workers and client together")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    ways = parser.add_subparsers(dest="way", required=True)
+    one = ways.add_parser("overhead")
+    one.add_argument("study")
+    one.add_argument("--count", type=int, default=1000)
+    one.add_argument("--engine")
+    one.add_argument("--repeats", type=int, default=5)
+    one.add_argument("--workers", type=int, default=2)
+    one.add_argument("--idle", type=float, default=15, help="seconds")
+    two = ways.add_parser("sleepers")
+    two.add_argument("--workers", type=int, default=64)
+    two.add_argument("--rows", type=int, default=20_000)
+    two.add_argument("--row", type=float, default=0.2)
+    two.add_argument("--late", type=float, default=0.5)
+    options = parser.parse_args()
+    {"overhead": overhead, "sleepers": sleepers}[options.way](options)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
