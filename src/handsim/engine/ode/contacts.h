@@ -38,8 +38,8 @@ class Contacts {
   /// Adds how far surfaces slid and pads were pressed in the step just made to what is remembered of them.
   /// @param before the step's start
   void update_memory(const model::State& before);
-  /// Forgets how far surfaces have slid, and the forces of the last step; what is left of the pressing of pads
-  /// is that of the state.
+  /// Forgets how far surfaces have slid, and the forces of the last step; what is left of the pressing of
+  /// pads is that of the state.
   void reset(const model::State& state);
   void store_state(model::State& state) const {
     if (pads_) state.pads = pads_->pairs();
