@@ -290,6 +290,41 @@ TEST_P(Pads, GoOnFromWhatWasSavedToTheBit) {
   EXPECT_EQ(test::bits(a->state()), test::bits(b->state()));
 }
 
+// Oracle: the run itself, from a state handed over in the middle of a press: of the state's own rounding and
+// solver's tolerance. A pad that had forgotten its press would be 0.1 mm off.
+TEST_P(Pads, GoOnFromAStateThatIsHandedOver) {
+  const model::Model model = ball_on_pad(0.05, 0.005, finger_pad());
+  const auto a = make_engine(model, settings(test::kContact)),
+             b = make_engine(model, settings(test::kContact));
+  test::run(*a, 45);
+  ASSERT_EQ(a->state().pads.size(), 1U);
+  b->set_state(a->state());
+  test::run(*a, 100);
+  test::run(*b, 100);
+  EXPECT_NEAR(a->state().bodies[1].p.z(), b->state().bodies[1].p.z(), 1e-9);
+  model::State wrong = a->state();
+  wrong.pads.front().shape_b = 7;
+  EXPECT_THROW(b->set_state(wrong), Error);
+}
+
+// Oracle: closed form: what is left of a press when nothing touches any more decays by the branches' times.
+TEST_P(Pads, RecoverWhileNothingTouches) {
+  const model::Model model = ball_on_pad(0.05, 0, finger_pad());
+  const auto engine = make_engine(model, settings(test::kContact));
+  test::run(*engine, 300);
+  model::State state = engine->state();
+  state.bodies[1].p.z() += 0.5;
+  state.bodies[1].v = Vec3::Zero();
+  engine->set_state(state);
+  engine->step({});
+  const model::PadState first = engine->state().pads.at(0);
+  test::run(*engine, 50);
+  const model::PadState later = engine->state().pads.at(0);
+  for (std::size_t k = 1; k < kRelaxations.size(); ++k)
+    EXPECT_NEAR(later.parts[k], first.parts[k] * std::exp(-0.05 / kRelaxations[k].time),
+                1e-9 * std::abs(first.parts[k]));
+}
+
 // Oracle: Coulomb, with friction over load as a power: a box on an incline slides at the angle of the
 // coefficient that its weight has.
 TEST_P(Pads, FrictionOverLoadIsThatOfTheLastStepsForce) {

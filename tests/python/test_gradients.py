@@ -76,6 +76,39 @@ def test_by_the_mass_of_what_is_held_as_a_force_on_it_says(held):
     assert np.abs(found[:, 0] - weight).max() < 1e-2 * np.abs(weight).max()
 
 
+@pytest.fixture
+def relaxing():
+    """The card between pads that stiffen and relax, in the middle of their relaxation."""
+    pad = hs.data_path() / "handmodels" / "stiffening_pad.yaml"
+    sim = hs.Simulation("grasp_pinch", {**ARTICULATED, "contacts.materials": f"[{{name: pad, file: {pad}}}]"})
+    sim.step(substeps=2500)
+    return sim
+
+
+def test_a_step_of_pads_that_relax_as_steps_from_states_beside_it(relaxing):
+    """What is left of their pressing is as it was at the start of the step, which a note says."""
+    before = relaxing.motion()
+    exact = relaxing.derivatives()
+    assert any("pads that relax" in note for note in exact.notes)
+    change, n = np.random.default_rng(3).normal(size=len(exact.names)), len(exact.names) // 2
+    change *= np.repeat([1e-8, 1e-5], n)
+    ends = []
+    for sign in (1, -1):
+        relaxing.reset(before)
+        relaxing._core.reset_beside(relaxing._core, sign * change)
+        hs._derivatives.exact_step(relaxing, {})
+        ends.append(hs._derivatives._end(relaxing, [relaxing.scene.bodies.index("card")]))
+    found, want = 0.5 * ends[0].against(ends[1]), exact.state @ change
+    for part in (slice(0, n), slice(n, None)):
+        np.testing.assert_allclose(found[part], want[part], atol=1e-4 * np.abs(want[part]).max())
+
+
+def test_by_mass_with_pads_that_relax_as_a_force_on_it_says(relaxing):
+    found = relaxing.parameters({"objects.0.mass": None}).derivatives()[:, 0]
+    weight = relaxing.derivatives(bodies=["card"]).forces["card"][:, 2] * -9.80665
+    assert np.abs(found - weight).max() < 1e-2 * np.abs(weight).max()
+
+
 def test_by_stature_as_differences_of_scenes_that_are_compiled_anew():
     sim = hs.Simulation(HAND)
     found = sim.parameters({"hands.0.person.stature": 1.755}).derivatives()[:, 0]

@@ -210,6 +210,16 @@ void require_state(const model::Model& model, const model::State& state) {
   for (const double value : state.activation)
     if (!(value >= 0 && value <= 1))
       throw input_error("state.activation", fmt::format("{:g}", value), "0 to 1");
+  const auto shapes = static_cast<int>(model.shapes.size());
+  const auto sound = [&](const model::PadState& pad) {
+    return pad.shape_a >= 0 && pad.shape_a < shapes && pad.shape_b >= 0 && pad.shape_b < shapes &&
+           std::isfinite(pad.force) && std::isfinite(pad.push) &&
+           std::ranges::all_of(pad.parts, [](double part) { return std::isfinite(part); });
+  };
+  const auto by_shapes = [](const model::PadState& pad) { return std::pair(pad.shape_a, pad.shape_b); };
+  if (!std::ranges::all_of(state.pads, sound) || !std::ranges::is_sorted(state.pads, {}, by_shapes))
+    throw input_error("state.pads", "a pad of shapes that are not there, or a force that is not finite",
+                      "pairs of this scene's shapes, ascending, with finite forces");
   if (!std::isfinite(state.time))
     throw input_error("state.time", fmt::format("{}", state.time), "a finite time");
   for (std::size_t i = 0; i < state.bodies.size(); ++i)

@@ -1,6 +1,7 @@
 // State of a model at a time: bodies, joint coordinates and rates, last joint torques. Only engines write it.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "handsim/model/model.h"
@@ -14,6 +15,14 @@ struct BodyState {
   Vec3 w = Vec3::Zero();      ///< angular velocity, world axes [rad/s]
 
   Pose pose() const { return {p, q}; }
+};
+
+/// What is left of the pressing of a pad: of a pair of shapes that touches, or has parted not long ago.
+struct PadState {
+  int shape_a = 0, shape_b = 0;
+  double force = 0;                              ///< elastic [N]
+  double push = 0;                               ///< with what relaxes [N]
+  std::array<double, kMostRelaxations> parts{};  ///< of the force, that relax [N]; model/compliance.h: q_k
 };
 
 struct State {
@@ -34,9 +43,12 @@ struct State {
   std::vector<double> fibre_length;  ///< at the time [m]
   std::vector<double> fibre_speed;   ///< lengthening, at the end of the last step [m/s]
   std::vector<double> tendon_force;  ///< tension in the last step, at its end [N]
+
+  std::vector<PadState> pads;  ///< of surfaces with a law of compliance; ascending by their shapes
 };
 
-/// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, q and u follow.
+/// Serialises time, bodies, torques, muscles and pads (core/archive.h); the model has the counts of the first
+/// ones, q and u follow.
 template <class Archive, class T>
 void serialize(Archive& archive, T& state) {
   archive(state.time);
@@ -47,6 +59,10 @@ void serialize(Archive& archive, T& state) {
   archive.each(state.tau_servo);
   for (auto* values : {&state.activation, &state.fibre_length, &state.fibre_speed, &state.tendon_force})
     archive.each(*values);
+  archive.list(state.pads, [](auto& to, auto& pad) {
+    to(pad.shape_a, pad.shape_b, pad.force, pad.push);
+    to.each(pad.parts);
+  });
 }
 
 }  // namespace handsim::model

@@ -91,6 +91,39 @@ INSTANTIATE_TEST_SUITE_P(Persons, GripForEverybody, testing::ValuesIn([] {
                          }()),
                          [](const auto& of) { return std::string(of.param.scene) + "_" + of.param.person; });
 
+/// Of all pads a person's, which stiffens.
+std::vector<std::string> with_stiffening_pads(std::vector<std::string> overrides) {
+  overrides.push_back(
+      "contacts.materials=[{name: pad, file: " + test::in_source("handmodels/stiffening_pad.yaml") + "}]");
+  return overrides;
+}
+
+// Oracle: the limits of a held grasp. A fit in which a pad without force counts as one with force stays 1.3
+// mm away from the depths, and refuses.
+TEST(GripOfPadsThatStiffen, HoldsABarByEightSegments) {
+  HANDSIM_SKIP_WITH_SANITIZER("smaller grips run the same code");
+  const GraspFigures figures =
+      run(test::shipped_scene("grasp_hook_bar", with_stiffening_pads(short_run("small_man", "right"))));
+  EXPECT_TRUE(figures.held) << figures.told();
+}
+
+// Oracle: the definition: points of one part share its force by their shares, and it is one presser's.
+TEST(GripBalance, OfAPartOfTwoPointsIsByTheirShares) {
+  GripTask task = pinch_of(0);
+  GripContact near = task.contacts[0], far = near;
+  near.point.y() = 0.001;
+  far.point.y() = -0.004;
+  near.share = 0.8;
+  far.share = 0.2;
+  near.part = far.part = {0, 1};
+  task.contacts = {near, far, task.contacts[1]};
+  const GripForces found = balance(task);
+  EXPECT_LT(found.unbalanced, 0.01);
+  EXPECT_NEAR(found.forces[0].x(), 0.8 * 8, 0.16);
+  EXPECT_NEAR(found.forces[1].x(), 0.2 * 8, 0.16);
+  EXPECT_NEAR(found.forces[2].x(), -8, 0.16);
+}
+
 // Oracle: the limits of a held grasp; or a refusal with the hand's size, of a child only.
 TEST_P(GripForEverybody, IsHeldOrRefusedWithTheReason) {
   if (GetParam().person != std::string("child")) HANDSIM_SKIP_WITH_SANITIZER("the child's hand runs this");
@@ -116,17 +149,20 @@ INSTANTIATE_TEST_SUITE_P(Persons, ForceOf,
 // Oracle: the scene asks for 7 N of index and middle finger, of a man of 525 N; others press in proportion to
 // their grip strength. 25 %: after the squeeze the ball has moved until all springs balance.
 TEST_P(ForceOf, EachFingerInTheHoldIsThatOfTheScene) {
-  const Scene scene = test::shipped_scene(GetParam().scene, short_run(GetParam().person, "right"));
-  ASSERT_TRUE(scene.plans.grasps.front().strength);
-  const double asked = 7 * scene.plans.grasps.front().strength->own / 525;
-  const GraspFigures figures = run(scene);
-  int fingers = 0;
-  for (const simulation::PartForce& part : figures.hold.parts) {
-    if (part.part != "index" && part.part != "middle") continue;
-    ++fingers;
-    EXPECT_NEAR(part.normal, asked, 0.25 * asked) << part.part;
+  const std::vector<std::string> spring = short_run(GetParam().person, "right");
+  for (const auto& overrides : {spring, with_stiffening_pads(spring)}) {
+    const Scene scene = test::shipped_scene(GetParam().scene, overrides);
+    ASSERT_TRUE(scene.plans.grasps.front().strength);
+    const double asked = 7 * scene.plans.grasps.front().strength->own / 525;
+    const GraspFigures figures = run(scene);
+    int fingers = 0;
+    for (const simulation::PartForce& part : figures.hold.parts) {
+      if (part.part != "index" && part.part != "middle") continue;
+      ++fingers;
+      EXPECT_NEAR(part.normal, asked, 0.25 * asked) << part.part;
+    }
+    EXPECT_EQ(fingers, 2);
   }
-  EXPECT_EQ(fingers, 2);
 }
 
 /// Forces of the hand on the object at the end of the hold, by part: sums in the palm's frame [N], and where

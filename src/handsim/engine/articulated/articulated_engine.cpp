@@ -87,7 +87,10 @@ void ArticulatedEngine::reset(const model::State& state) {
   mechanism_.load_state(next);
   mechanism_.forget_contacts();
   if (muscles_) muscles_->reset(next);
-  if (contact_) contact_->forget();
+  if (contact_) {
+    contact_->forget();
+    contact_->load_state(next);
+  }
   if (fast_spin_) fast_spin_->forget();
   if (smooth_) smooth_->set_size(0);
   mechanism_.kernel().kinematics(mechanism_.tree());
@@ -103,6 +106,7 @@ void ArticulatedEngine::reset(const model::State& state) {
 void ArticulatedEngine::write_state() const {
   mechanism_.store_state(state_);
   store_bases_and_coordinates();
+  if (contact_) contact_->store_state(state_);
 }
 
 const model::State& ArticulatedEngine::state() const {
@@ -148,7 +152,10 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   bool with_contacts = false;
   in(with_contacts);
   if (with_contacts != (contact_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
-  if (contact_) contact_->restore(in);
+  if (contact_) {
+    contact_->restore(in);
+    contact_->load_state(state);
+  }
   if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
   if (muscles_) muscles_->reset(state);
@@ -245,7 +252,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     report.iterative = found.iterative;
     report.lcp_failures = found.solved ? 0 : 1;
   } else {
-    if (contact_) contact_->forget();
+    if (contact_) contact_->recover(settings_.step);
     report.lcp_failures = solve_step();
   }
   if (derive_) compute_derivatives(input, report);
@@ -357,6 +364,7 @@ void ArticulatedEngine::restore_start() {
   for (std::size_t i = 0; i < drives().size(); ++i) mechanism_.base(drives()[i].body) = saved_bases_[i];
   mechanism_.update_bases();
   mechanism_.kernel().kinematics(mechanism_.tree());
+  if (contact_) contact_->load_state(state_);
   if (muscles_) muscles_->restore_step();
 }
 

@@ -20,12 +20,6 @@ Decay decay_of(const model::Relaxation& part, double step) {
   return {left, -part.share * std::expm1(-step / part.time) * part.time / step};
 }
 
-template <class Archive, class Pair>
-void serialize_pad(Archive& archive, Pair& pair) {
-  archive(pair.shape_a, pair.shape_b, pair.force, pair.push);
-  archive.each(pair.parts);
-}
-
 /// The pair after a step to a new elastic force.
 void advance(PadMemory::Pair& pair, const model::Compliance& pad, double step, double force) {
   pair.push = pad.lasting() * force;
@@ -102,18 +96,6 @@ void PadMemory::end_store(const Collider& collider, double step) {
   }
   if (pairs_.size() > touching)
     std::ranges::inplace_merge(pairs_, pairs_.begin() + static_cast<std::ptrdiff_t>(touching), {}, shapes_of);
-}
-
-void PadMemory::save(ArchiveWriter& out) const {
-  out.list(pairs_, [](auto& archive, auto& pair) { serialize_pad(archive, pair); });
-}
-
-void PadMemory::restore(ArchiveReader& in, const model::Model& model) {
-  in.list(pairs_, [](auto& archive, auto& pair) { serialize_pad(archive, pair); });
-  const auto shapes = static_cast<int>(model.shapes.size());
-  for (const Pair& pair : pairs_)
-    if (pair.shape_a >= shapes || pair.shape_b >= shapes)
-      in.refuse("a pad of shapes that are not there", "pairs of this scene's shapes");
 }
 
 }  // namespace handsim::engine

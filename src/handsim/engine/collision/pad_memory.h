@@ -6,11 +6,10 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <vector>
 
-#include "handsim/core/archive.h"
 #include "handsim/engine/collision/collider.h"
+#include "handsim/model/state.h"
 
 namespace handsim::engine {
 
@@ -38,13 +37,7 @@ struct PadPoint {
 
 class PadMemory {
  public:
-  /// A touching pair, or one that has parted not long ago.
-  struct Pair {
-    int shape_a = 0, shape_b = 0;
-    double force = 0;                                     ///< elastic [N]
-    double push = 0;                                      ///< with what relaxes [N]
-    std::array<double, model::kMostRelaxations> parts{};  ///< q_k [N]
-  };
+  using Pair = model::PadState;
 
   /// Whether pairs with this surface have memory.
   static bool remembers(const model::Material& surface) {
@@ -79,9 +72,6 @@ class PadMemory {
 
   const std::vector<Pair>& pairs() const { return pairs_; }
   void set(const std::vector<Pair>& pairs) { pairs_ = pairs; }
-  void save(ArchiveWriter& out) const;
-  /// @throws Error (input) for shapes that the model has not.
-  void restore(ArchiveReader& in, const model::Model& model);
 
  private:
   const Pair* find(int shape_a, int shape_b) const;

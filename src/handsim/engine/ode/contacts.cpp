@@ -52,10 +52,10 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
 
 void Contacts::set_gravity(const Vec3& gravity) { fall_ = gravity * step_; }
 
-void Contacts::forget() {
+void Contacts::reset(const model::State& state) {
   memory_.set({});
   limits_.set({});
-  if (pads_) pads_->set({});
+  if (pads_) pads_->set(state.pads);
 }
 
 void Contacts::recall(const model::State& state) {
@@ -133,14 +133,12 @@ void Contacts::save(ArchiveWriter& out) const {
   collider_.save(out);
   memory_.save(out);
   limits_.save(out);
-  if (pads_) pads_->save(out);
 }
 
 void Contacts::restore(ArchiveReader& in) {
   collider_.restore(in);
   memory_.restore(in);
   limits_.restore(in);
-  if (pads_) pads_->restore(in, model_);
 }
 
 dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].id; }

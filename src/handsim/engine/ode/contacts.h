@@ -38,8 +38,12 @@ class Contacts {
   /// Adds how far surfaces slid and pads were pressed in the step just made to what is remembered of them.
   /// @param before the step's start
   void update_memory(const model::State& before);
-  /// Forgets how far surfaces have slid, how pads relaxed, and the forces of the last step.
-  void forget();
+  /// Forgets how far surfaces have slid, and the forces of the last step; what is left of the pressing of
+  /// pads is that of the state.
+  void reset(const model::State& state);
+  void store_state(model::State& state) const {
+    if (pads_) state.pads = pads_->pairs();
+  }
   void set_gravity(const Vec3& gravity);  ///< [m/s^2]
   const std::vector<Contact>& list() const { return collider_.contacts(); }
   std::span<const Touch> touches() const { return collider_.touches(); }

@@ -76,7 +76,7 @@ void OdeEngine::set_state(const model::State& state) {
     const bool moved = immovable_moved(state);
     if (moved) joints_->reanchor(state);
     write(state);
-    if (contacts_) contacts_->forget();
+    if (contacts_) contacts_->reset(state);
     if (moved && contacts_) contacts_->place_immovable(state_);
     muscles_->reset(state);
   } catch (const OdeFault& fault) {

@@ -75,6 +75,7 @@ StepReport OdeEngine::step(const StepInput& given) {
     if (auto fault = body_fault(end)) fail(std::move(*fault));
     if (auto fault = read_bodies(end)) fail(std::move(*fault));
     if (!muscles_->empty()) muscles_->store_state(state_.q, state_.u, state_);
+    if (contacts_) contacts_->store_state(state_);
     return report;
   } catch (const OdeFault& fault) {
     fail(fault);

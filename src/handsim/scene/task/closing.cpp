@@ -24,6 +24,9 @@ constexpr double kFarthest = 3;  ///< A finger opens by at most so many times it
 /// In the turn of a finger's joints as it is pressed: a turn of 1 rad counts as this error of its points [m];
 /// a squared error along the surface as this share of one into it.
 constexpr double kRidge = 3e-3, kSlideWeight = 0.2;
+constexpr double kDeeper = 2e-3;  ///< Most that one presses a pad deeper at once [m].
+constexpr int kSearchHalvings = 50;
+constexpr double kSmallWay = 1e-6;  ///< Below it a chord is the slope [m].
 
 /// The chains of a hand, in the order of its joints.
 std::vector<FingerChain> finger_chains(HandOnObject& hand) {
@@ -172,21 +175,30 @@ std::vector<double> Closing::close(const std::vector<double>& depth) {
   return q;
 }
 
-void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& contacts,
-                    const std::vector<double>& deeper, const Vec3& moved, const std::vector<double>& from,
-                    std::vector<double>& q) {
+void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& contacts, const Vec3& moved,
+                    const std::vector<double>& from, std::vector<double>& q) {
+  // By body, how much deeper it goes, and the stiffness of its pads on that way: what an error of the depth
+  // costs.
+  std::vector<PadMove> moves(chain.bodies.size());
+  double stiffest = 0;
+  for (std::size_t k = 0; k < moves.size(); ++k) {
+    moves[k] = pad_move(contacts, chain.bodies[k]);
+    stiffest = std::max(stiffest, moves[k].stiffness);
+  }
   const auto n = static_cast<Eigen::Index>(chain.axes.size());
   Eigen::MatrixXd a = kRidge * kRidge * Eigen::MatrixXd::Identity(n, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
   for (const TouchPoint& contact : contacts) {
-    if (std::ranges::find(chain.bodies, contact.body) == chain.bodies.end()) continue;
+    const auto body = std::ranges::find(chain.bodies, contact.body) - chain.bodies.begin();
+    if (as_index(body) == chain.bodies.size()) continue;
+    const PadMove& move = moves[as_index(body)];
     const Eigen::MatrixXd rows =
         hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
     const Mat3 into = contact.normal * contact.normal.transpose();
-    const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
-    const Vec3 wanted = moved + deeper[as_index(contact.body)] * contact.normal;
+    const Mat3 weight = (move.stiffness > 0 ? move.stiffness / stiffest : 1) *
+                        (into + kSlideWeight * (Mat3::Identity() - into));
     a += rows.transpose() * weight * rows;
-    b += rows.transpose() * weight * wanted;
+    b += rows.transpose() * weight * (moved + move.deeper * contact.normal);
   }
   const Eigen::VectorXd turn = a.ldlt().solve(b);
   for (Eigen::Index k = 0; k < n; ++k) {
@@ -197,10 +209,10 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
 }
 
 std::vector<double> Closing::press(const std::vector<double>& q, const std::vector<TouchPoint>& contacts,
-                                   const std::vector<double>& deeper, const Vec3& moved) {
+                                   const Vec3& moved) {
   std::vector<double> out = q;
   for (const FingerChain& chain : chains_)
-    if (moves(chain)) press(chain, contacts, deeper, moved, q, out);
+    if (moves(chain)) press(chain, contacts, moved, q, out);
   return out;
 }
 
@@ -271,18 +283,43 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
       point.spinning = touch.surface.spinning(point.friction, point.depth);
       point.share = share;
       point.pad = touch.surface.compliance;
-      if (!point.pad) continue;
-      const model::Elastic elastic = point.pad->elastic(contact.depth);
-      point.stiffness =
-          point.pad->law ? share * point.pad->lasting() * elastic.slope : share * point.pad->stiffness;
-      point.push =
-          point.pad->law ? share * point.pad->lasting() * elastic.force : point.stiffness * contact.depth;
     }
   return touches_;
 }
 
-double TouchPoint::deeper_for(double force) const {
-  return pad->law ? pad->depth_of(force / (share * pad->lasting())) - depth : (force - push) / stiffness;
+double TouchPoint::push(double deeper) const {
+  if (!pad) return 0;
+  return pad->law ? share * pad->lasting() * pad->elastic(depth + deeper).force
+                  : share * pad->stiffness * (depth + deeper);
+}
+
+PadMove pad_move(const std::vector<TouchPoint>& contacts, int body) {
+  PadMove out;
+  const model::Compliance* pad = nullptr;
+  double lacks = 0, shares = 0, stiffness = 0;
+  for (const TouchPoint& contact : contacts) {
+    if (contact.body != body || !contact.pad) continue;
+    pad = &*contact.pad;
+    lacks += contact.planned - contact.push();
+    shares += contact.share;
+    stiffness += contact.share * pad->stiffness;
+  }
+  if (!pad) return out;
+  if (!pad->law) return {std::clamp(lacks / stiffness, -kDeeper, kDeeper), pad->stiffness};
+  const auto gain = [&](double deeper) {
+    double sum = 0;
+    for (const TouchPoint& contact : contacts)
+      if (contact.body == body) sum += contact.push(deeper) - contact.push();
+    return sum;
+  };
+  double low = -kDeeper, high = kDeeper;
+  for (int n = 0; n < kSearchHalvings; ++n) {
+    out.deeper = 0.5 * (low + high);
+    (gain(out.deeper) > lacks ? high : low) = out.deeper;
+  }
+  const double way = std::abs(out.deeper) > kSmallWay ? out.deeper : kSmallWay;
+  out.stiffness = gain(way) / (way * shares);
+  return out;
 }
 
 std::size_t HandOnObject::watch(std::span<const int> bodies) {

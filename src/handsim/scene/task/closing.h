@@ -14,20 +14,27 @@ namespace handsim::scene {
 
 /// The deepest point of a part of the hand on a part of the object, or one of several points of one depth.
 struct TouchPoint {
-  int body = 0;                ///< of the hand, in the model
-  Vec3 point = Vec3::Zero();   ///< hand frame [m]
-  Vec3 normal = Vec3::Zero();  ///< unit, out of the hand into the object
-  double depth = 0;            ///< [m]
-  double friction = 0;         ///< coefficient
-  double spinning = 0;         ///< moment about the normal over the normal force [m]
-  double stiffness = 0;        ///< of the point [N/m]; 0: rigid
-  double push = 0;             ///< of its pad at this depth, when it lasts [N]
-  double share = 1;            ///< of the pad
-  std::optional<model::Compliance> pad;
+  int body = 0;                          ///< of the hand, in the model
+  Vec3 point = Vec3::Zero();             ///< hand frame [m]
+  Vec3 normal = Vec3::Zero();            ///< unit, out of the hand into the object
+  double depth = 0;                      ///< [m]
+  double friction = 0;                   ///< coefficient
+  double spinning = 0;                   ///< moment about the normal over the normal force [m]
+  double share = 1;                      ///< of the pad of its pair of shapes
+  std::optional<model::Compliance> pad;  ///< absent: rigid
+  double planned = 0;                    ///< normal force that it shall have [N]
 
-  /// How much deeper the pad has a force when it lasts [m].
-  double deeper_for(double force) const;
+  /// Force of the pad when it is pressed by so much more [m], and lasts [N].
+  double push(double deeper = 0) const;
 };
+
+/// How much deeper the pads of a body have the sum of its planned forces, within 2 mm, and their stiffness on
+/// that way.
+struct PadMove {
+  double deeper = 0;     ///< [m]
+  double stiffness = 0;  ///< of a whole pad [N/m]; 0: rigid
+};
+PadMove pad_move(const std::vector<TouchPoint>& contacts, int body);
 
 /// A right hand at the world's origin and an object in it: where the two touch at given joint angles, with
 /// the scene's contact rules and its engines' collision tests, so that a run finds what is planned.
@@ -102,16 +109,15 @@ class Closing {
   const std::vector<double>& open() const { return open_; }
   /// Angles with each finger closed on the object. @param depth to which the bodies press [m], by body
   std::vector<double> close(const std::vector<double>& depth);
-  /// Angles at which the fingers' points go into the object without sliding, which would leave unplanned
-  /// friction. @param q from where. @param contacts there, in the hand frame. @param deeper how much each
-  /// body is pressed [m]. @param moved the object's way [m]
+  /// Angles nearer to those at which pads have the planned forces: the fingers' points go into the object
+  /// without sliding, which would leave unplanned friction. @param q from where. @param contacts there, in
+  /// the hand frame. @param moved the object's way [m]
   std::vector<double> press(const std::vector<double>& q, const std::vector<TouchPoint>& contacts,
-                            const std::vector<double>& deeper, const Vec3& moved);
+                            const Vec3& moved);
 
  private:
-  void press(const FingerChain& chain, const std::vector<TouchPoint>& contacts,
-             const std::vector<double>& deeper, const Vec3& moved, const std::vector<double>& from,
-             std::vector<double>& q);
+  void press(const FingerChain& chain, const std::vector<TouchPoint>& contacts, const Vec3& moved,
+             const std::vector<double>& from, std::vector<double>& q);
   /// Angle of the chain's fastest axis from open to closed [rad].
   double way(const FingerChain& chain) const;
   double angle(std::size_t axis, double share) const;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 #include <utility>
 
 #include <Eigen/Cholesky>
@@ -56,36 +57,68 @@ Eigen::VectorXd solve_nonnegative(const Eigen::MatrixXd& rows, const Eigen::Vect
   return x;
 }
 
-Vec3 edge(const GripContact& contact, int i) {
-  const Vec3 t = contact.normal.unitOrthogonal(), u = contact.normal.cross(t);
-  const double angle = 2 * M_PI * i / kEdges;
-  return contact.normal + contact.friction * (std::cos(angle) * t + std::sin(angle) * u);
-}
+/// Contacts that share a normal force.
+struct Part {
+  std::size_t first = 0, last = 0;
+  Vec3 middle = Vec3::Zero(), normal;
+
+  Part(const GripTask& task, std::size_t i) : first(i), last(i), normal(task.contacts[i].normal) {
+    if (const auto& of = task.contacts[i].part) std::tie(first, last) = *of;
+    if (first == last) return;
+    normal *= 1e-9;  // all of several normals that are opposite have some direction, too
+    for (std::size_t k = first; k <= last; ++k) {
+      middle += task.contacts[k].share * task.contacts[k].point;
+      normal += task.contacts[k].share * task.contacts[k].normal;
+    }
+    normal.normalize();
+  }
+  /// The edges, and of several points the two turns about their normal.
+  int columns() const { return first == last ? kEdges : kEdges + 2; }
+  /// Force of one of its contacts for a normal force of 1 of all, with friction along an edge or a turn.
+  Vec3 force(const GripContact& contact, int column) const {
+    const Vec3 t = normal.unitOrthogonal();
+    const double angle = 2 * M_PI * column / kEdges;
+    Vec3 along = std::cos(angle) * t + std::sin(angle) * normal.cross(t);
+    if (first == last) return contact.normal + contact.friction * along;
+    if (column >= kEdges) along = (column == kEdges ? 1 : -1) * normal.cross(contact.point - middle);
+    along -= along.dot(contact.normal) * contact.normal;
+    return contact.share * (contact.normal + contact.friction * along.stableNormalized());
+  }
+};
 
 }  // namespace
 
 GripForces balance(const GripTask& task) {
   GripForces out;
   out.forces.assign(task.contacts.size(), Vec3::Zero());
-  const auto n = static_cast<Eigen::Index>(task.contacts.size()) * kEdges;
+  std::vector<Part> parts;
+  Eigen::Index n = 0;
+  for (std::size_t i = 0; i < task.contacts.size(); i = parts.back().last + 1)
+    n += parts.emplace_back(task, i).columns();
   if (n == 0) return out;
   const auto pressers = static_cast<Eigen::Index>(task.asked.size());
   Eigen::MatrixXd a = Eigen::MatrixXd::Zero(6 + pressers, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + pressers);
   b.head<3>() = -task.load;
   for (Eigen::Index i = 0; i < pressers; ++i) b[6 + i] = kAskedWeight * task.asked[as_index(i)].value_or(0);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const GripContact& contact = task.contacts[as_index(k / kEdges)];
-    const Vec3 force = edge(contact, static_cast<int>(k % kEdges));
-    a.block<3, 1>(0, k) = force;
-    a.block<3, 1>(3, k) = (contact.point - task.centre).cross(force) / task.size;
-    if (task.asked[contact.presser]) a(6 + static_cast<Eigen::Index>(contact.presser), k) = kAskedWeight;
-  }
+  Eigen::Index k = 0;
+  for (const Part& part : parts)
+    for (int column = 0; column < part.columns(); ++column, ++k) {
+      for (std::size_t i = part.first; i <= part.last; ++i) {
+        const GripContact& contact = task.contacts[i];
+        const Vec3 force = part.force(contact, column);
+        a.block<3, 1>(0, k) += force;
+        a.block<3, 1>(3, k) += (contact.point - task.centre).cross(force) / task.size;
+      }
+      const std::size_t presser = task.contacts[part.first].presser;
+      if (task.asked[presser]) a(6 + static_cast<Eigen::Index>(presser), k) = kAskedWeight;
+    }
   const Eigen::VectorXd x = solve_nonnegative(a, b, kSmallWeight);
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const auto i = as_index(k / kEdges);
-    out.forces[i] += x[k] * edge(task.contacts[i], static_cast<int>(k % kEdges));
-  }
+  k = 0;
+  for (const Part& part : parts)
+    for (int column = 0; column < part.columns(); ++column, ++k)
+      for (std::size_t i = part.first; i <= part.last; ++i)
+        out.forces[i] += x[k] * part.force(task.contacts[i], column);
   const double sum = x.sum();
   out.unbalanced = sum > 0 ? (a * x - b).head<6>().norm() / sum : 1;
   return out;

@@ -3,6 +3,7 @@
 
 #include <map>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "handsim/core/pose.h"
@@ -36,6 +37,10 @@ struct GripContact {
   std::size_t presser = 0;     ///< the finger, in GripTask::asked
   double limit = friction;     ///< coefficient at which it slides
   double spinning = 0;         ///< largest moment about the normal over the normal force [m]
+  /// Points of a rigid part share its normal force as their pads' depths say: each its share of the sum of
+  /// the contacts from `first` to `last`, which are those of the part.
+  double share = 1;
+  std::optional<std::pair<std::size_t, std::size_t>> part = std::nullopt;  ///< first, last; absent: it alone
 };
 
 struct GripTask {
@@ -52,7 +57,8 @@ struct GripForces {
   double unbalanced = 0;
 };
 
-/// Least squares with forces within friction cones (8 edges): equilibrium, then asked, then small forces.
+/// Least squares with forces within friction cones (8 edges; of a part of several points all along one edge,
+/// or round their middle): equilibrium, then asked, then small forces.
 GripForces balance(const GripTask& task);
 
 /// The share that the worst of several loads at the centre takes of what the contacts hold besides `forces`.

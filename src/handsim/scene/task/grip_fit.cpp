@@ -38,9 +38,7 @@ constexpr double kFirstStep = 0.06, kLastStep = 6e-3, kTurnOfStep = 2;
 /// Turns of the thumb from its named pose, and places beyond the named one in hand lengths, tried first.
 constexpr std::array kTurns = {0.0, -15 * kDegree, -30 * kDegree, -45 * kDegree};
 constexpr std::array kShifts = {0.0, 0.06, 0.12};
-/// Rounds in which depths of pads and forces come to agree; most that one presses a pad deeper [m].
-constexpr int kRounds = 8;
-constexpr double kDeeper = 2e-3;
+constexpr int kRounds = 8;       ///< Rounds in which depths of pads and forces come to agree.
 constexpr double kWideOpen = 3;  ///< Times the way from open to closed by which fingers open at most.
 /// Distance from the palm at which an object starts, and the step towards the palm [m].
 constexpr double kFar = 0.4, kNearer = 5e-3;
@@ -229,7 +227,9 @@ class Fit {
       balance_of.asked.push_back(force > 0 ? std::optional(force) : std::nullopt);
     }
     balance_of.asked.push_back(std::nullopt);  // the palm
-    for (const TouchPoint& touch : hand_.touches(q_)) {
+    std::vector<TouchPoint> touches = hand_.touches(q_);
+    std::ranges::stable_sort(touches, {}, &TouchPoint::body);
+    for (const TouchPoint& touch : touches) {
       std::size_t presser = chains.size();
       for (std::size_t i = 0; i < chains.size(); ++i)
         if (std::ranges::find(chains[i].bodies, touch.body) != chains[i].bodies.end()) presser = i;
@@ -239,10 +239,28 @@ class Fit {
       balance_of.contacts.push_back({touch.point, touch.normal, kFrictionShare * friction, presser, friction,
                                      touch.friction > 0 ? touch.spinning * friction / touch.friction : 0});
     }
+    share_parts();
     balance_of.load = place_.weight;
     balance_of.centre = x_HO_ * site_.object.body.centre;
     balance_of.size = 0.5 * model::box_edges(site_.object.shapes).minCoeff();
     balanced_ = balance(balance_of);
+    for (std::size_t i = 0; i < contacts_.size(); ++i) contacts_[i].planned = normal_force(i);
+  }
+
+  /// Points of pads that stiffen share the force of their body as at these depths: a shallow one takes no
+  /// part of it before a deep one has far more.
+  void share_parts() {
+    for (std::size_t first = 0, last = 0; first < contacts_.size(); first = ++last) {
+      while (last + 1 < contacts_.size() && contacts_[last + 1].body == contacts_[first].body) ++last;
+      if (!contacts_[first].pad || !contacts_[first].pad->law) continue;
+      double sum = 0;
+      for (std::size_t i = first; i <= last; ++i) sum += contacts_[i].push();
+      for (std::size_t i = first; i <= last; ++i) {
+        GripContact& contact = task_of_.contacts[i];
+        contact.share = sum > 0 ? contacts_[i].push() / sum : 1 / static_cast<double>(last + 1 - first);
+        contact.part = {first, last};
+      }
+    }
   }
 
   double normal_force(std::size_t i) const { return balanced_.forces[i].dot(contacts_[i].normal); }
@@ -250,31 +268,21 @@ class Fit {
   /// By body the planned normal force less that of the pads, as deep as they are pressed [N].
   std::vector<double> lacking() const {
     std::vector<double> out(depth_.size());
-    for (std::size_t i = 0; i < contacts_.size(); ++i)
-      if (contacts_[i].stiffness > 0) out[as_index(contacts_[i].body)] += normal_force(i) - contacts_[i].push;
+    for (const TouchPoint& contact : contacts_)
+      if (contact.pad) out[as_index(contact.body)] += contact.planned - contact.push();
     return out;
   }
 
-  /// Presses each body deeper, or less deep, by what its springs lack of its force.
+  /// Presses the pads nearer to the depths at which they have their forces.
   void press_deeper() {
-    std::vector<double> deeper = lacking(), stiffness(depth_.size());
-    for (std::size_t i = 0; i < contacts_.size(); ++i) {
-      const TouchPoint& contact = contacts_[i];
-      // A pad that stiffens goes by its chord to the depth that has the force.
-      const double lacks = normal_force(i) - contact.push,
-                   chord = contact.pad && contact.pad->law ? lacks / contact.deeper_for(normal_force(i)) : 0;
-      stiffness[as_index(contact.body)] += chord > 0 ? chord : contact.stiffness;
-    }
-    for (std::size_t b = 0; b < deeper.size(); ++b)
-      deeper[b] = stiffness[b] > 0 ? std::clamp(deeper[b] / stiffness[b], -kDeeper, kDeeper) : 0;
     const Vec3 before = x_HO_.p;
     if (place_.on_palm) {
       double& depth = depth_[as_index(hand_.palm())];
-      depth = std::max(kTouchDepth, depth + deeper[as_index(hand_.palm())]);
+      depth = std::max(kTouchDepth, depth + pad_move(contacts_, hand_.palm()).deeper);
       put_on_palm(x_HO_.p.z() - 2 * kNearer);
     }
     hand_.place(x_HO_);
-    q_ = closing_.press(q_, contacts_, deeper, x_HO_.p - before);
+    q_ = closing_.press(q_, contacts_, x_HO_.p - before);
   }
 
   void sum_forces() {

@@ -129,7 +129,6 @@ void ContactDynamics::save(ArchiveWriter& out) const {
   for (const ContactMemory::Point& each : memory_.points) serialize(out, each);
   out(memory_.change);
   system_.save(out);
-  if (pads_) pads_->save(out);
 }
 
 void ContactDynamics::restore(ArchiveReader& in) {
@@ -145,7 +144,6 @@ void ContactDynamics::restore(ArchiveReader& in) {
   if (!memory_.change.empty() && memory_.change.size() != as_index(space_.size()))
     in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
   system_.restore(in);
-  if (pads_) pads_->restore(in, model_);
 }
 
 int ContactDynamics::collide(const model::State& state, const StepForecast& prospect) {

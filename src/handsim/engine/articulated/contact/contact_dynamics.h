@@ -44,7 +44,20 @@ class ContactDynamics {
     memory_.points.clear();
     memory_.change.clear();
     system_.forget();
-    if (pads_) pads_->set({});
+  }
+  /// Takes over what is left of the pressing of pads.
+  void load_state(const model::State& state) {
+    if (pads_) pads_->set(state.pads);
+  }
+  void store_state(model::State& state) const {
+    if (pads_) state.pads = pads_->pairs();
+  }
+  /// A step without contacts: pads recover.
+  void recover(double step) {
+    forget();
+    if (!pads_ || pads_->pairs().empty()) return;
+    pads_->recall(collider_, step);
+    pads_->store(collider_, step, [](std::size_t) { return 0.0; });
   }
   /// Writes the contacts of the last step and their impulses, the warm start of the next step.
   void save(ArchiveWriter& out) const;

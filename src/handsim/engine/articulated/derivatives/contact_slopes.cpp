@@ -349,6 +349,7 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
   double largest = 0;
   for (const ContactRows& rows : p.contacts) largest = std::max(largest, rows.impulse[0]);
   std::size_t i = 0;
+  bool relaxes = false;
   std::optional<std::pair<int, int>> bodies;
   for (const Touch& touch : contact_.collider_.touches()) {
     if (!contact_.touches_constrained(touch)) continue;
@@ -376,11 +377,14 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
       const Vec3& c = point.contact->position;
       point.end = at_point(a_.end, c - a_.origin) - at_point(b_.end, c - b_.origin);
       point.start = at_point(a_.start, c - a_.origin) - at_point(b_.start, c - b_.origin);
+      relaxes = relaxes || (point.rows->pad && !point.rows->pad->pad->law->relaxations.empty());
       compute_target(point, touch, step);
       add_contact(point, responses_[k]);
     }
   }
   if (bodies) end_pair(by_q, by_u);
+  if (relaxes)
+    notes_.emplace_back("pads that relax: by the state with what is left of their pressing as it is");
 }
 
 }  // namespace handsim::engine::articulated
