@@ -154,9 +154,10 @@ void print_track(const study::TrackInput& input, const study::TrackResult& resul
       print("       {} axes that no point or sensor determines: left out\n", open);
     if (hand.overlaps.frames > 0)
       print(
-          "       fingers inside each other in {} of {} frames tested, up to {:.2g} mm ({}): handsim run of "
-          "scene.yaml resolves them by contact\n",
-          hand.overlaps.frames, hand.overlaps.tested, 1e3 * hand.overlaps.deepest, hand.overlaps.where);
+          "       parts inside each other in {} of {} frames tested, up to {:.2g} mm ({} at {:.2f} s): handsim "
+          "run of scene.yaml resolves them by contact\n",
+          hand.overlaps.frames, hand.overlaps.tested, 1e3 * hand.overlaps.deepest()->second.depth,
+          hand.overlaps.deepest()->first, hand.overlaps.deepest()->second.time);
     double squares = 0, count = 0;
     for (const study::TruthFigures& axis : hand.truth)
       if (axis.axis.ends_with(".flexion") && !axis.axis.starts_with("thumb"))

@@ -258,7 +258,7 @@ bool wrists_swapped(const HandTracker& a, const HandTracker& b, std::size_t k) {
 }
 
 /// Fills TrackedHand::overlaps. @param hand right hand as built.
-void collect_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
+void collect_overlaps(const hand::BuiltHand& hand, const std::vector<double>& times, TrackedHand& tracked) {
   constexpr std::size_t kMostTested = 200;
   constexpr double kDepth = 1e-3;
   model::Model model = model::make_model();
@@ -276,10 +276,9 @@ void collect_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
     bool overlaps = false;
     for (const engine::Overlap& each : engine::initial_overlaps(model, state)) {
       overlaps = overlaps || each.depth > kDepth;
-      if (each.depth <= out.deepest) continue;
-      out.deepest = each.depth;
-      out.where =
-          model.shapes[as_index(each.shape_a)].name + " and " + model.shapes[as_index(each.shape_b)].name;
+      OverlapFigures::Pair& pair = out.pairs[model.shapes[as_index(each.shape_a)].name + " and " +
+                                             model.shapes[as_index(each.shape_b)].name];
+      if (each.depth > pair.depth) pair = {each.depth, times[good[i]]};
     }
     ++out.tested;
     if (overlaps) ++out.frames;
@@ -414,7 +413,7 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   out.cpu = cpu_seconds() - start;
   shift_times(out, recording.file);
   for (TrackedHand& tracked : out.hands) {
-    collect_overlaps(hand, tracked);
+    collect_overlaps(hand, out.times, tracked);
     if (input.truth) compare(control::read_motion(*input.truth), recording.times, tracked);
   }
   return out;

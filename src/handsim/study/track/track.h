@@ -46,10 +46,18 @@ struct TrackedFrame : FitResult {
 
 /// Shapes of a hand that penetrate each other in its tracked poses.
 struct OverlapFigures {
-  std::size_t tested = 0;  ///< frames, evenly over the recording
-  std::size_t frames = 0;  ///< of those with an overlap of more than 1 mm
-  double deepest = 0;      ///< [m]
-  std::string where;       ///< `right.index_distal and right.middle_distal`
+  struct Pair {
+    double depth = 0;  ///< deepest [m]
+    double time = 0;   ///< of it [s]
+  };
+  std::size_t tested = 0;             ///< frames, evenly over the recording
+  std::size_t frames = 0;             ///< of those with an overlap of more than 1 mm
+  std::map<std::string, Pair> pairs;  ///< by `right.index_distal and right.middle_distal`
+
+  /// The deepest pair; the end without one.
+  std::map<std::string, Pair>::const_iterator deepest() const {
+    return std::ranges::max_element(pairs, {}, [](const auto& each) { return each.second.depth; });
+  }
 };
 
 /// Difference from known angles.

@@ -20,6 +20,11 @@ constexpr FrameStatus kStatuses[] = {FrameStatus::tracked, FrameStatus::missing,
 
 bool is_tracked(const TrackedFrame& frame) { return frame.status == FrameStatus::tracked; }
 
+/// [mm]
+double deepest_overlap(const TrackedHand& hand) {
+  return hand.overlaps.pairs.empty() ? 0 : 1e3 * hand.overlaps.deepest()->second.depth;
+}
+
 /// Angles and wrist poses of the tracked frames.
 void write_hand(const TrackResult& result, const TrackedHand& hand, const std::filesystem::path& out) {
   output::MotionHead head{hand.name + " hand, tracked", {}, hand.count(FrameStatus::tracked)};
@@ -137,7 +142,7 @@ std::string summary_rows(const TrackResult& result) {
     for (const FrameStatus status : kStatuses) out += fmt::format(",{}", hand.count(status));
     out += fmt::format(",{:.4g},{:.4g},{},{:.3g}\n", 1e3 * hand.noise,
                        count > 0 ? 1e3 * std::sqrt(squares / count) : 0, hand.overlaps.frames,
-                       1e3 * hand.overlaps.deepest);
+                       deepest_overlap(hand));
   }
   return out;
 }
@@ -224,8 +229,11 @@ std::string track_json(const TrackInput& input, const TrackResult& result) {
       if (!hand.determined[i]) entry["undetermined_axes"].push_back(hand.axes[i]);
     entry["overlaps"] = {{"frames_tested", hand.overlaps.tested},
                          {"frames_overlapping", hand.overlaps.frames},
-                         {"deepest_mm", 1e3 * hand.overlaps.deepest},
-                         {"where", hand.overlaps.where}};
+                         {"deepest_mm", deepest_overlap(hand)},
+                         {"pairs", Json::array()}};
+    for (const auto& [where, pair] : hand.overlaps.pairs)
+      entry["overlaps"]["pairs"].push_back(
+          {{"where", where}, {"deepest_mm", 1e3 * pair.depth}, {"time_s", pair.time}});
     if (!hand.truth.empty()) {
       entry["difference_rms_deg"] = kDegreesPerRadian * rms_of(hand.truth, false);
       entry["finger_flexion_difference_rms_deg"] = kDegreesPerRadian * rms_of(hand.truth, true);
