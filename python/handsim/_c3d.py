@@ -25,7 +25,7 @@ from ._errors import Error, input_error
 from ._files import ended
 
 UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
-WITH_FILES = ("--out", "--person", "--model", "--markers", "--truth", "--names")
+WITH_FILES = ("--out", "--person", "--model", "--markers", "--points", "--truth", "--names")
 USAGE = """
 Of a .c3d file alone (pip install ezc3d):
   --names FILE   lines LABEL: NAME, the names of the file's labels in the marker set, or keypoints such as right.index_tip
@@ -255,7 +255,10 @@ def _track(words: Sequence[str], table: Path, recording: str) -> int:
 
 
 def main(words: Sequence[str]) -> int:
-    """``track`` of the command line: of a C3D file after its conversion. :returns: the exit status"""
+    """``track`` of the command line: of a C3D file after its conversion, or --convention-from. :returns: the exit status"""
+    if "--convention-from" in words:
+        from ._conventions import main as convention
+        return convention(words)
     recording = next((word for word, before in zip(words, ["", *words])
                       if is_c3d(word) and not word.startswith("-") and before not in WITH_FILES), None)
     rest, options = [], dict[str, Optional[str]](names=None, up=None)

@@ -35,9 +35,9 @@ ORDER = [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 2
 JOINTS = {"thumb_mcp": (1, 2, 3), "thumb_ip": (2, 3, 4),
           **{f"{finger}_{joint}": (first + i, first + i + 1, first + i + 2)
              for finger, first in (("index", 5), ("middle", 9), ("ring", 13), ("little", 17)) for i, joint in enumerate(("pip", "dip"))}}
-# Of adults, men and women: means and standard deviations of length and breadth [mm] in the survey of handmodels/anthropometry.yaml,
-# its summary by sex (Gordon et al. 2014): a mixture of equal parts.
-ADULTS = {"length": ((193.3, 9.9), (181.2, 9.6)), "breadth": ((88.6, 4.2), (78.5, 3.9))}
+# Of adults, men and women: means and standard deviations of length and breadth [mm] in the survey of handmodels/anthropometry.yaml
+# (Gordon et al. 2014): a mixture of equal parts.
+ADULTS = {"length": ((193.1, 10.0), (181.0, 10.0)), "breadth": ((88.3, 4.4), (78.1, 3.9))}
 
 
 def percentile(dimension: str, value: float) -> float:

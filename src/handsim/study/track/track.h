@@ -2,11 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "handsim/study/track/bones.h"
 #include "handsim/study/track/marker_set.h"
 #include "handsim/study/track/recording.h"
 #include "handsim/study/track/smoother.h"
@@ -24,7 +24,9 @@ std::string_view name(FrameStatus status);
 
 struct TrackInput {
   std::filesystem::path recording;
-  std::optional<MarkerSet> markers;  ///< absent: 21 keypoints
+  std::optional<MarkerSet> markers;  ///< or the convention of a tracker; absent: 21 keypoints
+  std::optional<char> up;            ///< `y`, `z`: in place of the convention's
+  std::optional<bool> left_handed;   ///< axes, in place of the convention's
   hand::HandSpec model;
   std::filesystem::path model_file;
   hand::Person person;
@@ -84,6 +86,7 @@ struct TrackResult {
   std::vector<double> times;  ///< [s]
   double start = 0;           ///< time in the recording that is 0 in what is written [s]
   hand::Person person;        ///< with the measured hand, if bones were fitted
+  std::vector<Vec3> shares;   ///< of the points of each hand, if these were fitted (Feature::shares)
   std::vector<TrackedHand> hands;
   double cpu = 0;                     ///< CPU time of the fits [s]
   std::vector<std::string> warnings;  ///< what looks wrong in the recording
