@@ -19,7 +19,7 @@ COMMANDS: dict[str, str] = {
     "live": "handsim._live.command",
     "optimise": "handsim._optimise_command",
     "rollouts": "handsim._rollouts_command",
-    "track": "handsim._c3d",
+    "track": "handsim._conventions",
 }
 """Commands in Python, by name: the module of each."""
 

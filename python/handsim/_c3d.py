@@ -255,10 +255,7 @@ def _track(words: Sequence[str], table: Path, recording: str) -> int:
 
 
 def main(words: Sequence[str]) -> int:
-    """``track`` of the command line: of a C3D file after its conversion, or --convention-from. :returns: the exit status"""
-    if "--convention-from" in words:
-        from ._conventions import main as convention
-        return convention(words)
+    """``track`` of the command line: of a C3D file after its conversion. :returns: the exit status"""
     recording = next((word for word, before in zip(words, ["", *words])
                       if is_c3d(word) and not word.startswith("-") and before not in WITH_FILES), None)
     rest, options = [], dict[str, Optional[str]](names=None, up=None)

@@ -15,7 +15,7 @@ from typing import Any, Mapping, NamedTuple, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import study
+from . import _c3d, study
 from ._errors import input_error
 from ._files import ended
 from ._shipped import find_file
@@ -93,7 +93,9 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """The command. :returns: the exit status"""
+    """``track`` of the command line: for a convention, else of C3D. :returns: the exit status"""
+    if "--convention-from" not in words:
+        return _c3d.main(words)
     parser = argparse.ArgumentParser("handsim track", description="Fits where a tracker's points lie on the hand, from a recording of each of several people",
                                      epilog="example: handsim track --convention-from ann.json bob.json --points mediapipe --out mine.yaml")
     parser.add_argument("--convention-from", nargs="+", required=True, metavar="RECORDING", type=Path)

@@ -434,8 +434,9 @@ PersonFit fit_person(const std::vector<HandFrames>& hands, const hand::HandSpec&
         1e3 * *out.person.hand_length, person.named ? person.person.title : adult().title,
         person.named ? "" : ", as no --person is given"));
   if (const std::string text = implausible(spec, person, out.person); !text.empty())
-    warnings.push_back(
-        fmt::format("{}: {}: another person's, another order of points, or --points", recording, text));
+    warnings.push_back(fmt::format(
+        "{}: {}: a child's (--person), points in another order, or of another convention (--points)",
+        recording, text));
   out.person.title =
       person.person.title + ", hand measured from " + std::filesystem::path(recording).filename().string();
   return out;

@@ -317,7 +317,8 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   out.warnings = recording.warnings;
   const std::vector<std::string> doubts = recording_warnings(input, recording);
   out.warnings.insert(out.warnings.end(), doubts.begin(), doubts.end());
-  PersonFit fitted = measured_person(input, recording, out.warnings);
+  std::vector<std::string> of_fit, swapped_sides;
+  PersonFit fitted = measured_person(input, recording, of_fit);
   out.person = std::move(fitted.person);
   out.shares = std::move(fitted.shares);
   check_person(out.person, recording.file);
@@ -343,9 +344,12 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   for (HandTracker& tracker : trackers) {
     if (const std::string warning = tracker.finish(); !warning.empty()) out.warnings.push_back(warning);
     out.hands.push_back(tracker.take());
+    // A hand of the other side explains what the fit has found.
     if (const std::string warning = swap_warning(out.hands.back()); !warning.empty())
-      out.warnings.push_back(warning);
+      swapped_sides.push_back(warning);
   }
+  const auto& said = swapped_sides.empty() ? of_fit : swapped_sides;
+  out.warnings.insert(out.warnings.end(), said.begin(), said.end());
   out.cpu = cpu_seconds() - start;
   shift_times(out, recording.file);
   for (TrackedHand& tracked : out.hands) {
