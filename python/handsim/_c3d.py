@@ -25,7 +25,7 @@ from ._errors import Error, input_error
 from ._files import ended
 
 UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
-WITH_FILES = ("--out", "--person", "--model", "--markers", "--truth", "--names")
+WITH_FILES = ("--out", "--person", "--model", "--markers", "--points", "--truth", "--names")
 USAGE = """
 Of a .c3d file alone (pip install ezc3d):
   --names FILE   lines LABEL: NAME, the names of the file's labels in the marker set, or keypoints such as right.index_tip

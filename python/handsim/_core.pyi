@@ -233,6 +233,7 @@ def grasps(scenes: Sequence[_Path], out: _Path, sides: Sequence[str], overrides:
 def inverse(scene: Scene, out: _Path, motion: Optional[_Path], names: Optional[_Path], loads: Optional[_Path],
             cutoff: Optional[float], clamp: bool, check: bool, least_activation: Optional[float], progress: _Progress) -> str: ...
 def track(recording: _Path, out: _Path, person: Optional[_Path], model: Optional[_Path], markers: Optional[_Path],
+          points: Optional[_Path], up: Optional[str], left_handed: Optional[bool],
           truth: Optional[_Path], fit_bones: bool, smooth: bool, noise: float, seed: int,
           progress: _Progress) -> None: ...
 

@@ -238,6 +238,7 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,
           markers: Optional[PathText] = None, truth: Optional[PathText] = None, fit_bones: bool = True,
           smooth: bool = True, noise: float = 0, seed: int = 1, names: Optional[PathText] = None, up: Optional[str] = None,
+          points: Optional[PathText] = None, handedness: Optional[str] = None,
           out: Out = None, progress: Progress = None) -> Study:
     """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["right_wrist"]``) of recorded hands.
 
@@ -250,19 +251,27 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param noise: for trials: standard deviation of normal noise on every coordinate [m]
     :param seed: of the noise
     :param names: of C3D: a file of lines ``LABEL: NAME``, the names of its labels in the marker set, or of keypoints
-    :param up: of C3D: the axis that points up, y or z; None: as the file says
+    :param up: the axis that points up, y or z; None: as a C3D file or the convention says, else z
+    :param points: convention of the tracker: a file, or the name of a shipped one (``mano``); None: joints' centres
+    :param handedness: of the recording's axes, right or left; None: as the convention says, else right
     """
     from ._c3d import as_csv, is_c3d
 
     recording = path_of("recording", recording)
     flags(fit_bones=fit_bones, smooth=smooth)
     real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
-    if not is_c3d(recording) and (names is not None or up is not None):
-        raise input_error("names" if names is not None else "up", str(recording), "a recording in C3D with it")
+    if not is_c3d(recording) and names is not None:
+        raise input_error("names", str(recording), "a recording in C3D with it")
+    if up not in (None, "y", "z"):
+        raise input_error("up", repr(up), "y or z")
+    if handedness not in (None, "left", "right"):
+        raise input_error("handedness", repr(handedness), "left or right")
+    convention = None if points is None else find_file(points, "points", "handmodels/points")
+    axis, left = None if is_c3d(recording) else up, None if handedness is None else handedness == "left"
     table = as_csv(recording, names, up) if is_c3d(recording) else nullcontext(recording)
     with table as path, _folder(out) as folder, bar(progress, "track") as told:
-        _core.track(path, folder, _path("person", person), _path("model", model), _path("markers", markers), _path("truth", truth), fit_bones, smooth,
-                    noise, seed, told)
+        _core.track(path, folder, _path("person", person), _path("model", model), _path("markers", markers), convention, axis, left,
+                    _path("truth", truth), fit_bones, smooth, noise, seed, told)
         return Study("track", folder, "")
 
 

@@ -161,7 +161,7 @@ def test_files_that_are_wrong_end_with_a_reason(points, names, tmp_path):
     with pytest.raises(Error, match="need y or z"):
         hs.study.track(tmp_path / "a.c3d", names=names, up="x")
     with pytest.raises(Error, match="a recording in C3D"):
-        hs.study.track(tmp_path / "a.csv", up="y")
+        hs.study.track(tmp_path / "a.csv", names=names)
     with pytest.raises(Error, match="no file"):
         hs.study.track(tmp_path / "none.c3d")
 

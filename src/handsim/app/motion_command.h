@@ -32,7 +32,7 @@ int inverse_command(const InverseArguments& arguments);
 
 struct TrackArguments : study::TrackInput {
   std::filesystem::path out;
-  std::optional<std::filesystem::path> person_file, hand_file, marker_file;
+  std::optional<std::filesystem::path> person_file, hand_file, marker_file, points_file;
   bool activations = false;  ///< and inverse dynamics with muscles, into out/activations
   bool json = false;
 };

@@ -74,8 +74,20 @@ void add_track(CommandLine& line) {
             "config/persons");
   add_input(track, "--model", arguments->hand_file, "hand model file (default: the anatomical hand)",
             "handmodels");
-  track.add_option("--markers", arguments->marker_file,
-                   "marker set file, for markers and sensors (default: 21 keypoints)");
+  CLI::Option* markers = track.add_option("--markers", arguments->marker_file,
+                                          "marker set file, for markers and sensors (default: 21 keypoints)");
+  add_input(track, "--points", arguments->points_file, "convention of the tracker: where its points lie",
+            "handmodels/points")
+      ->excludes(markers);
+  track
+      .add_option("--up", arguments->up,
+                  "axis of the recording that points up (default: the convention's, or z)")
+      ->transform(CLI::IsMember({"y", "z"}));
+  track
+      .add_option_function<std::string>(
+          "--handedness", [arguments](const std::string& side) { arguments->left_handed = side == "left"; },
+          "of the recording's axes (default: the convention's, or right)")
+      ->check(CLI::IsMember({"left", "right"}));
   track.add_flag_callback(
       "--keep-person", [arguments] { arguments->fit_bones = false; },
       "do not fit hand length, breadth and bones");
@@ -154,9 +166,11 @@ void print_track(const study::TrackInput& input, const study::TrackResult& resul
       print("       {} axes that no point or sensor determines: left out\n", open);
     if (hand.overlaps.frames > 0)
       print(
-          "       fingers inside each other in {} of {} frames tested, up to {:.2g} mm ({}): handsim run of "
-          "scene.yaml resolves them by contact\n",
-          hand.overlaps.frames, hand.overlaps.tested, 1e3 * hand.overlaps.deepest, hand.overlaps.where);
+          "       parts inside each other in {} of {} frames tested, up to {:.2g} mm ({} at {:.2f} s): "
+          "handsim "
+          "run of scene.yaml resolves them by contact\n",
+          hand.overlaps.frames, hand.overlaps.tested, 1e3 * hand.overlaps.deepest()->second.depth,
+          hand.overlaps.deepest()->first, hand.overlaps.deepest()->second.time);
     double squares = 0, count = 0;
     for (const study::TruthFigures& axis : hand.truth)
       if (axis.axis.ends_with(".flexion") && !axis.axis.starts_with("thumb"))
@@ -237,8 +251,8 @@ study::TrackInput track_input(const TrackArguments& arguments) {
   out.model = load_kind(out.model_file, scene::FileKind::hand_model, hand::read_hand_spec);
   out.person = load_kind(arguments.person_file.value_or(data_folder() / "config/persons/median_man.yaml"),
                          scene::FileKind::person, hand::read_person);
-  if (arguments.marker_file)
-    out.markers = load_kind(*arguments.marker_file, scene::FileKind::marker_set, study::read_marker_set);
+  if (const auto& file = arguments.marker_file ? arguments.marker_file : arguments.points_file)
+    out.markers = load_kind(*file, scene::FileKind::marker_set, study::read_marker_set);
   out.person_named = arguments.person_file.has_value();
   return out;
 }
@@ -247,7 +261,8 @@ int track_command(const TrackArguments& arguments) {
   const study::TrackInput input = track_input(arguments);
   const output::OutputFolder folder(arguments.out, study::track_files(), [&] {
     std::vector<std::filesystem::path> read = {input.recording, input.model_file};
-    for (const auto& file : {arguments.person_file, arguments.marker_file, arguments.truth})
+    for (const auto& file :
+         {arguments.person_file, arguments.marker_file, arguments.points_file, arguments.truth})
       if (file) read.push_back(*file);
     return read;
   });

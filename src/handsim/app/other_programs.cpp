@@ -82,12 +82,13 @@ sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
 /// True where a command of this program is the package's: `export` in a format that the package writes, such
-/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file; what writes the page of a run.
+/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file or for a convention; what writes the page
+/// of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
   if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   const std::string word = lower_case(argument);
-  if (command == "track") return word == "c3d";
+  if (command == "track") return word == "c3d" || word == "--convention-from";
   const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
   return command == "export" && format != output::kFormats.end() && !format->write;
 }

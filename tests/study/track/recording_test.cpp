@@ -115,7 +115,7 @@ TEST(Recording, RefusesACutTrc) {
     EXPECT_NE(refusal("a.trc", text).find(problem), std::string::npos) << refusal("a.trc", text);
 }
 
-std::string hand(const std::string& side, const std::string& point = "[0,0,0]") {
+std::string hand(const std::string& side, const std::string& point = "[0,0,1]") {
   std::string points = point;
   for (int i = 1; i < 21; ++i) points += ",[0,0,0]";
   return R"({"side": ")" + side + R"(", "points": [)" + points + "]}";
@@ -137,7 +137,7 @@ TEST(Recording, RefusesSpoiltJsonWithItsPlace) {
       {frames(R"("rate": 0, )", ""), "no time in 2 of 2 frames"},
       {frames(R"("rate": "60", )", ""), "type must be number"},
       {R"({"rate": 1, "frames": [], "frames": []})", "a.json:1:35: frames: got a second list"},
-      {frames(R"("unit": "inch", )", ""), "unit: got inch, need m or mm"},
+      {frames(R"("unit": "inch", )", ""), "unit: got inch, need m, cm or mm"},
       {frames("", ""), "no time in 2 of 2 frames"},
       {frames(R"("rate": 1, )", R"({"side": "both"})"), "a.json:3:"},
       {frames(R"("rate": 1, )", R"({"side": "both"})"), "frames.1: got the side both, need right or left"},

@@ -42,8 +42,8 @@ TEST(TrackSlips, OtherUnitsAreNamed) {
   for (const double factor : {1000.0, 0.001}) {
     Slip slip;
     slip.scale(factor);
-    expect_part(slip.refusal(), "slip.csv: got a palm of ");
-    expect_part(slip.refusal(), "[m] or [mm]");
+    expect_part(slip.refusal(), "slip.csv: got points of one hand up to ");
+    expect_part(slip.refusal(), "the unit is in");
   }
 }
 

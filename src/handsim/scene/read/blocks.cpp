@@ -71,7 +71,7 @@ constexpr std::array<Row, 17> kRows = {{
     {FileKind::stability, "a stability study", "cases", {"cases"}},
     {FileKind::rollouts, "a rollout study", "scene, vary, count", {"vary"}},
     {FileKind::motion_names, "names of a motion file", "columns, couplings", {"columns", "couplings"}},
-    {FileKind::marker_set, "a marker set", "markers, sensors", {"markers", "sensors"}},
+    {FileKind::marker_set, "a marker set", "markers, sensors, points", {"markers", "sensors", "points"}},
     {FileKind::costs, "a table of what accuracy costs", "kinds", {"kinds"}},
     {FileKind::material, "a material", "friction, stiffness, damping", {"friction"}},
 }};

@@ -20,11 +20,14 @@ HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, mode
   placement.side = side;
   hand::add_hand(model_, hand, placement);
   const model::HandIndex& index = model_.hands.front();
-  frames_.push_back({index.palm, index.wrist_frame});
+  frames_.push_back(
+      {index.palm, index.wrist_frame, {hand.size.breadth, hand.size.length, hand.size.thickness}});
   for (const hand::BuiltSegment& segment : hand.segments) {
     const auto body = as_index(segment.body);
     const Pose in_body = hand.bodies[body].zero_pose.inverse() * segment.frame;
-    frames_.push_back({index.bodies[body], side == model::Side::left ? mirrored(in_body) : in_body});
+    frames_.push_back({index.bodies[body],
+                       side == model::Side::left ? mirrored(in_body) : in_body,
+                       {segment.radius, segment.length, segment.radius}});
   }
   for (const hand::SegmentSpec& row : spec.segments)
     for (const model::JointAxis& axis : row.joint.axes)
@@ -46,10 +49,17 @@ HandPose HandTree::moved(const HandPose& from, const Eigen::Ref<const Eigen::Vec
 void HandTree::place(std::span<const double> angles) { model::place_children(model_, angles, state_); }
 
 Pose HandTree::pose(const Feature& feature) const {
-  const Pose own{feature.at, feature.rotation};
   const Frame& of = frame(feature);
+  const Pose own{feature.at + of.size.cwiseProduct(feature.shares), feature.rotation};
   return state_.bodies[as_index(of.body)].pose() * of.in_body *
          (side_ == model::Side::left ? mirrored(own) : own);
+}
+
+Mat3 HandTree::by_shares(const Feature& feature) const {
+  const Frame& of = frame(feature);
+  Vec3 size = of.size;
+  if (side_ == model::Side::left) size.x() *= -1;
+  return (state_.bodies[as_index(of.body)].pose() * of.in_body).q.toRotationMatrix() * size.asDiagonal();
 }
 
 model::Jacobian HandTree::jacobian(const Feature& feature) const {
@@ -68,6 +78,9 @@ std::vector<std::string> keypoint_names() {
 }
 
 std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
+  // Of points that turn out not to be the joints' centres: a third to a half of a radius, a tenth of a
+  // length.
+  const Vec3 kPalmSpread(0.1, 0.1, 0.4), kSpread(0.5, 0.1, 0.5);
   const auto ends_in = [&](std::size_t row, const std::string& name) {
     return !spec.segments[row].has_child &&
            std::ranges::any_of(hand.fingertips, [&](const model::Fingertip& tip) {
@@ -78,11 +91,13 @@ std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand
   for (const std::string& name : keypoint_names()) {
     Feature& feature = out.emplace_back();
     feature.name = name;
+    feature.spread = name == "wrist" ? kPalmSpread : kSpread;
+    feature.base = name == "wrist" || name == "thumb_cmc" || (name.ends_with("_mcp") && name != "thumb_mcp");
     for (std::size_t row = 0; row < spec.segments.size(); ++row) {
       const bool tip = ends_in(row, name);
       if (!tip && spec.segments[row].joint.name != name) continue;
       feature.segment = row;
-      if (tip) feature.at = {0, hand.segments[row].length, 0};
+      if (tip) feature.shares.y() = 1;
     }
     if (name != "wrist" && !feature.segment)
       throw input_error("--model", "a hand model without " + name, "joints thumb_cmc to little_dip");

@@ -25,6 +25,11 @@ struct Feature {
   std::optional<std::size_t> segment;  ///< row in the hand model's segments; absent: the palm
   Vec3 at = Vec3::Zero();              ///< in the segment's frame [m]
   Quat rotation = Quat::Identity();    ///< q_SegmentSensor
+  /// Added to `at`: x and z by the segment's radius, y by its length; of the palm by hand breadth, hand
+  /// length and hand thickness.
+  Vec3 shares = Vec3::Zero();
+  Vec3 spread = Vec3::Zero();  ///< standard deviation of the shares between trackers and people
+  bool base = false;           ///< on the palm or at a joint of it: hardly moves against it
 };
 
 /// An axis of the hand's joints.
@@ -52,6 +57,8 @@ class HandTree {
   Vec3 point(const Feature& feature) const { return pose(feature).p; }
   /// Orientation of a feature's sensor in the hand frame.
   Quat orientation(const Feature& feature) const { return pose(feature).q; }
+  /// Derivative of a feature's point by its shares, in the hand frame [m], at the last placed angles.
+  Mat3 by_shares(const Feature& feature) const;
   /// Jacobian of a feature's point by the angles, in the hand frame.
   model::Jacobian jacobian(const Feature& feature) const;
 
@@ -60,6 +67,7 @@ class HandTree {
   struct Frame {
     int body = 0;
     Pose in_body;
+    Vec3 size;  ///< [m] by a share of 1
   };
   const Frame& frame(const Feature& feature) const {
     return frames_[feature.segment ? *feature.segment + 1 : 0];

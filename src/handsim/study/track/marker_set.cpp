@@ -6,6 +6,9 @@ namespace handsim::study {
 
 namespace {
 
+/// A point this near the joint of its segment, by the segment's length, hardly moves with it.
+constexpr double kNearBase = 0.5;
+
 MarkerSpec read_marker(MapReader reader, Feature::Kind kind) {
   MarkerSpec out;
   out.kind = kind;
@@ -23,20 +26,53 @@ MarkerSpec read_marker(MapReader reader, Feature::Kind kind) {
   return out;
 }
 
+/// A point of a tracker; one without a segment is not used.
+MarkerSpec read_point(MapReader reader) {
+  MarkerSpec out;
+  out.place = reader.node().place();
+  out.hand.reset();
+  out.name = reader.text("name");
+  out.segment = reader.text("segment", "none");
+  const Quantity shares = {Dimension::none, -2, 2}, spread = {Dimension::none, 0, 2};
+  out.shares = reader.vector("at", shares, Vec3(0, 0, 0));
+  out.spread = reader.vector("spread", spread, Vec3(0, 0, 0));
+  reader.finish();
+  return out;
+}
+
+RecordingFormat read_format(MapReader reader, const std::vector<MarkerSpec>& points) {
+  RecordingFormat out;
+  out.up = reader.choice<char>("up", {{"z", 'z'}, {"y", 'y'}, {"-y", 'Y'}}, 'z');
+  out.left_handed = reader.choice<bool>("handedness", {{"right", false}, {"left", true}}, false);
+  out.unit = reader.choice<double>("unit", {{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}}, 1);
+  out.origin_unseen = reader.choice<bool>("unseen", {{"null", false}, {"origin", true}}, true);
+  out.names.clear();
+  for (const MarkerSpec& point : points) out.names.push_back(point.name);
+  reader.finish();
+  return out;
+}
+
 }  // namespace
 
 MarkerSet read_marker_set(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MarkerSet out;
   MapReader reader(node, path, diagnostics);
   reader.text("title", "untitled");
+  reader.named_texts("sources");
   reader.each("markers", 0, kMostItems, [&](MapReader marker) {
     out.markers.push_back(read_marker(std::move(marker), Feature::Kind::point));
   });
   reader.each("sensors", 0, kMostItems, [&](MapReader sensor) {
     out.markers.push_back(read_marker(std::move(sensor), Feature::Kind::orientation));
   });
+  if (reader.has("points")) {
+    if (!out.markers.empty()) reader.problem("points", "points beside markers", "either of them");
+    reader.each("points", 1, kMostItems,
+                [&](MapReader point) { out.markers.push_back(read_point(std::move(point))); });
+    out.format = read_format(reader.map("recording"), out.markers);
+  }
   if (reader.sound() && out.markers.empty())
-    reader.problem("markers", "none", "at least one marker or sensor");
+    reader.problem("markers", "none", "at least one marker, sensor or point");
   reader.finish();
   return out;
 }
@@ -47,15 +83,19 @@ std::vector<Feature> features_of(const MarkerSet& set, const hand::HandSpec& spe
   std::vector<std::string> known = {"palm"};
   for (const hand::SegmentSpec& segment : spec.segments) known.push_back(segment.name);
   for (const MarkerSpec& marker : set.markers) {
-    if (marker.hand != side) continue;
+    if (marker.hand.value_or(side) != side || (!marker.hand && marker.segment == "none")) continue;
     const auto found = std::ranges::find(known, marker.segment);
     if (found == known.end()) {
       problems.push_back({marker.place, "segment", marker.segment + ", an unknown segment",
                           "palm, or a segment of the hand model" + nearest_hint(marker.segment, known)});
       continue;
     }
-    out.push_back({marker.kind, marker.name, std::nullopt, marker.at, marker.rotation});
-    if (found != known.begin()) out.back().segment = as_index(found - known.begin() - 1);
+    const std::string before = marker.hand ? "" : side == model::Side::right ? "right." : "left.";
+    Feature& feature = out.emplace_back(Feature{marker.kind, before + marker.name, std::nullopt, marker.at,
+                                                marker.rotation, marker.shares, marker.spread});
+    if (found != known.begin()) feature.segment = as_index(found - known.begin() - 1);
+    feature.base = !feature.segment || (!spec.segments[*feature.segment].parent && marker.at.isZero() &&
+                                        std::abs(marker.shares.y()) < kNearBase);
   }
   if (!problems.empty()) throw Error(problems);
   return out;

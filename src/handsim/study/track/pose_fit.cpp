@@ -146,11 +146,8 @@ FitResult PoseFit::find(const MeasuredFrame& frame, double outlier) {
     for (const bool palm_only : {true, false}) {
       std::vector<Vec3> from, to;
       for (std::size_t i = 0; i < features_.size(); ++i) {
-        const Feature& feature = features_[i];
-        const bool at_base =
-            !feature.segment || feature.name.ends_with("_mcp") || feature.name.ends_with("_cmc");
-        if (!frame[i].point || (palm_only && (!at_base || feature.name.ends_with("thumb_mcp")))) continue;
-        from.push_back(tree_.point(feature));
+        if (!frame[i].point || (palm_only && !features_[i].base)) continue;
+        from.push_back(tree_.point(features_[i]));
         to.push_back(*frame[i].point);
       }
       const auto rigid = rigid_fit(from, to);

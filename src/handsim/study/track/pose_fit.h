@@ -50,6 +50,8 @@ class PoseFit {
   FitResult find(const MeasuredFrame& frame, double outlier);
   /// Distances at a pose.
   FitResult measure(const MeasuredFrame& frame, HandPose pose, std::vector<bool> rejected);
+  /// HandTree::by_shares() of a feature at the pose of the last rows().
+  Mat3 by_shares(std::size_t feature) const { return tree_.by_shares(features_[feature]); }
   /// At a pose, without the rejected features.
   Rows rows(const MeasuredFrame& frame, const HandPose& pose, const std::vector<bool>& rejected);
 

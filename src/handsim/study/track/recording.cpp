@@ -25,8 +25,9 @@ class RecordingReader {
   static constexpr double kShortestInterval = 1e-6;  ///< between frames [s]
   static constexpr double kFarthest = 1000;          ///< of a point from the origin [m]
 
-  explicit RecordingReader(const std::filesystem::path& path)
-      : text_(read_text_file(path, "a recording (.csv, .json, .trc, .c3d)", kMostBytes)),
+  RecordingReader(const std::filesystem::path& path, const RecordingFormat& format)
+      : format_(format),
+        text_(read_text_file(path, "a recording (.csv, .json, .trc, .c3d)", kMostBytes)),
         place_{path.string(), 1, 1} {
     out_.file = path.string();
   }
@@ -52,6 +53,16 @@ class RecordingReader {
   }
 
  protected:
+  /// `right.index_pip` of `right.6`.
+  std::string point_name(const std::string& name) const {
+    const std::size_t dot = name.rfind('.');
+    if (dot == std::string::npos) return name;
+    const auto index = parse_number(name.substr(dot + 1));
+    if (!index || !(*index >= 0 && *index < static_cast<double>(format_.names.size()))) return name;
+    return name.substr(0, dot + 1) + format_.names[static_cast<std::size_t>(*index)];
+  }
+
+  const RecordingFormat& format_;
   std::string text_;
   Place place_;
   Recording out_;
@@ -60,9 +71,11 @@ class RecordingReader {
 /// A text file read line by line.
 class LineReader : public RecordingReader {
  public:
-  explicit LineReader(const std::filesystem::path& path) : RecordingReader(path), rest_(text_) {
+  LineReader(const std::filesystem::path& path, const RecordingFormat& format)
+      : RecordingReader(path, format), rest_(text_) {
     place_.line = 0;
   }
+  using RecordingReader::point_name;
 
   bool next(std::string_view& line) {
     if (rest_.empty()) return false;
@@ -99,16 +112,6 @@ class LineReader : public RecordingReader {
   std::string_view rest_;
 };
 
-/// `right.index_pip` of `right.6`.
-std::string keypoint_name(const std::string& name) {
-  const std::size_t dot = name.rfind('.');
-  if (dot == std::string::npos) return name;
-  const auto index = parse_number(name.substr(dot + 1));
-  const std::vector<std::string> names = keypoint_names();
-  if (!index || !(*index >= 0 && *index < static_cast<double>(names.size()))) return name;
-  return name.substr(0, dot + 1) + names[static_cast<std::size_t>(*index)];
-}
-
 constexpr std::array<std::string_view, 7> kParts = {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"};
 
 /// Where the parts of a channel stand in a row.
@@ -137,7 +140,7 @@ std::map<std::string, ChannelColumns> read_head(const LineReader& reader,
       if (unit != "[m]" && unit != "[mm]")
         reader.fail(fmt::format("the unit {}", unit), "[m] or [mm]", std::string(name));
       ChannelColumns& channel =
-          out[keypoint_name(std::string(name.substr(0, name.size() - kParts[p].size())))];
+          out[reader.point_name(std::string(name.substr(0, name.size() - kParts[p].size())))];
       if (channel.at[p]) reader.fail("a second column", "each column once", std::string(name));
       channel.at[p] = c;
       if (p < 3 && unit == "[mm]") channel.unit[static_cast<Eigen::Index>(p)] = 1e-3;
@@ -150,8 +153,8 @@ std::map<std::string, ChannelColumns> read_head(const LineReader& reader,
   return out;
 }
 
-Recording read_csv(const std::filesystem::path& path) {
-  LineReader reader(path);
+Recording read_csv(const std::filesystem::path& path, const RecordingFormat& format) {
+  LineReader reader(path, format);
   std::string_view line;
   if (!reader.next(line)) reader.fail("an empty file", "a line of column names, then rows");
   const std::vector<std::string_view> labels = split(line, ',');
@@ -200,8 +203,8 @@ struct TrcHead {
   }
 };
 
-Recording read_trc(const std::filesystem::path& path) {
-  LineReader reader(path);
+Recording read_trc(const std::filesystem::path& path, const RecordingFormat& format) {
+  LineReader reader(path, format);
   std::string_view line;
   TrcHead head;
   for (auto& each : head.lines) {
@@ -266,7 +269,7 @@ using Document = nlohmann::json;
 /// Reads frames of keypoints from JSON, of which the parser keeps one frame at a time.
 class JsonReader : public RecordingReader {
  public:
-  explicit JsonReader(const std::filesystem::path& path) : RecordingReader(path), names_(keypoint_names()) {}
+  using RecordingReader::RecordingReader;
 
   Recording read() {
     const char* const begin = text_.data();
@@ -278,9 +281,9 @@ class JsonReader : public RecordingReader {
           Document::parse(PlacedBytes{begin, &place_}, PlacedBytes{begin + text_.size(), &place_}, keep);
       if (!any_frames_) fail("no frames", "JSON with a list of frames", "frames");
       if (head.is_object())
-        finish(head.value("rate", 0.0), head.value("unit", "m"));
+        finish(head.value("rate", 0.0), head.value("unit", ""));
       else
-        finish(0, "m");
+        finish(0, "");
     } catch (const Document::exception& error) {
       fail(printable(error.what(), 200), "JSON with a list of frames", any_frames_ ? key() : "");
     }
@@ -333,8 +336,12 @@ class JsonReader : public RecordingReader {
       if (side != "right" && side != "left")
         fail(fmt::format("the side {}", printable(side)), "right or left", key());
       of_side[side == "right" ? 0 : 1].push_back(&hand);
-      if (hand.at("points").size() != names_.size())
-        fail(fmt::format("{} points", hand["points"].size()), "21 points, null for those not seen", key());
+      if (const Document& points = hand.at("points");
+          points.is_array() && points.size() != format_.names.size())
+        fail(fmt::format("{} points", points.size()),
+             fmt::format("{} points, null for those not seen; --points names other trackers",
+                         format_.names.size()),
+             key());
     }
     // Nobody knows which of two right hands is the right one.
     if ((of_side[0].size() > 1 || of_side[1].size() > 1) && doubled_++ == 0) first_doubled_ = count_;
@@ -343,25 +350,29 @@ class JsonReader : public RecordingReader {
   }
 
   void add_hand(const std::string& side, const Document& hand) {
-    for (std::size_t p = 0; p < names_.size(); ++p) {
-      const Document& point = hand["points"][p];
+    const Document& points = hand["points"];
+    for (std::size_t p = 0; p < format_.names.size(); ++p) {
+      const Document point = points.is_array() ? points[p] : points.value(format_.names[p], Document());
       std::array<std::optional<double>, 3> x;
       for (std::size_t i = 0; i < 3 && !point.is_null(); ++i)
         if (const Document& value = point.is_array() ? point.at(i) : point.at(std::string(1, "xyz"[i]));
             !value.is_null())
           x[i] = value.get<double>();
-      if (x[0] && x[1] && x[2]) out_.channels[side + names_[p]].points.add(count_, {*x[0], *x[1], *x[2]});
+      if (x[0] && x[1] && x[2])
+        out_.channels[side + format_.names[p]].points.add(count_, {*x[0], *x[1], *x[2]});
     }
   }
 
   /// What the head says may stand behind the frames.
   void finish(double rate, const std::string& unit) {
     place_ = {place_.file, 1, 1};
-    if (unit != "m" && unit != "mm") fail(printable(unit), "m or mm", "unit");
+    const double size = unit.empty() ? format_.unit : unit == "m" ? 1 : unit == "cm" ? 1e-2 : 1e-3;
+    if (!unit.empty() && unit != "m" && unit != "cm" && unit != "mm")
+      fail(printable(unit), "m, cm or mm", "unit");
     for (auto& [name, channel] : out_.channels)
       for (std::size_t i = 0; i < channel.points.values().size(); ++i) {
         Vec3& point = channel.points.values()[i];
-        if (unit == "mm") point *= 1e-3;
+        point *= size;
         check_place(point, fmt::format("frames.{}: {}", channel.points.frames()[i], name));
       }
     if (untimed_ == 0) return;
@@ -376,22 +387,56 @@ class JsonReader : public RecordingReader {
            fmt::format("at most {:g} s", kLongestRecording), "rate");
   }
 
-  std::vector<std::string> names_;
   bool in_frames_ = false, any_frames_ = false;
   int level_ = 0;                                                          ///< depth of a frame
   std::size_t count_ = 0, untimed_ = 0, doubled_ = 0, first_doubled_ = 0;  ///< frames
 };
 
+/// Takes out what the tracker writes for a point that it does not see, and turns the axes.
+void apply(const RecordingFormat& format, Recording& recording) {
+  // Of each hand, frames whose points are all at one place.
+  for (const std::string hand : {"right.", "left."}) {
+    std::vector<Seen<Vec3>*> points;
+    for (const std::string& name : format.names)
+      if (const auto found = recording.channels.find(hand + name); found != recording.channels.end())
+        points.push_back(&found->second.points);
+    if (points.size() < 3) continue;
+    std::vector<bool> spread(recording.times.size(), false);
+    std::vector<std::optional<Vec3>> first(recording.times.size());
+    for (const Seen<Vec3>* each : points)
+      for (std::size_t i = 0; i < each->values().size(); ++i) {
+        const std::uint32_t k = each->frames()[i];
+        if (!first[k]) first[k] = each->values()[i];
+        if (*first[k] != each->values()[i]) spread[k] = true;
+      }
+    for (Seen<Vec3>* each : points) each->remove([&](std::uint32_t k) { return !spread[k]; });
+  }
+  Mat3 turn = Mat3::Identity();
+  if (format.left_handed) turn(format.up == 'z' ? 1 : 2, format.up == 'z' ? 1 : 2) = -1;
+  if (const double up = format.up == 'Y' ? -1 : 1; format.up != 'z')
+    turn = Mat3{{1, 0, 0}, {0, 0, -up}, {0, up, 0}} * turn;
+  for (auto& [name, channel] : recording.channels) {
+    Seen<Vec3>& points = channel.points;
+    if (format.origin_unseen) points.remove([&](std::uint32_t k) { return points.at(k)->isZero(0); });
+    if (!turn.isIdentity(0))
+      for (Vec3& point : points.values()) point = turn * point;
+    if (!format.left_handed)
+      for (Quat& q : channel.orientations.values()) q = Quat(turn) * q;
+  }
+}
+
 }  // namespace
 
-Recording read_recording(const std::filesystem::path& path) {
+Recording read_recording(const std::filesystem::path& path, RecordingFormat format) {
   const std::string ending = lower_case(path.extension().string());
   if (ending != ".csv" && ending != ".json" && ending != ".trc")
     throw input_error(path.string(), "a file of another kind", "a recording: .csv, .json, .trc or .c3d");
-  Recording out = ending == ".csv"    ? read_csv(path)
-                  : ending == ".json" ? JsonReader(path).read()
-                                      : read_trc(path);
+  if (format.names.empty()) format.names = keypoint_names();
+  Recording out = ending == ".csv"    ? read_csv(path, format)
+                  : ending == ".json" ? JsonReader(path, format).read()
+                                      : read_trc(path, format);
   if (out.times.empty()) throw input_error(path.string(), "no frame", "a recording with frames");
+  apply(format, out);
   return out;
 }
 

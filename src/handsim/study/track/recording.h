@@ -31,6 +31,14 @@ class Seen {
   }
   T* at(std::size_t frame) { return const_cast<T*>(std::as_const(*this).at(frame)); }
   bool empty() const { return values_.empty(); }
+  /// Removes the values of frames that `unseen` names.
+  template <class Unseen>
+  void remove(const Unseen& unseen) {
+    Seen kept;
+    for (std::size_t i = 0; i < values_.size(); ++i)
+      if (!unseen(frames_[i])) kept.add(frames_[i], values_[i]);
+    *this = std::move(kept);
+  }
   const std::vector<std::uint32_t>& frames() const { return frames_; }
   std::vector<T>& values() { return values_; }
   const std::vector<T>& values() const { return values_; }
@@ -56,14 +64,25 @@ struct Recording {
   std::vector<std::string> warnings;        ///< what of the file is left out, and why
 };
 
+/// How a tracker writes its points.
+struct RecordingFormat {
+  std::vector<std::string> names;  ///< by number; empty: the 21 keypoints
+  char up = 'z';                   ///< the axis that points up; `y`, or -y: `Y`, becomes z by a turn about x
+  bool left_handed = false;        ///< axes: the one that is neither x nor up is turned round
+  double unit = 1;                 ///< of .json that states none [m]
+  bool origin_unseen = false;      ///< 0 0 0 is a point that was not seen
+};
+
 /// Reads a recording by its file's ending:
 /// - .csv: `time[s],NAME.x[m],NAME.y[m],NAME.z[m],...` (or [mm]), sensors `NAME.qw,NAME.qx,NAME.qy,NAME.qz`;
 ///   keypoints are `right.wrist`, ... or by number, `right.0` to `right.20`. Empty or `nan`: not seen.
 /// - .json: `{"frames": [{"time": 0, "hands": [{"side": "right", "points": [[x, y, z], ...]}]}]}` with 21
 ///   points in the usual order, each [x, y, z], {"x":, "y":, "z":} or null; `"rate"` in Hz in place of times,
-///   `"unit"`: m (default) or mm. Memory grows with the points that were seen, not with the frames.
+///   `"unit"`: m (default), cm or mm. Points may be a map by name. Memory grows with the points that were
+///   seen, not with the frames.
 /// - .trc: markers as OpenSim and Motion Analysis write them, with NumFrames and NumMarkers.
+/// A hand whose points are all at one place was not seen.
 /// @throws Error (input) with the place of what cannot be read.
-Recording read_recording(const std::filesystem::path& path);
+Recording read_recording(const std::filesystem::path& path, RecordingFormat format = {});
 
 }  // namespace handsim::study

@@ -9,11 +9,8 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/error.h"
-#include "handsim/core/text.h"
-#include "handsim/engine/collision/overlap.h"
-#include "handsim/model/kinematics.h"
-#include "handsim/model/spline.h"
-#include "handsim/study/track/marker_bones.h"
+#include "handsim/study/track/person_fit.h"
+#include "handsim/study/track/track_checks.h"
 
 namespace handsim::study {
 
@@ -21,6 +18,11 @@ namespace {
 
 /// Tracking goes on after a gap of at most this from the last pose [s]; then the hand is searched anew.
 constexpr double kLongestGap = 0.1;
+/// No wrist moves as fast between frames [m/s]: a tracker had another thing for a hand, or the hand
+/// elsewhere.
+constexpr double kFastest = 20;
+/// Frames between two such jumps, or one and an end, are left out where they last less [s].
+constexpr double kShortestVisit = 0.25;
 /// Wrists that would have to move this much farther without a swap are swapped [m].
 constexpr double kSwapDistance = 0.1;
 /// Assumed noise where the points leave none to see [m].
@@ -30,41 +32,40 @@ constexpr double kLeastNoise = 1e-9;
 
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
-const char* side_name(model::Side side) { return side == model::Side::right ? "right" : "left"; }
-
 std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand& hand, model::Side side) {
   if (input.markers) return features_of(*input.markers, input.model, side);
   std::vector<Feature> out = keypoints(input.model, hand);
-  for (Feature& feature : out) feature.name = std::string(side_name(side)) + "." + feature.name;
+  for (Feature& feature : out) feature.name = fmt::format("{}.{}", side_name(side), feature.name);
   return out;
 }
 
-/// The person with the size of the hand that the points show.
-hand::Person fitted_person(const TrackInput& input, const Recording& recording,
-                           std::vector<std::string>& warnings) {
-  if (input.fit_bones && !input.markers) return fit_bones(recording, input.model, input.person);
+/// The person with the size of the hand that the points show, and where they lie on it.
+PersonFit fitted_person(const TrackInput& input, const hand::BuiltHand& hand, const Recording& recording,
+                        std::vector<std::string>& warnings) {
   std::vector<HandFrames> hands;
+  const bool convention = input.markers && input.markers->is_convention();
   for (const model::Side side : {model::Side::right, model::Side::left})
-    if (input.fit_bones) {
-      hands.emplace_back(recording, features_of(*input.markers, input.model, side), side);
+    if (input.fit_bones || convention) {
+      hands.emplace_back(recording, features_for(input, hand, side), side);
       if (!hands.back().any(Feature::Kind::point)) hands.pop_back();
     }
   if (!hands.empty())
-    return fit_bones_to_markers(hands, input.model, {input.person, input.person_named}, recording.file,
-                                warnings);
+    return fit_person(hands, input.model, {input.person, input.person_named, !input.fit_bones}, convention,
+                      recording.file, warnings);
   if (!input.person_named)
     warnings.push_back(fmt::format(
         "{}: {}: the hand is that of the {}, as no --person is given", recording.file,
         input.fit_bones ? "sensors show no sizes" : "--keep-person fits no sizes", input.person.title));
-  return input.person;
+  return {input.person, {}};
 }
 
 /// The same. @throws Error (input) that names the recording where its points make no hand.
-hand::Person measured_person(const TrackInput& input, const Recording& recording,
-                             std::vector<std::string>& warnings) {
-  static_cast<void>(hand::build_hand(input.model, input.person));  // a problem of the person's own
+PersonFit measured_person(const TrackInput& input, const Recording& recording,
+                          std::vector<std::string>& warnings) {
+  const hand::BuiltHand hand =
+      hand::build_hand(input.model, input.person);  // or a problem of the person's own
   try {
-    return fitted_person(input, recording, warnings);
+    return fitted_person(input, hand, recording, warnings);
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::input || !error.problems().front().place) throw;
     const Problem& first = error.problems().front();
@@ -81,26 +82,17 @@ void check_person(const hand::Person& person, const std::string& recording) {
   diagnostics.throw_if_any();
 }
 
-/// Scenes begin at 0 and have an end: other times are counted from the first frame.
-void shift_times(TrackResult& result, const std::string& recording) {
-  if (result.times.front() >= 0 && result.times.back() <= kLongestRecording) return;
-  result.start = result.times.front();
-  for (double& time : result.times) time -= result.start;
-  result.warnings.push_back(fmt::format("{}: times begin at {:.12g} s, which is 0 in all that is written",
-                                        recording, result.start));
-}
-
 /// Tracks one hand.
 class HandTracker {
  public:
   HandTracker(const TrackInput& input, const Recording& recording, const hand::BuiltHand& hand,
-              model::Side side)
+              std::vector<Feature> features, model::Side side)
       : input_(input),
         recording_(recording),
-        own_(HandTree(input.model, hand, side), features_for(input, hand, side)),
+        own_(HandTree(input.model, hand, side), features),
         other_(
             HandTree(input.model, hand, side == model::Side::right ? model::Side::left : model::Side::right),
-            features_for(input, hand, side)),
+            std::move(features)),
         frames_(recording, own_.features(), side) {
     out_.name = side_name(side);
     out_.side = side;
@@ -111,9 +103,11 @@ class HandTracker {
 
   bool any() const { return frames_.any(Feature::Kind::point) || frames_.any(Feature::Kind::orientation); }
 
-  /// Position of the wrist keypoint, where it is one and was seen.
+  /// Position of the wrist's point, where there is one and it was seen.
   std::optional<Vec3> wrist(std::size_t k) const {
-    return input_.markers ? std::nullopt : frames_.at(k)[0].point;
+    const auto found = std::ranges::find(own_.features(), out_.name + ".wrist", &Feature::name);
+    if (found == own_.features().end()) return std::nullopt;
+    return frames_.at(k)[as_index(found - own_.features().begin())].point;
   }
   /// The wrist of the last tracked frame, if it is not long ago.
   std::optional<Vec3> last_wrist(std::size_t k) const {
@@ -134,16 +128,19 @@ class HandTracker {
     if (frame.status == FrameStatus::tracked) last_ = k;
   }
 
-  /// Smooths all stretches of tracked frames, and measures the distances again.
-  void finish() {
+  /// Leaves out short visits elsewhere, smooths all stretches of tracked frames, and measures the distances
+  /// again. @returns a warning, or nothing
+  std::string finish() {
+    const std::string warning = leave_out_visits();
     compute_determined();
     estimate_noise();
     for (std::size_t k = 0; k < out_.frames.size();) {
       std::size_t end = k;
-      while (end < out_.frames.size() && out_.frames[end].status == FrameStatus::tracked) ++end;
+      while (is_tracked(end) && (end == k || !jumps(end - 1, end))) ++end;
       if (input_.smooth && end - k >= 3) smooth_stretch(k, end);
       k = std::max(end, k + 1);
     }
+    return warning;
   }
   TrackedHand take() { return std::move(out_); }
 
@@ -164,6 +161,38 @@ class HandTracker {
     if (out.rms <= input_.limit && !out.rejects()) return out;
     FitResult searched = own_.find(measured, input_.outlier);
     return searched.rms < out.rms ? searched : out;
+  }
+
+  bool is_tracked(std::size_t k) const {
+    return k < out_.frames.size() && out_.frames[k].status == FrameStatus::tracked;
+  }
+  bool jumps(std::size_t from, std::size_t to) const {
+    return (out_.frames[to].pose.wrist.p - out_.frames[from].pose.wrist.p).norm() >
+           kFastest * (recording_.times[to] - recording_.times[from]);
+  }
+
+  /// Marks frames as poor that a jump parts from the others for a short time.
+  std::string leave_out_visits() {
+    std::vector<std::vector<std::size_t>> visits(1);
+    for (std::size_t k = 0; k < out_.frames.size(); ++k) {
+      if (!is_tracked(k)) continue;
+      if (!visits.back().empty() && jumps(visits.back().back(), k)) visits.emplace_back();
+      visits.back().push_back(k);
+    }
+    std::size_t count = 0, first = 0;
+    for (const auto& visit : visits) {
+      if (visits.size() == 1 ||
+          recording_.times[visit.back()] - recording_.times[visit.front()] > kShortestVisit)
+        continue;
+      if (count == 0) first = visit.front();
+      count += visit.size();
+      for (const std::size_t k : visit) mark(k, FrameStatus::poor);
+    }
+    return count == 0 ? ""
+                      : fmt::format(
+                            "{}: {} frames are left out, the first at {:.3g} s: the hand jumps there, faster "
+                            "than {:g} m/s",
+                            out_.name, count, recording_.times[first], kFastest);
   }
 
   /// A hand whose mirror image fits much better has the points of the other hand.
@@ -254,109 +283,7 @@ bool wrists_swapped(const HandTracker& a, const HandTracker& b, std::size_t k) {
   if (!wrist_a || !wrist_b || !last_a || !last_b) return false;
   const double kept = (*wrist_a - *last_a).norm() + (*wrist_b - *last_b).norm();
   const double swapped = (*wrist_a - *last_b).norm() + (*wrist_b - *last_a).norm();
-  return kept > swapped + kSwapDistance;
-}
-
-/// Fills TrackedHand::overlaps. @param hand right hand as built.
-void collect_overlaps(const hand::BuiltHand& hand, TrackedHand& tracked) {
-  constexpr std::size_t kMostTested = 200;
-  constexpr double kDepth = 1e-3;
-  model::Model model = model::make_model();
-  hand::Placement placement;
-  placement.name = tracked.name;
-  placement.side = tracked.side;
-  hand::add_hand(model, hand, placement);
-  std::vector<std::size_t> good;
-  for (std::size_t k = 0; k < tracked.frames.size(); ++k)
-    if (tracked.frames[k].status == FrameStatus::tracked) good.push_back(k);
-  OverlapFigures& out = tracked.overlaps;
-  const std::size_t stride = 1 + good.size() / kMostTested;
-  for (std::size_t i = 0; i < good.size(); i += stride) {
-    const model::State state = model::state_at(model, tracked.frames[good[i]].pose.angles);
-    bool overlaps = false;
-    for (const engine::Overlap& each : engine::initial_overlaps(model, state)) {
-      overlaps = overlaps || each.depth > kDepth;
-      if (each.depth <= out.deepest) continue;
-      out.deepest = each.depth;
-      out.where =
-          model.shapes[as_index(each.shape_a)].name + " and " + model.shapes[as_index(each.shape_b)].name;
-    }
-    ++out.tested;
-    if (overlaps) ++out.frames;
-  }
-}
-
-/// Fills TrackedHand::truth from a table's columns `HAND.joint.axis`. @throws Error (input) if it has none.
-void compare(const control::MotionTable& table, const std::vector<double>& times, TrackedHand& tracked) {
-  const model::CubicSpline known(table.times, table.values, table.names.size());
-  std::vector<double> row(table.names.size());
-  for (std::size_t i = 0; i < tracked.axes.size(); ++i) {
-    const auto column = std::ranges::find(table.names, tracked.name + "." + tracked.axes[i]);
-    if (column == table.names.end() || !tracked.determined[i]) continue;
-    double squares = 0, count = 0;
-    for (std::size_t k = 0; k < times.size(); ++k) {
-      if (tracked.frames[k].status != FrameStatus::tracked) continue;
-      known.at(times[k], row);
-      const double error = tracked.frames[k].pose.angles[i] - row[as_index(column - table.names.begin())];
-      squares += error * error;
-      count += 1;
-    }
-    tracked.truth.push_back({tracked.axes[i], count > 0 ? std::sqrt(squares / count) : 0});
-  }
-  if (tracked.truth.empty())
-    throw input_error(table.file, "no column of hand " + tracked.name,
-                      "columns " + tracked.name + ".JOINT.AXIS");
-}
-
-/// What of a recording no hand uses, and times that look like milliseconds.
-/// @throws Error (input) where nothing in it is named as a keypoint or marker.
-std::vector<std::string> recording_warnings(const TrackInput& input, const Recording& recording) {
-  constexpr double kLongestInterval = 0.5;
-  constexpr std::size_t kMostNamed = 5;
-  std::vector<std::string> known, out;
-  if (input.markers)
-    for (const MarkerSpec& marker : input.markers->markers) known.push_back(marker.name);
-  else
-    for (const char* side : {"right.", "left."})
-      for (const std::string& name : keypoint_names()) known.push_back(side + name);
-  std::size_t unused = 0;
-  std::string names, things;
-  for (const auto& [name, channel] : recording.channels) {
-    if (std::ranges::find(known, name) != known.end()) continue;
-    const std::string hint = nearest_hint(name, known);
-    if (++unused <= kMostNamed) names += (unused > 1 ? ", " : "") + name + hint;
-    if (hint.empty() && things.empty()) things = name;
-  }
-  if (unused > kMostNamed) names += ", ...";
-  if (unused == recording.channels.size())
-    throw input_error(recording.file, "no point of a hand, but " + names,
-                      input.markers
-                          ? "the names of --markers"
-                          : "keypoints such as right.wrist or left.0, or --markers with these names");
-  if (unused > 0)
-    out.push_back(fmt::format("{}: {} names that no hand uses: {}", recording.file, unused, names));
-  if (!things.empty())
-    out.push_back(fmt::format(
-        "{}: if {} is on an object in the hand, TORQUES AND ACTIVATIONS OF THIS MOTION ARE THOSE OF "
-        "AN EMPTY HAND: handsim inverse --loads adds the forces on it",
-        recording.file, things));
-  const double interval = (recording.times.back() - recording.times.front()) /
-                          static_cast<double>(std::max<std::size_t>(1, recording.times.size() - 1));
-  if (interval > kLongestInterval)
-    out.push_back(
-        fmt::format("{}: frames {:.3g} s apart: times in milliseconds? They are read as seconds, and no "
-                    "motion is followed over such gaps",
-                    recording.file, interval));
-  return out;
-}
-
-/// An empty text, or why all frames of a hand may be swapped.
-std::string swap_warning(const TrackedHand& tracked) {
-  if (tracked.frames.empty() || 2 * tracked.count(FrameStatus::swapped) < tracked.frames.size()) return {};
-  return fmt::format(
-      "{}: most frames have the shape of the other hand: it is a {} hand under the wrong name, or the axes "
-      "of the recording are left-handed (such as y down with z away: change the sign of one of them)",
-      tracked.name, tracked.side == model::Side::right ? "left" : "right");
+  return kept > swapped + kSwapDistance && kept > 2 * swapped;  // else both have jumped
 }
 
 }  // namespace
@@ -373,7 +300,11 @@ std::size_t TrackedHand::count(FrameStatus status) const {
 }
 
 TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress) {
-  Recording recording = read_recording(input.recording);
+  RecordingFormat format;
+  if (input.markers && input.markers->format) format = *input.markers->format;
+  format.up = input.up.value_or(format.up);
+  format.left_handed = input.left_handed.value_or(format.left_handed);
+  Recording recording = read_recording(input.recording, format);
   if (input.noise > 0) add_noise(recording, input.noise, input.seed);
   return run_track(input, recording, progress);
 }
@@ -386,14 +317,19 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   out.warnings = recording.warnings;
   const std::vector<std::string> doubts = recording_warnings(input, recording);
   out.warnings.insert(out.warnings.end(), doubts.begin(), doubts.end());
-  out.person = measured_person(input, recording, out.warnings);
+  std::vector<std::string> of_fit, swapped_sides;
+  PersonFit fitted = measured_person(input, recording, of_fit);
+  out.person = std::move(fitted.person);
+  out.shares = std::move(fitted.shares);
   check_person(out.person, recording.file);
   const hand::BuiltHand hand = hand::build_hand(input.model, out.person);
   std::vector<HandTracker> trackers;
   trackers.reserve(2);
   for (const model::Side side : {model::Side::right, model::Side::left}) {
     if (input.markers && features_of(*input.markers, input.model, side).empty()) continue;
-    trackers.emplace_back(input, recording, hand, side);
+    std::vector<Feature> features = features_for(input, hand, side);
+    for (std::size_t i = 0; i < out.shares.size(); ++i) features[i].shares = out.shares[i];
+    trackers.emplace_back(input, recording, hand, std::move(features), side);
     if (!trackers.back().any()) trackers.pop_back();
   }
   if (trackers.empty())
@@ -406,15 +342,18 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
     if (progress && k % 100 == 0) progress(static_cast<double>(k) / static_cast<double>(count));
   }
   for (HandTracker& tracker : trackers) {
-    tracker.finish();
+    if (const std::string warning = tracker.finish(); !warning.empty()) out.warnings.push_back(warning);
     out.hands.push_back(tracker.take());
+    // A hand of the other side explains what the fit has found.
     if (const std::string warning = swap_warning(out.hands.back()); !warning.empty())
-      out.warnings.push_back(warning);
+      swapped_sides.push_back(warning);
   }
+  const auto& said = swapped_sides.empty() ? of_fit : swapped_sides;
+  out.warnings.insert(out.warnings.end(), said.begin(), said.end());
   out.cpu = cpu_seconds() - start;
   shift_times(out, recording.file);
   for (TrackedHand& tracked : out.hands) {
-    collect_overlaps(hand, tracked);
+    collect_overlaps(hand, out.times, tracked);
     if (input.truth) compare(control::read_motion(*input.truth), recording.times, tracked);
   }
   return out;

@@ -2,11 +2,11 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "handsim/study/track/bones.h"
 #include "handsim/study/track/marker_set.h"
 #include "handsim/study/track/recording.h"
 #include "handsim/study/track/smoother.h"
@@ -24,7 +24,9 @@ std::string_view name(FrameStatus status);
 
 struct TrackInput {
   std::filesystem::path recording;
-  std::optional<MarkerSet> markers;  ///< absent: 21 keypoints
+  std::optional<MarkerSet> markers;  ///< or the convention of a tracker; absent: 21 keypoints
+  std::optional<char> up;            ///< `y`, `z`: in place of the convention's
+  std::optional<bool> left_handed;   ///< axes, in place of the convention's
   hand::HandSpec model;
   std::filesystem::path model_file;
   hand::Person person;
@@ -46,10 +48,18 @@ struct TrackedFrame : FitResult {
 
 /// Shapes of a hand that penetrate each other in its tracked poses.
 struct OverlapFigures {
-  std::size_t tested = 0;  ///< frames, evenly over the recording
-  std::size_t frames = 0;  ///< of those with an overlap of more than 1 mm
-  double deepest = 0;      ///< [m]
-  std::string where;       ///< `right.index_distal and right.middle_distal`
+  struct Pair {
+    double depth = 0;  ///< deepest [m]
+    double time = 0;   ///< of it [s]
+  };
+  std::size_t tested = 0;             ///< frames, evenly over the recording
+  std::size_t frames = 0;             ///< of those with an overlap of more than 1 mm
+  std::map<std::string, Pair> pairs;  ///< by `right.index_distal and right.middle_distal`
+
+  /// The deepest pair; the end without one.
+  std::map<std::string, Pair>::const_iterator deepest() const {
+    return std::ranges::max_element(pairs, {}, [](const auto& each) { return each.second.depth; });
+  }
 };
 
 /// Difference from known angles.
@@ -76,6 +86,7 @@ struct TrackResult {
   std::vector<double> times;  ///< [s]
   double start = 0;           ///< time in the recording that is 0 in what is written [s]
   hand::Person person;        ///< with the measured hand, if bones were fitted
+  std::vector<Vec3> shares;   ///< of the points of each hand, if these were fitted (Feature::shares)
   std::vector<TrackedHand> hands;
   double cpu = 0;                     ///< CPU time of the fits [s]
   std::vector<std::string> warnings;  ///< what looks wrong in the recording

@@ -9,6 +9,7 @@
 #include "handsim/output/table/table_files.h"
 #include "handsim/study/report.h"
 #include "handsim/study/track/track.h"
+#include "handsim/study/track/track_checks.h"
 
 namespace handsim::study {
 
@@ -20,12 +21,18 @@ constexpr FrameStatus kStatuses[] = {FrameStatus::tracked, FrameStatus::missing,
 
 bool is_tracked(const TrackedFrame& frame) { return frame.status == FrameStatus::tracked; }
 
+/// [mm]
+double deepest_overlap(const TrackedHand& hand) {
+  return hand.overlaps.pairs.empty() ? 0 : 1e3 * hand.overlaps.deepest()->second.depth;
+}
+
 /// Angles and wrist poses of the tracked frames.
 void write_hand(const TrackResult& result, const TrackedHand& hand, const std::filesystem::path& out) {
   output::MotionHead head{hand.name + " hand, tracked", {}, hand.count(FrameStatus::tracked)};
   for (std::size_t i = 0; i < hand.axes.size(); ++i)
     if (hand.determined[i]) head.names.push_back(hand.name + "." + hand.axes[i]);
-  output::MotionTableWriter angles(out / (hand.name + ".mot"), head);
+  std::optional<output::MotionTableWriter> angles;
+  if (!head.names.empty()) angles.emplace(out / (hand.name + ".mot"), head);
   output::AtomicFile wrist(out / (hand.name + "_wrist.csv"));
   std::string columns = "time[s]";
   for (const char* part : {"x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz"})
@@ -38,13 +45,13 @@ void write_hand(const TrackResult& result, const TrackedHand& hand, const std::f
     row.clear();
     for (std::size_t i = 0; i < pose.angles.size(); ++i)
       if (hand.determined[i]) row.push_back(kDegreesPerRadian * pose.angles[i]);
-    angles.add(result.times[k], row);
+    if (angles) angles->add(result.times[k], row);
     const Vec3& p = pose.wrist.p;
     const Quat& q = pose.wrist.q;
     wrist.write(fmt::format("{:.12g},{},{},{},{},{},{},{}\n", result.times[k], p.x(), p.y(), p.z(), q.w(),
                             q.x(), q.y(), q.z()));
   }
-  angles.finish();
+  if (angles) angles->finish();
   wrist.commit();
 }
 
@@ -97,7 +104,10 @@ std::string scene_text(const TrackInput& input, const TrackResult& result) {
       input.recording.filename().string());
   const std::string filter = filter_of(result);
   std::string programs;
+  double end = 1e-3;
   for (const TrackedHand& hand : result.hands) {
+    for (std::size_t k = 0; k < hand.frames.size(); ++k)
+      if (is_tracked(hand.frames[k])) end = std::max(end, result.times[k]);
     if (hand.count(FrameStatus::tracked) == 0) continue;
     out += fmt::format(
         "  - model: \"{}\"\n    person: person.yaml\n    side: {}\n"
@@ -114,15 +124,18 @@ std::string scene_text(const TrackInput& input, const TrackResult& result) {
       pose += fmt::format("{:.17g}{}", first.pose.angles[i], more ? ", " : "]");
     }
     out += fmt::format("    pose: {{{}}}\n", pose);
-    programs += fmt::format("{}{}: {}.mot", programs.empty() ? "" : ", ", hand.name, hand.name);
+    if (std::ranges::find(hand.determined, true) != hand.determined.end())
+      programs += fmt::format("{}{}: {}.mot", programs.empty() ? "" : ", ", hand.name, hand.name);
   }
+  // Markers of the palm alone show no angle: the fingers are at rest.
+  if (!programs.empty())
+    out += fmt::format("control:\n  controller: \"{}\"\n  program: {{{}}}\n  motion: {{clamp: true{}}}\n",
+                       (data_folder() / "controllers/feed_forward.yaml").string(), programs, filter);
   out += fmt::format(
-      "control:\n  controller: \"{}\"\n  program: {{{}}}\n  motion: {{clamp: true{}}}\n"
-      "effects: [gravity, joint_stops, passive_tissue, actuation, wrist_motion, self_contact, friction]\n"
+      "effects: [gravity, joint_stops, passive_tissue, {}wrist_motion, self_contact, friction]\n"
       "solver: {{engine: ode, method: world_step, step: \"1 ms\"}}\nduration: {}\nrecord: {{every: \"10 "
       "ms\"}}\n",
-      (data_folder() / "controllers/feed_forward.yaml").string(), programs, filter,
-      std::max(result.times.back(), 1e-3));
+      programs.empty() ? "" : "actuation, ", std::max(1e-3, std::floor(1e3 * end) * 1e-3));
   return out;
 }
 
@@ -137,7 +150,7 @@ std::string summary_rows(const TrackResult& result) {
     for (const FrameStatus status : kStatuses) out += fmt::format(",{}", hand.count(status));
     out += fmt::format(",{:.4g},{:.4g},{},{:.3g}\n", 1e3 * hand.noise,
                        count > 0 ? 1e3 * std::sqrt(squares / count) : 0, hand.overlaps.frames,
-                       1e3 * hand.overlaps.deepest);
+                       deepest_overlap(hand));
   }
   return out;
 }
@@ -213,6 +226,11 @@ std::string track_json(const TrackInput& input, const TrackResult& result) {
   if (result.person.hand_breadth) person["hand_breadth_mm"] = 1e3 * *result.person.hand_breadth;
   for (const auto& [bone, length] : result.person.bones) person["bones_mm"][bone] = 1e3 * length;
   out["person"] = std::move(person);
+  if (!result.shares.empty())
+    for (std::size_t i = 0; i < result.shares.size(); ++i) {
+      const std::string& feature = result.hands.front().features[i];
+      out["points"][feature.substr(feature.find('.') + 1)] = result.shares[i];
+    }
   out["warnings"] = result.warnings;
   out["hands"] = Json::array();
   for (const TrackedHand& hand : result.hands) {
@@ -224,8 +242,11 @@ std::string track_json(const TrackInput& input, const TrackResult& result) {
       if (!hand.determined[i]) entry["undetermined_axes"].push_back(hand.axes[i]);
     entry["overlaps"] = {{"frames_tested", hand.overlaps.tested},
                          {"frames_overlapping", hand.overlaps.frames},
-                         {"deepest_mm", 1e3 * hand.overlaps.deepest},
-                         {"where", hand.overlaps.where}};
+                         {"deepest_mm", deepest_overlap(hand)},
+                         {"pairs", Json::array()}};
+    for (const auto& [where, pair] : hand.overlaps.pairs)
+      entry["overlaps"]["pairs"].push_back(
+          {{"where", where}, {"deepest_mm", 1e3 * pair.depth}, {"time_s", pair.time}});
     if (!hand.truth.empty()) {
       entry["difference_rms_deg"] = kDegreesPerRadian * rms_of(hand.truth, false);
       entry["finger_flexion_difference_rms_deg"] = kDegreesPerRadian * rms_of(hand.truth, true);
@@ -252,7 +273,8 @@ bool write_track(const TrackInput& input, const TrackResult& result, const std::
     if (hand.count(FrameStatus::tracked) == 0) continue;
     any = true;
     write_hand(result, hand, out);
-    report.plots.push_back(angle_plot(hand));
+    if (std::ranges::find(hand.determined, true) != hand.determined.end())
+      report.plots.push_back(angle_plot(hand));
   }
   write_frames(result, out);
   output::write_file(out / "person.yaml", person_text(result.person));

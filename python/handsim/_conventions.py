@@ -1,0 +1,111 @@
+"""``handsim track --convention-from REC...``: where a tracker's points lie on the hand, from recordings of several people.
+
+One recording cannot tell a long hand from points that lie far out. So the hands of all people are held to the survey's mean adult at
+first, and where their points lie is averaged; then each hand has its size by these places, the sizes are scaled to the survey's mean
+again, and the places are found anew for hands of these sizes. Whoever fits a convention should judge it by other people's recordings.
+"""
+from __future__ import annotations
+
+import argparse
+import re
+import tempfile
+from pathlib import Path
+from typing import Any, Mapping, NamedTuple, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _c3d, study
+from ._errors import input_error
+from ._files import ended
+from ._shipped import find_file
+
+Array = NDArray[np.float64]
+ADULT = {"stature": 1.690, "mass": 75.1, "sex": "unknown"}
+"""Between the survey's mean man and woman."""
+LENGTH, BREADTH = 0.1867, 0.0829
+"""Of that hand [m]."""
+ROUNDS = 3
+TWICE = 2.0
+"""Deviations between recordings that are written as the spread, at least LEAST."""
+LEAST: Mapping[bool, Array] = {True: np.array([0.03, 0.03, 0.12]), False: np.array([0.4, 0.1, 0.4])}
+"""Spread of a point of the palm, of another."""
+HELD = 0.05
+"""Of LEAST: spread with which sizes are found."""
+POINT = re.compile(r"(\s*- \{name: *([\w-]+), *segment: *(\w+), *at: *)\[([^]]*)\](, *spread: *)\[([^]]*)\](\}.*)")
+
+
+class Point(NamedTuple):
+    name: str
+    palm: bool
+    spread: Array
+
+
+def points_of(text: str, file: Path) -> dict[str, Point]:
+    """The points of a convention, a line for each. :raises Error: of kind input"""
+    found = [POINT.fullmatch(line) for line in text.splitlines()]
+    out = {each[2]: Point(each[2], each[3] == "palm", np.array(each[6].split(","), float)) for each in found if each}
+    if not out:
+        raise input_error(str(file), "no point", "a convention with a line {name: , segment: , at: , spread: } for each point, as the shipped ones have")
+    return out
+
+
+def written(text: str, at: Mapping[str, Array], spread: Mapping[str, Array]) -> str:
+    """A convention's text with these places."""
+    def line(found: "re.Match[str]") -> str:
+        place, deviation = (", ".join(f"{x:.4g}" for x in of[found[2]]) for of in (at, spread))
+        return f"{found[1]}[{place}]{found[5]}[{deviation}]{found[7]}"
+    return POINT.sub(line, text)
+
+
+def fit(recordings: Sequence[Path], start: Path) -> str:
+    """The text of the convention that fits recordings, one of each person. :param start: order of points, axes, and how far they may lie off"""
+    text = start.read_text(encoding="utf-8")
+    points = points_of(text, start)
+    with tempfile.TemporaryDirectory() as folder:
+        convention, person = Path(folder) / "points.yaml", Path(folder) / "person.yaml"
+
+        def places(sizes: Sequence[Mapping[str, Any]]) -> list[dict[str, Array]]:
+            out = []
+            for recording, size in zip(recordings, sizes):
+                person.write_text("title: held\n" + "".join(f"{key}: {value}\n" for key, value in size.items()))
+                found = study.track(recording, points=start, person=person, fit_bones=False, progress=False).summary["points"]
+                out.append({name: np.array(found[name]) for name in points})
+            return out
+
+        def sizes() -> list[dict[str, Any]]:
+            least = {name: HELD * LEAST[point.palm] * (point.spread > 0) for name, point in points.items()}
+            convention.write_text(written(text, mean, least))
+            found = [study.track(each, points=convention, progress=False).summary["person"] for each in recordings]
+            length, breadth = (np.array([each[f"hand_{key}_mm"] for each in found]) for key in ("length", "breadth"))
+            length *= LENGTH / np.exp(np.log(length).mean())
+            breadth *= BREADTH / np.exp(np.log(breadth).mean())
+            return [{**ADULT, "hand_length": a, "hand_breadth": b} for a, b in zip(length, breadth)]
+
+        every = places([ADULT] * len(recordings))
+        for _ in range(ROUNDS - 1):
+            mean = {name: np.asarray(np.mean([each[name] for each in every], axis=0)) for name in points}
+            every = places(sizes())
+    mean = {name: np.asarray(np.mean([each[name] for each in every], axis=0)) for name in points}
+    spread = {name: np.maximum(TWICE * np.std([each[name] for each in every], axis=0, ddof=int(len(every) > 1)), LEAST[point.palm]) * (point.spread > 0)
+              for name, point in points.items()}
+    return written(text, mean, spread)
+
+
+def main(words: Sequence[str]) -> int:
+    """``track`` of the command line: for a convention, else of C3D. :returns: the exit status"""
+    if "--convention-from" not in words:
+        return _c3d.main(words)
+    parser = argparse.ArgumentParser("handsim track", description="Fits where a tracker's points lie on the hand, from a recording of each of several people",
+                                     epilog="example: handsim track --convention-from ann.json bob.json --points mediapipe --out mine.yaml")
+    parser.add_argument("--convention-from", nargs="+", required=True, metavar="RECORDING", type=Path)
+    parser.add_argument("--points", default="mediapipe", help="convention that it starts from: order of the points, axes, and how far they may lie off")
+    parser.add_argument("--out", required=True, type=Path, help="the file of the convention")
+
+    def work() -> int:
+        given = parser.parse_args(words)
+        text = fit(given.convention_from, find_file(given.points, "points", "handmodels/points"))
+        given.out.write_text(text, encoding="utf-8")
+        print(f"{given.out}: the places of the points on the hand; judge it by other people's recordings")
+        return 0
+    return ended(work)

@@ -1,0 +1,48 @@
+"""Conventions of trackers, and what `track` makes of captured sequences."""
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import handsim as hs
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = {"mano": 21, "mediapipe": 21, "openxr": 26, "leap": 27, "aria": 21}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_convention_is_read(name):
+    assert (ROOT / "handmodels/points" / f"{name}.yaml").read_text().count("- {name:") == SHIPPED[name]
+    done = subprocess.run([sys.executable, "-m", "handsim", "check", str(ROOT / "handmodels/points" / f"{name}.yaml")], capture_output=True, text=True)
+    assert done.returncode == 0 and "a marker set, good" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_recording_with_another_number_of_points_names_the_option(tmp_path):
+    (tmp_path / "a.json").write_text('{"rate": 30, "frames": [{"hands": [{"side": "right", "points": [%s]}]}]}' % ",".join(["[0,0,1]"] * 26))
+    with pytest.raises(hs.Error, match="26 points, need 21 points, .*--points"):
+        hs.study.track(tmp_path / "a.json")
+    with pytest.raises(hs.Error, match="nearest: openxr"):
+        hs.study.track(tmp_path / "a.json", points="openx")
+
+
+@pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
+@pytest.mark.parametrize("name", ["s5_box_grab_01", "s6_phone_grab_01"])
+def test_captured_hands_of_people_who_are_not_in_the_convention_are_people(name, tmp_path):
+    """Oracle: the survey, and rigid bones of one person. Goals of hand size and RMS distance."""
+    spec = importlib.util.spec_from_file_location("captured", ROOT / "tests/study/track/captured.py")
+    captured = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(captured)
+    file = tmp_path / "keypoints.json"
+    file.write_text(json.dumps(captured.recording(Path(os.environ["HANDSIM_RECORDINGS"]) / f"{name}.npz")))
+    study = hs.study.track(file, points="mano")
+    person = study.summary["person"]
+    for dimension in ("length", "breadth"):
+        assert 2 < captured.percentile(dimension, person[f"hand_{dimension}_mm"]) < 98
+    rms = np.concatenate([np.asarray(study.tables["frames"][f"{side}.rms"])[np.asarray(study.tables["frames"][f"{side}.status"]) == "tracked"].astype(float)
+                          for side in ("right", "left")])
+    assert np.sqrt(np.mean(rms**2)) < 4

@@ -1,0 +1,155 @@
+#!/usr/bin/env python3
+"""What `handsim track` makes of captured sequences of other people's hands, and whether the scenes that it writes run.
+
+usage: captured.py HANDSIM OUT [--points FILE] [--only NAME...] [--run]
+
+The folder of the sequences is HANDSIM_RECORDINGS: its files are not part of the project, and the tests that need it are skipped
+without it. A file NAME.npz has `right` and `left`, (n, 21, 3) in metres at 30 frames a second, zeros where there is no hand. Prints
+a row for each sequence and writes OUT/captured.csv:
+
+- length, breadth [mm] and their percentiles among adults (`percentile`);
+- rms: of the distances of the 21 points from the fitted ones, over all tracked frames [mm];
+- thumb: deepest overlap of a segment of the thumb with the palm [mm];
+- angle: largest over the fingers' PIP and DIP and the thumb's MCP and IP of the RMS difference between the fitted flexion and the
+  angle between the points' own bones [deg], and which joint;
+- check, ode, articulated: exit statuses of `check` and of `run` on both engines of the scene that is written.
+"""
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+RATE = 30.0
+# Of the sequences' points, in the order of cameras.
+ORDER = [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20]
+# Rows of three points whose bones enclose a joint's angle.
+JOINTS = {"thumb_mcp": (1, 2, 3), "thumb_ip": (2, 3, 4),
+          **{f"{finger}_{joint}": (first + i, first + i + 1, first + i + 2)
+             for finger, first in (("index", 5), ("middle", 9), ("ring", 13), ("little", 17)) for i, joint in enumerate(("pip", "dip"))}}
+# Of adults, men and women: means and standard deviations of length and breadth [mm] in the survey of handmodels/anthropometry.yaml
+# (Gordon et al. 2014): a mixture of equal parts.
+ADULTS = {"length": ((193.1, 10.0), (181.0, 10.0)), "breadth": ((88.3, 4.4), (78.1, 3.9))}
+
+
+def percentile(dimension: str, value: float) -> float:
+    return 50 * sum(0.5 * math.erfc((mean - value) / (deviation * math.sqrt(2))) for mean, deviation in ADULTS[dimension])
+
+
+def recording(source: Path) -> dict[str, Any]:
+    """As JSON of 21 points; frames of zeros stay zeros, as the sequences have them."""
+    data = np.load(source)
+    hands = {side: data[side][:, ORDER] for side in ("right", "left")}
+    return {"rate": RATE, "unit": "m",
+            "frames": [{"hands": [{"side": side, "points": np.round(points[k].astype(float), 6).tolist()} for side, points in hands.items()]}
+                       for k in range(len(hands["right"]))]}
+
+
+def table(path: Path) -> tuple[list[str], list[list[str]]]:
+    """Columns and rows of a .csv or .mot."""
+    lines = path.read_text().splitlines()
+    if path.suffix == ".mot":
+        lines = lines[lines.index("endheader") + 1:]
+    rows = list(csv.reader(lines, delimiter="\t" if path.suffix == ".mot" else ","))
+    return rows[0], rows[1:]
+
+
+def own_angles(points: np.ndarray) -> dict[str, np.ndarray]:
+    """Angles between the points' own bones [deg], by joint."""
+    out = {}
+    for joint, (a, b, c) in JOINTS.items():
+        u, v = points[:, b] - points[:, a], points[:, c] - points[:, b]
+        cosine = np.sum(u * v, axis=1) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
+        out[joint] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    return out
+
+
+def differences(source: Path, out: Path) -> dict[str, float]:
+    """RMS difference of each joint's flexion from the points' own bones [deg], over both hands."""
+    data = np.load(source)
+    squares: dict[str, list[np.ndarray]] = {joint: [] for joint in JOINTS}
+    for side in ("right", "left"):
+        if not (out / f"{side}.mot").exists():
+            continue
+        names, rows = table(out / f"{side}.mot")
+        values = np.array(rows, float)
+        frames = np.round(values[:, 0] * RATE).astype(int)
+        own = own_angles(data[side][:, ORDER][frames].astype(float))
+        for joint in JOINTS:
+            squares[joint].append((np.abs(values[:, names.index(f"{side}.{joint}.flexion")]) - own[joint])**2)
+    return {joint: float(np.sqrt(np.mean(np.concatenate(each)))) for joint, each in squares.items()}
+
+
+def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bool) -> dict[str, Any]:
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "keypoints.json"
+    file.write_text(json.dumps(recording(source)))
+    out = folder / "tracked"
+    done = subprocess.run([handsim, "track", str(file), "--out", str(out), *points], capture_output=True, text=True)
+    (folder / "track.txt").write_text(done.stdout + done.stderr)
+    row: dict[str, Any] = {"sequence": source.stem, "status": done.returncode}
+    if done.returncode == 2:
+        return row
+    summary = json.loads((out / "summary.json").read_text())
+    row["tracked"] = "/".join(str(hand["tracked"]) for hand in summary["hands"])
+    for dimension in ("length", "breadth"):
+        row[dimension] = round(summary["person"][f"hand_{dimension}_mm"], 1)
+        row[f"{dimension}_percentile"] = round(percentile(dimension, row[dimension]), 1)
+    names, rows = table(out / "frames.csv")
+    squares = []
+    for hand in summary["hands"]:
+        begin = names.index(f"{hand['hand']}.status")
+        for each in rows:
+            if each[begin] == "tracked":
+                squares += [float(x)**2 for x in each[begin + 2:begin + 23] if x]
+    row["rms"] = round(math.sqrt(np.mean(squares)), 2)
+    row["thumb"] = round(max((pair["deepest_mm"] for hand in summary["hands"] for pair in hand["overlaps"]["pairs"]
+                              if "palm" in pair["where"] and "thumb" in pair["where"]), default=0.0), 1)
+    angles = differences(source, out)
+    worst = max(angles, key=lambda joint: angles[joint])
+    row["angle"], row["joint"] = round(angles[worst], 1), worst
+    if run and done.returncode == 0:
+        scene = str(out / "scene.yaml")
+        row["check"] = subprocess.run([handsim, "check", scene], capture_output=True).returncode
+        for engine in ("ode", "articulated"):
+            ran = subprocess.run([handsim, "run", scene, "--engine", engine, "--quiet", "--out", str(folder / engine)], capture_output=True, text=True)
+            (folder / f"{engine}.txt").write_text(ran.stdout + ran.stderr)
+            row[engine] = ran.returncode
+    return row
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("handsim")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--points")
+    parser.add_argument("--only", nargs="*", default=[""])
+    parser.add_argument("--run", action="store_true")
+    arguments = parser.parse_args()
+    if "HANDSIM_RECORDINGS" not in os.environ:
+        print("skipped: HANDSIM_RECORDINGS names no folder of captured sequences")
+        return 0
+    sources = [each for each in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob("*.npz")) if each.name.startswith(tuple(arguments.only))]
+    rows = []
+    for source in sources:
+        points = ["--points", arguments.points] if arguments.points else []
+        rows.append(measure(arguments.handsim, source, arguments.out / source.stem, points, arguments.run))
+        print(*(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    with open(arguments.out / "captured.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
