@@ -74,7 +74,7 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
             return out
 
         def sizes() -> list[dict[str, Any]]:
-            least = {name: HELD * LEAST[point.palm] * (point.spread > 0) for name, point in points.items()}
+            least: dict[str, Array] = {name: np.where(point.spread > 0, HELD * LEAST[point.palm], 0.0) for name, point in points.items()}
             convention.write_text(written(text, mean, least))
             found = [study.track(each, points=convention, progress=False).summary["person"] for each in recordings]
             length, breadth = (np.array([each[f"hand_{key}_mm"] for each in found]) for key in ("length", "breadth"))
