@@ -48,6 +48,18 @@ class Line(NamedTuple):
     rows: list[Row]
 
 
+def _read(text: str) -> dict[str, Any]:
+    """What C++ found. JSON has null for a figure that is not finite; here it is NaN."""
+    found: dict[str, Any] = json.loads(text)
+    for row in found["rows"]:
+        row.update({key: math.nan for key in ("rate_error", "early_rate_error", "position_error", "gap", "cpu") if row[key] is None})
+    return found
+
+
+def _finite(value: float) -> Optional[float]:
+    return value if math.isfinite(value) else None
+
+
 def _cost(row: Row) -> float:
     return float(row["cpu"])
 
@@ -78,8 +90,9 @@ def _json_row(row: Row) -> dict[str, Any]:
     out = {"method": row["method"], "step_s": row["step"]}
     if row["fault"] is not None:
         return {**out, "fault": row["fault"]}
-    return {**out, "rate_error_rms": row["rate_error"], "early_rate_error_rms": row["early_rate_error"], "position_error_rms": row["position_error"],
-            "joint_gap_m": row["gap"], "energy_error": row["energy_error"], "cpu_seconds_per_second": row["cpu"], "times_real_time": 1 / row["cpu"],
+    return {**out, "rate_error_rms": _finite(row["rate_error"]), "early_rate_error_rms": _finite(row["early_rate_error"]),
+            "position_error_rms": _finite(row["position_error"]), "joint_gap_m": _finite(row["gap"]), "energy_error": row["energy_error"],
+            "cpu_seconds_per_second": _finite(row["cpu"]), "times_real_time": _finite(1 / row["cpu"]),
             "own_reference": row["own_reference"], "is_reference": row["is_reference"]}
 
 
@@ -231,7 +244,7 @@ def study(file: Path, out: Path, told: Told = None, said: Callable[[str], object
     """
     of = _core.accuracy(file)
     folder = _core.output_folder(out, names(), [file, *of.scenes])
-    found: dict[str, Any] = json.loads(of.run(told))
+    found = _read(of.run(told))
     said(screen_text(found))
     folder.clear()
     return found, write(found, _core.command_text(["accuracy", str(file)], []), out, report)
@@ -275,7 +288,7 @@ def _work(options: dict[str, Any]) -> int:
 def _rows(file: Path, out: Path) -> int:
     """Writes the files of rows that another program has found: tests/peers/accuracy.cpp, with other engines."""
     folder = _core.output_folder(out, names(), [file])
-    found = json.load(sys.stdin)
+    found = _read(sys.stdin.read())
     _shown(screen_text(found))
     folder.clear()
     return print_files(out, write(found, _core.command_text(["accuracy", str(file)], []), out))

@@ -74,3 +74,14 @@ def test_the_command_names_the_cheapest_row_or_fails(study, tmp_path):
     wrong = called()
     assert wrong.returncode == 2 and all(f"{study}:1:" in line for line in wrong.stderr.splitlines()) and len(wrong.stderr.splitlines()) > 2, wrong.stderr
     assert "Example: handsim accuracy" in called("--help").stdout
+
+
+# The benchmark's reference has rates alone: no position error can be measured.
+def test_a_reference_without_positions_leaves_their_error_out(tmp_path):
+    study = tmp_path / "tiny.yaml"
+    study.write_text(f"title: tiny\nscene: {hs.data_path() / 'config/slider_crank_iftomm.yaml'}\nreference: slider_crank_iftomm\nsteps: [\"5 ms\"]\n"
+                     "methods:\n  - {name: ode, set: {duration: 0.2}}\n")
+    found = hs.study.accuracy(study, out=tmp_path / "out")
+    row = json.loads((tmp_path / "out/accuracy.json").read_text())["rows"][0]
+    assert row["position_error_rms"] is None and row["rate_error_rms"] > 0
+    assert ",nan," in (tmp_path / "out/accuracy.csv").read_text() and " nan " in str(found)
