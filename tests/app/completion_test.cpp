@@ -45,6 +45,8 @@ TEST(Completion, OffersShippedFilesWhereACommandTakesThem) {
   EXPECT_EQ(completed("handsim hand --model eld", 3), "elder");
   // A command of the Python package.
   EXPECT_EQ(completed("handsim live grasp_power", 2), "grasp_power_can");
+  EXPECT_EQ(completed("handsim accuracy accuracy_slider_crank --ta", 3), "--target");
+  EXPECT_EQ(completed("handsim report two_", 2), "");
   EXPECT_TRUE(
       contains(run_program({"completion", "fish"}).out, "__fish_seen_subcommand_from run' -a 'bench "));
 }

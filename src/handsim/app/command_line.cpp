@@ -66,17 +66,11 @@ void each_option(const CLI::App& command, const Use& use) {
   }
 }
 
-/// The words in place of an option. A command of another program, whose options are not here, has a scene or
-/// a study.
+/// The words in place of an option.
 std::string place_words(const CLI::App& command) {
   for (const CLI::Option* option : command.get_options())
     if (option->get_positional()) return shipped_words(*option);
-  CLI::App scene;
-  std::string text;
-  const bool study = command.get_name() == "accuracy" || command.get_name() == "rollouts";
-  return command.get_options().size() > 1
-             ? ""
-             : shipped_words(*add_input(scene, study ? "study" : "scene", text, ""));
+  return {};
 }
 
 /// The script for bash; zsh runs it with bashcompinit.

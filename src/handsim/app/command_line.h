@@ -23,6 +23,7 @@ struct CommandLine {
   CLI::App app{"handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine"};
   std::vector<std::pair<CLI::App*, std::function<int()>>> commands;
   WritePage page;
+  std::string unread;  ///< of commands of other programs, which are never parsed here
 
   /// @param arguments filled in when the command line is parsed.
   template <class Arguments>

@@ -25,36 +25,43 @@ constexpr const char* kHardCases = "stability";
 
 struct OtherCommand {
   const char *name, *help, *example;
+  const char* place;    ///< what completion offers in place of an option: `scene`, `study` or nothing
+  const char* options;  ///< their long names, with blanks between
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
 constexpr std::array<OtherCommand, 11> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
-      "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3"},
+      "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
+      "out report target"},
      {"compare", "Compare two hands or scenes: strength, forces of fingertips, workspace of the thumb",
-      "handsim compare healthy.yaml blocked.yaml --out out/compared"},
+      "handsim compare healthy.yaml blocked.yaml --out out/compared", "scene", "out set"},
      {"effects",
       "CPU time and influence of each effect of a scene: table, CSV, JSON and a plot of the scene without "
       "each "
       "effect in turn",
-      "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\""},
+      "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
+      "out set engine repeats report json"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
-      "handsim identify out/run --scene grasp_pinch --free objects.0.mass"},
-     {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands"},
+      "handsim identify out/run --scene grasp_pinch --free objects.0.mass", "",
+      "scene free columns deviation set out json"},
+     {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands", "scene",
+      "set engine port address play no-browser record stream replay measure seconds"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
-      "handsim optimise reach --goal reach --out out/reach"},
+      "handsim optimise reach --goal reach --out out/reach", "scene", "goal out set iterations no-run quiet"},
      {"report", "One HTML page of a finished run or study, or of two runs in comparison",
-      "handsim report out/two_hands"},
+      "handsim report out/two_hands", "", "out"},
      {"rollouts",
       "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores or on "
       "many "
       "machines: one table, what makes them held, a plot",
-      "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100"},
+      "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100", "study",
+      "out set engine count seed jobs on resume range report"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
-      "handsim stability config/stability.yaml --out out/stability --quick"},
+      "handsim stability config/stability.yaml --out out/stability --quick", "study", ""},
      {"validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-      "handsim validate --out out/validate"},
+      "handsim validate --out out/validate", "", "out runs uncertain report"},
      {"view", "Simulate a scene in a temporary folder and show its report in the browser",
-      "handsim view config/two_hands.yaml"}}};
+      "handsim view config/two_hands.yaml", "scene", "set engine no-browser"}}};
 
 /// The package stands beside the program of a build, or below the prefix of an installation, or where Python
 /// finds it. An interpreter that has no package or no NumPy goes on to the next one.
@@ -82,8 +89,8 @@ sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
 /// True where a command of this program is the package's: `export` in a format that the package writes, such
-/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file or for a convention; what writes the page
-/// of a run.
+/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file or for a convention; what writes the
+/// page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
   if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
@@ -147,8 +154,13 @@ void run_drawn(const study::Json& job) {
 }
 
 void add_other_commands(CommandLine& line) {
-  for (const OtherCommand& command : kOtherCommands)
-    line.app.add_subcommand(command.name, command.help)->footer(std::string("Example: ") + command.example);
+  for (const OtherCommand& command : kOtherCommands) {
+    CLI::App& sub = *line.app.add_subcommand(command.name, command.help);
+    sub.footer(std::string("Example: ") + command.example);
+    if (*command.place) add_input(sub, command.place, line.unread, "file");
+    for (const std::string_view name : split(command.options, ' '))
+      if (!name.empty()) sub.add_flag("--" + std::string(name));
+  }
 }
 
 }  // namespace handsim::app

@@ -42,8 +42,6 @@ void add_grasp(CommandLine& line) {
 
 }  // namespace
 
-void add_study_commands(CommandLine& line) {
-  add_grasp(line);
-}
+void add_study_commands(CommandLine& line) { add_grasp(line); }
 
 }  // namespace handsim::app
