@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from . import _c3d, study
 from ._errors import input_error
-from ._files import ended
+from ._files import check_target, ended, write_file
 from ._shipped import find_file
 
 Array = NDArray[np.float64]
@@ -32,6 +32,8 @@ LEAST: Mapping[bool, Array] = {True: np.array([0.03, 0.03, 0.12]), False: np.arr
 """Spread of a point of the palm, of another."""
 HELD = 0.05
 """Of LEAST: spread with which sizes are found."""
+MARK = "# The places of the points: handsim track --convention-from"
+"""The first line of a file that the command has written, which it may write again."""
 POINT = re.compile(r"(\s*- \{name: *([\w-]+), *segment: *(\w+), *at: *)\[([^]]*)\](, *spread: *)\[([^]]*)\](\}.*)")
 
 
@@ -87,8 +89,9 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
             mean = {name: np.asarray(np.mean([each[name] for each in every], axis=0)) for name in points}
             every = places(sizes())
     mean = {name: np.asarray(np.mean([each[name] for each in every], axis=0)) for name in points}
-    spread = {name: np.maximum(TWICE * np.std([each[name] for each in every], axis=0, ddof=int(len(every) > 1)), LEAST[point.palm]) * (point.spread > 0)
-              for name, point in points.items()}
+    spread: dict[str, Array] = {
+        name: np.where(point.spread > 0, np.maximum(TWICE * np.std([each[name] for each in every], axis=0, ddof=int(len(every) > 1)), LEAST[point.palm]), 0.0)
+        for name, point in points.items()}
     return written(text, mean, spread)
 
 
@@ -104,8 +107,10 @@ def main(words: Sequence[str]) -> int:
 
     def work() -> int:
         given = parser.parse_args(words)
-        text = fit(given.convention_from, find_file(given.points, "points", "handmodels/points"))
-        given.out.write_text(text, encoding="utf-8")
-        print(f"{given.out}: the places of the points on the hand; judge it by other people's recordings")
+        start = find_file(given.points, "points", "handmodels/points")
+        out = check_target("--out", given.out, "convention", [*given.convention_from, start])
+        text = fit(given.convention_from, start)
+        write_file(out, f"{MARK}\n{text.removeprefix(MARK).lstrip()}".encode())
+        print(f"{out}: the places of the points on the hand; judge it by other people's recordings")
         return 0
     return ended(work)

@@ -398,10 +398,6 @@ def screen_text(table: Table, outcomes: list[Outcome]) -> str:
     return "".join(out)
 
 
-def quoted(text: str) -> str:
-    return '"' + text.replace("\n", " ").replace('"', '""') + '"'
-
-
 def figure_rows(head: str, outcomes: list[Outcome]) -> str:
     """Lines of uncertain.csv after their head: figure, hands, mean or share, ends of the middle 90 % or of the share's 95 %
     interval, owners of the variance."""

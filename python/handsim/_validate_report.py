@@ -2,14 +2,13 @@
 from __future__ import annotations
 
 import glob
-import json
 import math
 from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional
 
 from . import _core
 from ._rollouts_files import owners_text
-from ._study_files import plain, quoted
+from ._study_files import json_file, origin, plain, quoted
 from ._validate import Filter, Measured, Measurements, Result, Row, Tally, Told, every, of_people, predicted
 
 MOST_SPREADS = 4.0
@@ -223,8 +222,7 @@ def json_text(result: Result) -> str:
                 out.setdefault("groups", {}).setdefault(name, {})[word] = tally(of)
     if result.covered().values > 0:
         out["inside_90"] = result.covered().share
-    text: str = _core.json_text(json.dumps({**out, **json.loads(_core.origin())}, ensure_ascii=False))
-    return text
+    return json_file({**out, **origin()})
 
 
 def write(result: Result, out: Path) -> bool:

@@ -30,6 +30,17 @@ def test_a_recording_with_another_number_of_points_names_the_option(tmp_path):
         hs.study.track(tmp_path / "a.json", points="openx")
 
 
+def test_a_convention_replaces_no_file_of_the_user(tmp_path):
+    scene, recording = tmp_path / "scene.yaml", tmp_path / "a.json"
+    scene.write_text("title: mine\n")
+    recording.write_text('{"rate": 30, "frames": []}')
+    for out in (scene, recording):
+        before = out.read_bytes()
+        done = subprocess.run([sys.executable, "-m", "handsim", "track", "--convention-from", str(recording), "--out", str(out)], capture_output=True, text=True)
+        assert done.returncode == 2 and str(out) in done.stderr and "Traceback" not in done.stderr, done.stderr
+        assert out.read_bytes() == before
+
+
 @pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
 @pytest.mark.parametrize("name", ["s5_box_grab_01", "s6_phone_grab_01"])
 def test_captured_hands_of_people_who_are_not_in_the_convention_are_people(name, tmp_path):

@@ -4,7 +4,6 @@
 #include "handsim/model/pulleys.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
-#include "handsim/study/report.h"
 #include "handsim/study/validate/validate.h"
 
 namespace handsim::python {
@@ -62,11 +61,6 @@ void bind_measurements(py::module_& module) {
     return std::pair(of.a2, of.a4);
   });
   module.def("sheath_gain", &model::sheath_gain);
-  module.def("origin", [] {
-    study::Json out;
-    study::add_origin(out);
-    return out.dump();
-  });
 }
 
 }  // namespace handsim::python
