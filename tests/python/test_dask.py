@@ -1,12 +1,11 @@
-"""Rollouts on a Dask cluster of processes, of which some die, come and differ; more kills: cluster_kills.py."""
+"""Rollouts on a Dask cluster of processes, of which some die, come and differ; more kills, and killed schedulers: cluster_kills.py."""
 import os
-import random
 import re
 import threading
 import time
 
 import pytest
-from rollout_studies import Cluster, Killer, contents, wait_for_workers, with_faults, write_study
+from rollout_studies import Cluster, Killer, contents, wait_for_workers, write_study
 
 import handsim as hs
 from handsim import _rollouts
@@ -116,14 +115,6 @@ def test_a_worker_of_another_build_is_refused_by_name(whole, client, tmp_path):
     with pytest.raises(hs.Error, match=r"^worker tcp://127.0.0.1:\d+: got handsim .*, need handsim 0.0.1, commit 0123456, as where the study was begun"):
         hs.study.rollouts(whole[0], client=Other(), out=tmp_path)
     assert not (tmp_path / PARTS).exists()
-
-
-# Oracle: one machine. A killed scheduler ends the command, which is given again. More faults, at random: cluster_kills.py.
-def test_a_killed_scheduler_and_the_command_again(whole, tmp_path):
-    file, expected = whole
-    faults = ["add", "kill", "scheduler"]
-    assert with_faults(file, tmp_path / "out", tmp_path, [*faults], random.Random(1), 0.0) == faults
-    assert contents(tmp_path / "out") == expected
 
 
 # Oracle: a worker that comes after the line; the table of one machine.
