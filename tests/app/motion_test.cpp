@@ -117,8 +117,13 @@ TEST(DayAtTheBench, ARecordingWithoutATrackedFrameIsAFailure) {
     for (const char* axis : {"x", "y", "z"}) head += std::string(",right.") + name + "." + axis + "[m]";
   for (int k = 0; k < 5; ++k) row += std::to_string(k) + ",0,0,0,-0.03,0.09,0,0.03,0.08,0\n";
   test::write(folder.path() / "palm.csv", head + "\n" + row);
-  const Outcome done = run_program(
-      {"track", (folder.path() / "palm.csv").string(), "--out", (folder.path() / "out").string()});
+  std::vector<std::string> command = {"track", (folder.path() / "palm.csv").string(), "--out",
+                                      (folder.path() / "out").string()};
+  const Outcome refused = run_program(command);
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_TRUE(contains(refused.err, "fewer than three frames that show a hand")) << refused.err;
+  command.emplace_back("--keep-person");
+  const Outcome done = run_program(command);
   EXPECT_EQ(done.status, 1);
   EXPECT_TRUE(contains(done.err, "no frame of any hand is tracked")) << done.err;
 }
@@ -133,7 +138,7 @@ TEST(DayAtTheBench, BadInputIsRefusedWithItsPlace) {
   test::write(folder.path() / "empty.csv",
               "time[s],right.wrist.x[m],right.wrist.y[m],right.wrist.z[m]\n0,,,\n");
   expect(run_program({"track", (folder.path() / "empty.csv").string(), "--out", out}),
-         "no three frames that show the palm");
+         "no frame in which a point of a hand was seen");
   test::write(folder.path() / "names.csv", "time[s],wrist.x[m],wrist.y[m],wrist.z[m]\n0,1,2,3\n");
   expect(run_program({"track", (folder.path() / "names.csv").string(), "--out", out}),
          "no point of a hand, but wrist");

@@ -20,8 +20,8 @@ KINDS = {"a scene": "scene", "a person": "person", "a hand model": "hand", "a co
          "a table of what accuracy costs": "costs", "a rollout study": "rollouts",
          "muscles of a hand": "muscles", "a table of measurements": "measurements",
          "names of a motion file": "names"}
-# Other studies have no schema.
-OTHERS = {"an accuracy study", "a stability study"}
+# Other studies, and where markers and points lie, have no schema.
+OTHERS = {"an accuracy study", "a stability study", "a marker set"}
 
 
 def kinds_of(handsim, paths):

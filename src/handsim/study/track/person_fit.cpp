@@ -24,6 +24,7 @@ constexpr double kOutlier = 0.05;               ///< a point farther from the fi
 constexpr double kStep = 1e-6;                  ///< of a size, to differentiate
 constexpr double kHeld = 1e-6;                  ///< of its spread, for a size that is kept
 constexpr double kTail = 4;                     ///< degrees of freedom of the prior of shares (Student's t)
+constexpr double kNoHand = 15e-3;               ///< the same, of one that is no such point: chosen [m]
 constexpr double kOff = 2e-3;                   ///< mean residual of a point that is always off [m]
 
 /// Whose sizes are predicted where nobody is named: between the survey's mean man and woman.
@@ -413,6 +414,10 @@ PersonFit fit_person(const std::vector<HandFrames>& hands, const hand::HandSpec&
                            features[i].name.substr(features[i].name.find('.') + 1), 1e3 * off[i]);
   const bool free = std::ranges::any_of(features, [](const Feature& each) { return !each.spread.isZero(); });
   PersonFit out;
+  // No tracker puts most of its points so far from the joints: they are in another order, or of something
+  // else.
+  out.no_hand = !convention &&
+                2 * std::ranges::count_if(off, [](double each) { return each > kNoHand; }) > std::ssize(off);
   if (!which.empty() && free && !convention) {
     fit.emplace(hands, spec, person, true, false);
     fit->run();

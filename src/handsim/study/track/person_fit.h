@@ -17,6 +17,7 @@ struct PersonFit {
   hand::Person person;
   /// Shares of each feature (Feature::shares), of both hands; empty: as they were.
   std::vector<Vec3> shares;
+  bool no_hand = false;  ///< keypoints lie far from where they should be, most of them
 };
 
 /// The person with hand length, hand breadth and bones, and the shares of features with a spread, that bring

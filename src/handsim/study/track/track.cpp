@@ -333,8 +333,8 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
     if (!trackers.back().any()) trackers.pop_back();
   }
   if (trackers.empty())
-    throw input_error(recording.file, "no point of a hand",
-                      "keypoints such as right.wrist, or --markers with the names in the recording");
+    throw input_error(recording.file, "no frame in which a point of a hand was seen",
+                      "three frames that show a hand");
   const std::size_t count = out.times.size();
   for (std::size_t k = 0; k < count; ++k) {
     const bool swapped = trackers.size() == 2 && wrists_swapped(trackers[0], trackers[1], k);
@@ -348,6 +348,9 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
     if (const std::string warning = swap_warning(out.hands.back()); !warning.empty())
       swapped_sides.push_back(warning);
   }
+  if (swapped_sides.empty() && fitted.no_hand)
+    throw input_error(recording.file, "points that make no hand: most are far from where they should be",
+                      "points of one hand by their names or in order (docs/motion.md), or --keep-person");
   const auto& said = swapped_sides.empty() ? of_fit : swapped_sides;
   out.warnings.insert(out.warnings.end(), said.begin(), said.end());
   out.cpu = cpu_seconds() - start;
