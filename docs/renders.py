@@ -69,9 +69,9 @@ PICTURES = {
         '--set "hands=[{model: handmodels/forearm.yaml, person: config/persons/median_man.yaml, side: right, '
         'wrist: {mount: universal, position: [0, 0, 0.3]}, pose: {forearm: 40 deg, ring_cmc: 12 deg, little_cmc: 25 deg}}]"'],
         f"out/forearm/{SHEET}", "2 s"),
-    "forces.svg": Picture("docs/muscles.md", ["handsim compare muscle_grip --set hands.0.person=config/persons/median_woman.yaml --out out/forces"],
+    "forces.svg": Picture("docs/muscles.md", ["handsim compare median_man median_woman --out out/forces"],
                           "out/forces/compare.svg", "2 min"),
-    "clinic.svg": Picture("docs/clinic.md", ['handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/clinic'],
+    "clinic.svg": Picture("docs/clinic.md", ['handsim compare median_man --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/clinic'],
                           "out/clinic/compare.svg", "2 min"),
     "write.svg": Picture("docs/optimise.md", WRITE, "out/write/optimise.svg", "5 min"),
     "lift.svg": Picture("docs/optimise.md", LIFT, "out/lift/optimise.svg", "5 min"),

@@ -35,7 +35,7 @@ measured, their values stand beside, and a row that lies outside of them is mark
   --out DIR   also writes compare.html, a page with pictures, compare.svg, the pictures alone, and compare.json
 
 Example: handsim compare median_man median_woman --out out/compare
-         handsim compare muscle_grip --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/compare
+         handsim compare median_man --set "hands.0.without=[ulnar_nerve_at_wrist]" --out out/compare
 """
 PRESS = {"index_mcp.flexion": 45.0, "index_pip.flexion": 45.0, "index_dip.flexion": 10.0}
 THUMB = {"thumb_mcp.flexion": 15.0, "thumb_ip.flexion": -15.0}

@@ -481,3 +481,13 @@ def test_a_folder_is_nobody_elses_while_the_study_runs(tmp_path):
         study(path, out)
     del held
     assert study(path, out).text.startswith("t\n")
+
+
+@pytest.mark.parametrize("file", ["validate.yaml", "clinic.yaml"])
+def test_scenes_of_shipped_rows_are_read_in_any_folder(file, tmp_path, monkeypatch):
+    """Oracle: the README: commands work in any folder. A change of a row that names a file by a path would be read from here."""
+    monkeypatch.chdir(tmp_path)
+    found = {(row["scene"], tuple(row.get("set", []))) for row in Measurements(ROOT / "config" / file).rows if "scene" in row}
+    for scene, changes in found:
+        assert _core.Scene.load(scene, list(changes))
+    assert found or file == "clinic.yaml"

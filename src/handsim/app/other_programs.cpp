@@ -75,7 +75,9 @@ os.environ["PYTHONPATH"] = os.pathsep.join([*sys.path[:2], before]).rstrip(os.pa
 try:
     from handsim.__main__ import main
 except ImportError as error:
-    tried += (", " if tried else "") + f"{sys.executable} ({error.__cause__ or error})"
+    unbuilt = "'_core' from partially" in str(error)
+    reason = "the package's module is not built" if unbuilt else error.__cause__ or error
+    tried += (", " if tried else "") + f"{sys.executable} ({reason})"
     if other:
         os.environ["PYTHONPATH"] = before
         try:
