@@ -22,6 +22,15 @@ def test_a_shipped_convention_is_read(name):
     assert done.returncode == 0 and "a marker set, good" in done.stdout, done.stdout + done.stderr
 
 
+# Oracle: the number of points that the convention has, which is not the recording's.
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_command_finds_a_shipped_convention_by_its_name(name, tmp_path):
+    (tmp_path / "a.json").write_text('{"rate": 30, "frames": [{"hands": [{"side": "right", "points": [%s]}]}]}' % ",".join(["[0,0,1]"] * 5))
+    done = subprocess.run([sys.executable, "-m", "handsim", "track", str(tmp_path / "a.json"), "--points", name, "--out", str(tmp_path / "out")],
+                          capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2 and f"5 points, need {SHIPPED[name]} points" in done.stderr, done.stderr
+
+
 def test_a_recording_with_another_number_of_points_names_the_option(tmp_path):
     (tmp_path / "a.json").write_text('{"rate": 30, "frames": [{"hands": [{"side": "right", "points": [%s]}]}]}' % ",".join(["[0,0,1]"] * 26))
     with pytest.raises(hs.Error, match="26 points, need 21 points, .*--points"):

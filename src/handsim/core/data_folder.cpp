@@ -37,8 +37,9 @@ constexpr std::array<Shelf, 15> kShelves = {{{"person", "config/persons"},
                                              {"muscles", "handmodels"},
                                              {"strength", "handmodels"},
                                              {"materials", "handmodels"}}};
-constexpr std::array<std::string_view, 6> kFolders = {"config",       "config/persons", "config/objects",
-                                                      "config/goals", "controllers",    "handmodels"};
+constexpr std::array<std::string_view, 7> kFolders = {"config",           "config/persons", "config/objects",
+                                                      "config/goals",     "controllers",    "handmodels",
+                                                      "handmodels/points"};
 
 }  // namespace
 

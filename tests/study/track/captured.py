@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What `handsim track` makes of captured sequences of other people's hands, and whether the scenes that it writes run.
 
-usage: captured.py HANDSIM OUT [--points FILE] [--only NAME...] [--run]
+usage: captured.py HANDSIM OUT [--points NAME] [--only NAME...] [--run]
 
 The folder of the sequences is HANDSIM_RECORDINGS: its files are not part of the project, and the tests that need it are skipped
 without it. A file NAME.npz has `right` and `left`, (n, 21, 3) in metres at 30 frames a second, zeros where there is no hand. Prints
