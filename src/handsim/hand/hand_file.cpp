@@ -11,8 +11,8 @@
 
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
-#include "handsim/hand/surface.h"
 #include "handsim/hand/what_if.h"
+#include "handsim/model/surface_reader.h"
 
 namespace handsim::hand {
 
@@ -338,7 +338,7 @@ HandSpec read_hand_spec(const YamlNode& node, const std::string& path, Diagnosti
   read_wrist(reader.required_map("wrist", "a mapping with name and axes"), spec);
   if (reader.has("forearm")) spec.forearm = read_forearm(reader.map("forearm"));
   MapReader skin = reader.map("skin");
-  spec.skin = read_material(skin, "skin");
+  spec.skin = model::read_material(skin, "skin");
   skin.finish();
   read_segments(reader, spec, mass);
   if (reader.has("spread"))

@@ -7,71 +7,14 @@
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
+#include "handsim/scene/build/model_parts.h"
 #include "handsim/scene/compile/idle_tables.h"
 #include "handsim/scene/compile/overruled.h"
-#include "handsim/scene/read/contact_groups.h"
 #include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
 
 namespace {
-
-/// @returns the ground's group.
-int add_ground(model::Model& model, const GroundSpec& ground) {
-  model::Shape plane;
-  plane.name = "ground";
-  plane.kind = model::ShapeKind::plane;
-  plane.pose.p.z() = ground.height;
-  plane.part = model::Part::ground;
-  plane.group = model.add_group("ground");
-  plane.material = static_cast<int>(model.materials.size());
-  model.materials.push_back(ground.material);
-  model.shapes.push_back(std::move(plane));
-  return model.shapes.back().group;
-}
-
-int body_index(const model::Model& model, const std::string& name) {
-  for (std::size_t i = 0; i < model.bodies.size(); ++i)
-    if (model.bodies[i].name == name) return static_cast<int>(i);
-  throw input_error("joints", "an unknown body " + name, "world or one of bodies");
-}
-
-void add_body(model::Model& model, const BodySpec& spec, int group) {
-  model::Body body;
-  body.name = spec.name;
-  body.mass = spec.mass;
-  body.inertia = spec.inertia.asDiagonal();
-  body.zero_pose = spec.pose;
-  body.initial_velocity = spec.velocity;
-  body.initial_angular_velocity = spec.angular_velocity;
-  if (spec.shape) {
-    model::Shape shape = *spec.shape;
-    shape.name = spec.name;
-    shape.body = static_cast<int>(model.bodies.size());
-    shape.group = group;
-    shape.material = static_cast<int>(model.materials.size());
-    model.materials.push_back(spec.material);
-    model.shapes.push_back(std::move(shape));
-  }
-  model.bodies.push_back(std::move(body));
-}
-
-void add_joint(model::Model& model, const MechanismJointSpec& spec) {
-  model::Joint joint;
-  joint.name = spec.name;
-  joint.kind = spec.kind;
-  joint.parent = body_index(model, spec.parent);
-  joint.child = body_index(model, spec.child);
-  joint.axes = spec.axes;
-  // Frames F and M are parallel to the world at the start.
-  const Pose x_WF{spec.position, Quat::Identity()};
-  joint.parent_frame = model.bodies[as_index(joint.parent)].zero_pose.inverse() * x_WF;
-  joint.child_frame = model.bodies[as_index(joint.child)].zero_pose.inverse() * x_WF;
-  joint.closes_loop = std::ranges::any_of(
-      model.joints, [&](const model::Joint& other) { return other.child == joint.child; });
-  joint.first_dof = model.dof_count();
-  model.joints.push_back(std::move(joint));
-}
 
 /// Problems: joints that start beyond their stops. ODE would correct a share of the angle, erp = 0.2, in the
 /// first step: 1 rad at 1 ms gives 200 rad/s. Up to 1e-3 is rounding in the file.

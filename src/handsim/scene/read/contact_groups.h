@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "handsim/model/validate.h"
 #include "handsim/scene/read/scene_file.h"
 
 namespace handsim::scene {
@@ -43,14 +42,6 @@ bool names_object(const ContactsSpec& contacts, const std::string& object);
 
 /// Problems: rules with unknown names, or with groups that never touch.
 void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics);
-
-/// Adds an object of a scene with its shapes in a group. @returns its body
-int add_object(model::Model& model, const ObjectSpec& object, int group);
-
-/// Adds the rules of the contacts block (the last for a pair applies), or one for every pair, as far as their
-/// effects are wanted. @param origins gets their places, unless null
-void add_contact_rules(model::Model& model, const ContactsSpec& contacts, const ContactGroups& groups,
-                       const model::Effects& wanted, model::Origins* origins);
 
 /// The effects that the rules of the contacts block need.
 model::Effects effects_of_rules(const SceneSpec& scene);

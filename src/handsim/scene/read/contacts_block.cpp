@@ -1,6 +1,6 @@
 #include "handsim/scene/read/contacts_block.h"
 
-#include "handsim/hand/surface.h"
+#include "handsim/model/surface_reader.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
@@ -22,7 +22,7 @@ bool has_key(const YamlNode& entry, const std::string& key) { return entry.find(
 
 model::Material read_sourced_material(MapReader& reader, const std::string& name) {
   for (const char* words : {"title", "source"}) reader.maybe_text(words);
-  model::Material material = hand::read_material(reader, name);
+  model::Material material = model::read_material(reader, name);
   reader.finish();
   return material;
 }

@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
-#include "handsim/hand/surface.h"
 #include "handsim/model/shape_extent.h"
+#include "handsim/model/surface_reader.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contacts_block.h"
 #include "handsim/scene/read/mesh_file.h"
@@ -213,7 +213,7 @@ std::optional<std::uint32_t> read_colour(MapReader& reader, const char* key) {
 
 model::Material read_surface(MapReader& reader, std::string name,
                              const std::vector<model::Material>& materials) {
-  if (!reader.has("material")) return hand::read_material(reader, std::move(name));
+  if (!reader.has("material")) return model::read_material(reader, std::move(name));
   for (const std::string_view key : kPropertyKeys)
     if (reader.child(key))
       reader.problem(key, "a property beside the material that states it", "one of the two");

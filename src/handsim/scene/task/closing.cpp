@@ -8,7 +8,7 @@
 
 #include "handsim/core/units.h"
 #include "handsim/engine/collision/ode_library.h"
-#include "handsim/scene/read/contact_groups.h"
+#include "handsim/scene/build/model_parts.h"
 
 namespace handsim::scene {
 

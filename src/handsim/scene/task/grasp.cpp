@@ -5,8 +5,8 @@
 
 #include <fmt/format.h>
 
-#include "handsim/hand/surface.h"
 #include "handsim/model/shape_extent.h"
+#include "handsim/model/surface_reader.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/task/grip_fit.h"
 #include "handsim/scene/task/tasks.h"
@@ -67,7 +67,7 @@ std::optional<PostSpec> read_support(MapReader& reader) {
   PostSpec post;
   post.radius = support.number("radius", {Dimension::length, 1e-3, 1}, post.radius);
   post.height = support.number("height", {Dimension::length, 1e-3, 2}, post.height);
-  post.material = hand::read_material(support, "post");
+  post.material = model::read_material(support, "post");
   support.finish();
   return post;
 }

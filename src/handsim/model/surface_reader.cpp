@@ -1,4 +1,4 @@
-#include "handsim/hand/pad_law.h"
+#include "handsim/model/surface_reader.h"
 
 #include <cmath>
 #include <memory>
@@ -8,24 +8,24 @@
 
 #include <fmt/format.h>
 
-namespace handsim::hand {
+namespace handsim::model {
 
 namespace {
 
 constexpr std::size_t kMostPoints = 1000;
 const Quantity kDepth = {Dimension::length, 1e-6, 0.1}, kForce = {Dimension::force, 1e-9, 1e6};
 
-model::ForceCurve read_exponential(MapReader reader) {
+ForceCurve read_exponential(MapReader reader) {
   const double force = reader.number("force", kForce), depth = reader.number("depth", kDepth);
   reader.finish();
-  return model::ForceCurve::exponential(force, depth);
+  return ForceCurve::exponential(force, depth);
 }
 
-model::ForceCurve read_table(MapReader& reader) {
-  std::vector<model::ForceCurve::Point> points;
-  model::ForceCurve::Point last;
+ForceCurve read_table(MapReader& reader) {
+  std::vector<ForceCurve::Point> points;
+  ForceCurve::Point last;
   reader.each("table", 2, kMostPoints, [&](MapReader row) {
-    model::ForceCurve::Point point;
+    ForceCurve::Point point;
     point.depth = row.number("depth", kDepth);
     point.force = row.number("force", kForce);
     row.finish();
@@ -41,14 +41,14 @@ model::ForceCurve read_table(MapReader& reader) {
       points.push_back(last = point);
   });
   if (points.size() < 2) points = {{1e-3, 1}, {2e-3, 2}};
-  return model::ForceCurve::table(std::move(points));
+  return ForceCurve::table(std::move(points));
 }
 
-std::vector<model::Relaxation> read_relaxation(MapReader& reader) {
-  std::vector<model::Relaxation> out;
+std::vector<Relaxation> read_relaxation(MapReader& reader) {
+  std::vector<Relaxation> out;
   double sum = 0;
-  reader.each("relaxation", 0, model::kMostRelaxations, [&](MapReader row) {
-    model::Relaxation part;
+  reader.each("relaxation", 0, kMostRelaxations, [&](MapReader row) {
+    Relaxation part;
     part.time = row.number("time", {Dimension::time, 1e-5, 1e4});
     part.share = row.number("share", {Dimension::none, 0, 1, true});
     row.finish();
@@ -61,7 +61,7 @@ std::vector<model::Relaxation> read_relaxation(MapReader& reader) {
   return {};
 }
 
-void read_friction_over_load(MapReader reader, model::Material& material) {
+void read_friction_over_load(MapReader reader, Material& material) {
   const double exponent = reader.number("exponent", {Dimension::none, -1, 1});
   const double force = reader.number("force", {Dimension::force, 1e-3, 1e4});
   const auto range = reader.maybe_range("range", {Dimension::none, 1e-2, 100}, true);
@@ -78,12 +78,12 @@ std::vector<std::string> curves_of(MapReader& reader) {
   return out;
 }
 
-}  // namespace
-
-void read_pad_law(MapReader& reader, model::Material& material) {
+/// Reads `exponential`, `table`, `relaxation`, `reference_radius`, `spins_by_area` and `friction_over_load`
+/// into a material that has its fields, and checks them and `damping` against these.
+void read_pad_law(MapReader& reader, Material& material) {
   const std::vector<std::string> curves = curves_of(reader);
-  model::PadLaw law;
-  if (material.compliance) law.curve = model::ForceCurve::spring(material.compliance->stiffness);
+  PadLaw law;
+  if (material.compliance) law.curve = ForceCurve::spring(material.compliance->stiffness);
   if (reader.has("exponential")) law.curve = read_exponential(reader.map("exponential"));
   if (reader.has("table")) law.curve = read_table(reader);
   law.relaxations = read_relaxation(reader);
@@ -97,12 +97,29 @@ void read_pad_law(MapReader& reader, model::Material& material) {
     if (curves.empty() && reader.has(key))
       reader.problem(key, fmt::format("{} of a rigid surface", key),
                      "a stiffness, an exponential or a table beside it");
-  const bool spring = law.curve.kind == model::ForceCurve::Kind::spring && law.relaxations.empty() &&
+  const bool spring = law.curve.kind == ForceCurve::Kind::spring && law.relaxations.empty() &&
                       law.radius == 0 && !material.friction_over_load;
   if (curves.empty() || spring) return;
   if (!material.compliance) material.compliance.emplace();
   material.compliance->stiffness = 0;
-  material.compliance->law = std::make_shared<const model::PadLaw>(std::move(law));
+  material.compliance->law = std::make_shared<const PadLaw>(std::move(law));
 }
 
-}  // namespace handsim::hand
+}  // namespace
+
+Material read_material(MapReader& reader, std::string name) {
+  Material material;
+  material.name = std::move(name);
+  reader.fields(material);
+  read_pad_law(reader, material);
+  // Standard deviations over the values, for studies of uncertainty.
+  if (reader.has("spread")) {
+    MapReader spread = reader.map("spread");
+    for (const char* key : {"friction", "stiffness", "depth"})
+      spread.maybe_number(key, {Dimension::none, 0, 1});
+    spread.finish();
+  }
+  return material;
+}
+
+}  // namespace handsim::model
