@@ -15,7 +15,7 @@ from typing import Any, Mapping, NamedTuple, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _c3d, study
+from . import _track
 from ._errors import input_error
 from ._files import check_target, ended, write_file
 from ._shipped import find_file
@@ -71,15 +71,16 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
             out = []
             for recording, size in zip(recordings, sizes):
                 person.write_text("title: held\n" + "".join(f"{key}: {value}\n" for key, value in size.items()))
-                found = study.track(recording, points=start, person=person, fit_bones=False, progress=False).summary["points"]
-                out.append({name: np.array(found[name]) for name in points})
+                found = _track.track(_track.Asked(recording, person, points=start, fit_bones=False))
+                used = [feature.partition(".")[2] for feature in found.hands[0].features]
+                out.append(dict(zip(used, found.shares)))
             return out
 
         def sizes() -> list[dict[str, Any]]:
             least: dict[str, Array] = {name: np.where(point.spread > 0, HELD * LEAST[point.palm], 0.0) for name, point in points.items()}
             convention.write_text(written(text, mean, least))
-            found = [study.track(each, points=convention, progress=False).summary["person"] for each in recordings]
-            length, breadth = (np.array([each[f"hand_{key}_mm"] for each in found]) for key in ("length", "breadth"))
+            found = [_track.track(_track.Asked(each, points=convention)).size for each in recordings]
+            length, breadth = (1e3 * np.array([each[f"hand_{key}"] for each in found]) for key in ("length", "breadth"))  # [mm]
             length *= LENGTH / np.exp(np.log(length).mean())
             breadth *= BREADTH / np.exp(np.log(breadth).mean())
             return [{**ADULT, "hand_length": a, "hand_breadth": b} for a, b in zip(length, breadth)]
@@ -96,9 +97,7 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
 
 
 def main(words: Sequence[str]) -> int:
-    """``track`` of the command line: for a convention, else of C3D. :returns: the exit status"""
-    if "--convention-from" not in words:
-        return _c3d.main(words)
+    """``track --convention-from`` of the command line. :returns: the exit status"""
     parser = argparse.ArgumentParser("handsim track", description="Fits where a tracker's points lie on the hand, from a recording of each of several people",
                                      epilog="example: handsim track --convention-from ann.json bob.json --points mediapipe --out mine.yaml")
     parser.add_argument("--convention-from", nargs="+", required=True, metavar="RECORDING", type=Path)
