@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._c3d import as_csv, is_c3d
 from ._errors import input_error
+from ._guess import JOINTS, Guess, check_order, guess, points_of, sample
 from ._progress import Told
 from ._shipped import data_path
 from ._study_files import json_file, number, origin, study_names
@@ -113,6 +114,8 @@ class Result(NamedTuple):
     """Where the points of a hand lie on their segments, if that was fitted; else no row."""
     person: str
     """Text of person.yaml."""
+    guess: Guess
+    """What the points were taken for, and by what."""
 
 
 def _hand_files(times: Array, hand: Hand) -> dict[str, str]:
@@ -203,7 +206,7 @@ def summary_text(asked: Asked, of: Result) -> str:
         "recording": asked.recording.name, "frames": len(of.times), "start_s": of.start, "added_noise_mm": 1e3 * asked.noise, "cpu_s": of.cpu,
         "frames_of_a_hand_per_s": len(of.times) * len(of.hands) / of.cpu if of.cpu > 0 else 0.0, **origin(),
         "person": {"bones_mm": {bone: 1e3 * length for bone, length in of.bones.items()}, **{f"{key}_mm": 1e3 * value for key, value in of.size.items()}},
-        **points, "warnings": of.warnings, "hands": hands})
+        **points, **({"convention": {"name": of.guess.name, "by": of.guess.by}} if of.guess.by else {}), "warnings": of.warnings, "hands": hands})
 
 
 def _angle_plot(hand: Hand) -> tuple[str, str, str]:
@@ -255,19 +258,33 @@ def model_file(asked: Asked) -> Path:
     return asked.model or data_path() / "handmodels/anatomical.yaml"
 
 
+def _convention(asked: Asked, path: Path) -> tuple[Optional[Path], Guess]:
+    """The convention of the points, which nobody or `points` has said. :raises Error: of kind input for points in another order"""
+    seen = sample(path)
+    if asked.points is not None:
+        guessed, file, said = Guess(asked.points.stem, "--points"), asked.points, f"that of {asked.points.stem}"
+    else:
+        guessed = guess(seen)
+        file, said = data_path() / f"handmodels/points/{guessed.name}.yaml", "that of cameras" if seen and seen.listed else "its names say"
+    known = points_of(file) if guessed.name else {joint: joint for chain in JOINTS.values() for joint in chain}
+    check_order(asked.recording, seen, said, known)
+    return file if guessed.name else None, guessed
+
+
 def track(asked: Asked, told: Told = None, begin: Callable[[], object] = lambda: None) -> Result:
     """:param begin: is called before the work, with all files read
     :raises Error: of kind input for a recording or another file that cannot be read
     """
     c3d = is_c3d(asked.recording)
     with as_csv(asked.recording, asked.names, asked.up) if c3d else nullcontext(asked.recording) as path:
-        work = _core.track(path, asked.person, model_file(asked), asked.markers or asked.points, None if c3d else asked.up, asked.left_handed, asked.truth,
+        points, guessed = (None, Guess(None, "")) if asked.markers else _convention(asked, path)
+        work = _core.track(path, asked.person, model_file(asked), asked.markers or points, None if c3d else asked.up, asked.left_handed, asked.truth,
                            asked.fit_bones, asked.smooth, asked.noise, asked.seed)
         begin()
         of = work.run(told)
     of["hands"] = [Hand(*hand) for hand in of["hands"]]
     of["warnings"] = [each.replace(str(path), str(asked.recording)) for each in of["warnings"]]
-    return Result(**of)
+    return Result(**of, guess=guessed)
 
 
 def study(asked: Asked, out: Path, told: Told = None) -> tuple[Result, bool]:
@@ -284,7 +301,7 @@ def study(asked: Asked, out: Path, told: Told = None) -> tuple[Result, bool]:
 
 
 def screen_text(of: Result) -> str:
-    out = ""
+    out = of.guess.told() + "\n" if of.guess.by not in ("", "--points") else ""
     for hand in of.hands:
         counts = [hand.count(status) for status in STATUSES]
         out += (f"{hand.name:<6} {len(of.times)} frames: {counts[0]} tracked, {counts[1]} without a hand, {counts[2]} swapped, {counts[3]} poor; "

@@ -96,6 +96,7 @@ py::list hand_panels(const std::vector<std::string>& names,
 void bind_track(py::module_& module) {
   bind_class<study::TrackInput>(module, "Track").def("run", &run);
   module.def("track", &track_input);
+  module.def("plain_name", [](const std::string& name) { return study::plain_name(name); });
   module.def("hand_panels", &hand_panels);
   module.def("parse_length", [](const std::string& text) { return parse_quantity(text, Dimension::length); });
   // Inverse dynamics with muscles of a tracked scene, as its command does them.
