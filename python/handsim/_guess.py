@@ -114,7 +114,7 @@ def _frames(text: str) -> Iterator[Any]:
 
 
 def _place(point: Any) -> list[float]:
-    x = [point.get(axis) for axis in "xyz"] if isinstance(point, dict) else point
+    x: Any = [point.get(axis) for axis in "xyz"] if isinstance(point, dict) else point
     return [float(each) if isinstance(each, (int, float)) else np.nan for each in x[:3]] if isinstance(x, list) and len(x) >= 3 else [np.nan] * 3
 
 
@@ -125,12 +125,12 @@ def _of_json(text: str, end: str) -> Optional[Sample]:
     for frame in _frames(text):
         hands = frame.get("hands") if isinstance(frame, dict) else None
         for hand in hands if isinstance(hands, list) else []:
-            given = hand.get("points") if isinstance(hand, dict) else None
+            given: Any = hand.get("points") if isinstance(hand, dict) else None
             if names is None and isinstance(given, (list, dict)):
                 listed = isinstance(given, list)
                 names = [str(i) for i in range(len(given))] if listed else list(given)
             if names is not None and isinstance(given, list if listed else dict) and (not listed or len(given) == len(names)):
-                points.append([_place(given[i] if listed else given.get(name)) for i, name in enumerate(names)])
+                points.append([_place(each) for each in (given if isinstance(given, list) else map(given.get, names))])
     if names is None:
         return None
     return Sample(names, listed, np.array(points, dtype=float).reshape(len(points), len(names), 3), (said[1], said[2]) if said else None)
