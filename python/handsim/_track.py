@@ -202,11 +202,13 @@ def summary_text(asked: Asked, of: Result) -> str:
                          difference_by_axis_rms_deg={axis: DEGREES * rms for axis, rms in hand.truth})
         hands.append(entry)
     points = {"points": {name.partition(".")[2]: row for name, row in zip(of.hands[0].features, of.shares.tolist())}} if len(of.shares) else {}
+    taken = {"name": of.guess.name} if of.guess.name else {}
+    convention = {"convention": {**taken, "by": of.guess.by}} if of.guess.by else {}
     return json_file({
         "recording": asked.recording.name, "frames": len(of.times), "start_s": of.start, "added_noise_mm": 1e3 * asked.noise, "cpu_s": of.cpu,
         "frames_of_a_hand_per_s": len(of.times) * len(of.hands) / of.cpu if of.cpu > 0 else 0.0, **origin(),
         "person": {"bones_mm": {bone: 1e3 * length for bone, length in of.bones.items()}, **{f"{key}_mm": 1e3 * value for key, value in of.size.items()}},
-        **points, **({"convention": {"name": of.guess.name, "by": of.guess.by}} if of.guess.by else {}), "warnings": of.warnings, "hands": hands})
+        **points, **convention, "warnings": of.warnings, "hands": hands})
 
 
 def _angle_plot(hand: Hand) -> tuple[str, str, str]:
