@@ -6,7 +6,6 @@ again, and the places are found anew for hands of these sizes. Whoever fits a co
 """
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from . import _track
 from ._errors import input_error
-from ._files import check_target, ended, write_file
+from ._files import check_target, ended, path_of, read_options, write_file
 from ._shipped import find_file
 
 Array = NDArray[np.float64]
@@ -26,6 +25,8 @@ ADULT = {"stature": 1.690, "mass": 75.1, "sex": "unknown"}
 LENGTH, BREADTH = 0.1867, 0.0829
 """Of that hand [m]."""
 ROUNDS = 3
+MOST = 1000
+"""Recordings."""
 TWICE = 2.0
 """Deviations between recordings that are written as the spread, at least LEAST."""
 LEAST: Mapping[bool, Array] = {True: np.array([0.03, 0.03, 0.12]), False: np.array([0.4, 0.1, 0.4])}
@@ -96,20 +97,31 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
     return written(text, mean, spread)
 
 
+USAGE = """handsim track --convention-from RECORDING... --out FILE
+
+Fits where a tracker's points lie on the hand, from a recording of each of several people (docs/motion.md), and writes the convention for --points.
+
+  --convention-from RECORDING...  the recordings
+  --out FILE                      of the convention; replaces one that this has written
+  --points NAME                   convention that it starts from: order of the points, axes, and how far they may lie off; mediapipe
+
+Example: handsim track --convention-from ann.json bob.json eve.json --points mediapipe --out mine.yaml
+"""
+
+
+def _work(options: dict[str, Any]) -> int:
+    recordings = [path_of("RECORDING", each) for each in options["RECORDING"]]
+    start = find_file(options.get("--points", "mediapipe"), "--points", "handmodels/points")
+    out = check_target("--out", options["--out"], "convention", [*recordings, start])
+    text = fit(recordings, start)
+    write_file(out, f"{MARK}\n{text.removeprefix(MARK).lstrip()}".encode())
+    print(f"{out}: the places of the points on the hand; judge it by other people's recordings")
+    return 0
+
+
 def main(words: Sequence[str]) -> int:
     """``track --convention-from`` of the command line. :returns: the exit status"""
-    parser = argparse.ArgumentParser("handsim track", description="Fits where a tracker's points lie on the hand, from a recording of each of several people",
-                                     epilog="example: handsim track --convention-from ann.json bob.json --points mediapipe --out mine.yaml")
-    parser.add_argument("--convention-from", nargs="+", required=True, metavar="RECORDING", type=Path)
-    parser.add_argument("--points", default="mediapipe", help="convention that it starts from: order of the points, axes, and how far they may lie off")
-    parser.add_argument("--out", required=True, type=Path, help="the file of the convention")
-
-    def work() -> int:
-        given = parser.parse_args(words)
-        start = find_file(given.points, "points", "handmodels/points")
-        out = check_target("--out", given.out, "convention", [*given.convention_from, start])
-        text = fit(given.convention_from, start)
-        write_file(out, f"{MARK}\n{text.removeprefix(MARK).lstrip()}".encode())
-        print(f"{out}: the places of the points on the hand; judge it by other people's recordings")
+    if any(each in ("-h", "--help") for each in words):
+        print(USAGE, end="")
         return 0
-    return ended(work)
+    return ended(lambda: _work(read_options("track", words, "RECORDING", ("--convention-from",), ("--points", "--out"), ("--out",), most=MOST)))

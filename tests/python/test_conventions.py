@@ -53,6 +53,13 @@ def test_a_convention_replaces_no_file_of_the_user(tmp_path):
         assert out.read_bytes() == before
 
 
+@pytest.mark.parametrize("words, said", [(["--out", "x.yaml"], "RECORDING: got nothing, need one"), (["a.json"], "--out: got nothing, need one"),
+                                         (["a.json", "--out", "x.yaml", "--points", "openx"], "nearest: openxr"), (["--up", "y"], "--up: got an unknown option")])
+def test_a_convention_from_wrong_words_is_refused(words, said):
+    done = subprocess.run([sys.executable, "-m", "handsim", "track", "--convention-from", *words], capture_output=True, text=True)
+    assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
 def test_conventions_of_one_place_and_two_orders_agree():
     def rows(name):
         return [line for line in (ROOT / "handmodels/points" / f"{name}.yaml").read_text().splitlines() if line.startswith("  - {name:")]
