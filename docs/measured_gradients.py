@@ -1,4 +1,4 @@
-"""Tables of docs/gradients.md and docs/optimise.md, as those of measured.py."""
+"""Tables of docs/gradients.md, docs/optimise.md and docs/motion.md, as those of measured.py."""
 import json
 import re
 
@@ -59,5 +59,14 @@ def reach():
     return table(["reach", "cost", "CPU time, one thread", *(f"handsim's cost and time beside it, {each['step']}" for each in ours)], rows)
 
 
+def inverse_kinematics():
+    found = figures("ik", "ik.json")
+    rows = {}
+    for each in found["rows"]:
+        name = f"{each['program']}, {each['version']}" if "version" in each else each["program"]
+        rows.setdefault(name, [name]).extend([f"{number(each['fingers_deg'])}°", f"{number(each['all_deg'])}°", f"{number(each['points_mm'])} mm", f"{number(each['frame_ms'])} ms"])
+    return table(["program", *(f"{what}, {noise}" for noise in ("exact", "2 mm") for what in ("fingers' flexion", "all axes", "points", "a frame"))], list(rows.values()))
+
+
 TABLES = {"gradients-errors": ("gradients", gradients_errors), "gradients-times": ("gradients", gradients_times), "gradients-peers": ("gradients", gradients_peers),
-          "reach": ("reach", reach)}
+          "reach": ("reach", reach), "inverse-kinematics": ("ik", inverse_kinematics)}

@@ -30,6 +30,8 @@ TABLES = {**measured.TABLES, **measured_gradients.TABLES}
 PACKAGES = ROOT / "build" / "peers" / "packages"
 # Python packages pin and mujoco of PyPI.
 PIN = ROOT / "out" / "pin"
+# Those of tests/peers/inverse_kinematics.py.
+IK = ROOT / "out" / "ik"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES),
                "HANDSIM_DRAKE_STEPS": str(ROOT / "tests" / "peers" / "drake_steps.py")}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -140,14 +142,15 @@ STUDIES = {
     "tests": Study("20 min", {"long": None, "run": None}),
     "gradients": Study("1 min", {"errors": None, "times": None}),
     "reach": Study("1 min", {"run": None}),
+    "ik": Study("3 min", {"run": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
 # Benchmarks of studies of their own; "speed" runs all others.
 BENCHMARKS = {"environment": "^(batch_|muscle_batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
-# pin and mujoco (PyPI); tests is a matter of this checkout.
-ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach", "tests")
+# pin and mujoco, ik mink, dex_retargeting and opensim (PyPI); tests is a matter of this checkout.
+ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach", "ik", "tests")
 
 
 # Running studies and writing pages.
@@ -180,6 +183,8 @@ def command_of(name, label, build):
         return [python_of(build), "tests/output/skin_figures.py", str(OUT / name / "skin.json")]
     if name == "reach":
         return [python_of(build), "tests/peers/optimise.py", "--out", str(OUT / name / "reach.json")]
+    if name == "ik":
+        return [python_of(build), "tests/peers/inverse_kinematics.py", str(build / "src" / "handsim"), "--packages", str(IK), "--out", str(OUT / name / "ik.json")]
     if name == "gradients":
         return {"errors": [str(build / "tests" / "test_derivatives"), "--gtest_filter=SceneDerivatives.*"],
                 "times": [python_of(build), "tests/peers/derivatives.py", *(["--peers", str(PIN)] if PIN.exists() else []), "--out", str(OUT / name / "derivatives.json")]}[label]

@@ -22,7 +22,7 @@ COMMANDS: dict[str, str] = {
     "optimise": "handsim._optimise_command",
     "report": "handsim._report_command:report",
     "rollouts": "handsim._rollouts_command",
-    "track": "handsim._conventions",
+    "track": "handsim._track_command",
     "validate": "handsim._validate_command",
     "view": "handsim._report_command:view",
 }

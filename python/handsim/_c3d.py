@@ -1,4 +1,4 @@
-"""``handsim track FILE.c3d``: a recording of markers in C3D as the table that `handsim track` reads.
+"""A recording of markers in C3D as the table that `handsim track` reads.
 
 ezc3d reads the file (pip install ezc3d); it is needed for this alone.
 """
@@ -11,7 +11,6 @@ import struct
 import subprocess
 import sys
 import tempfile
-import threading
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -22,15 +21,8 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
-from ._files import ended
 
 UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
-WITH_FILES = ("--out", "--person", "--model", "--markers", "--points", "--truth", "--names")
-USAGE = """
-Of a .c3d file alone (pip install ezc3d):
-  --names FILE   lines LABEL: NAME, the names of the file's labels in the marker set, or keypoints such as right.index_tip
-  --up z|y       the file's axis that points up (default: as the file says in POINT:Y_SCREEN, else z)
-"""
 
 
 def is_c3d(recording: Union[str, "PathLike[str]"]) -> bool:
@@ -229,50 +221,3 @@ def as_csv(path: Union[str, "PathLike[str]"], names: Union[None, str, "PathLike[
         except Error as error:
             raise Error(str(error).replace(str(out), str(path)), error.kind,
                         [each._replace(file=str(path)) if each.file == str(out) else each for each in error.problems]) from None
-
-
-def _track(words: Sequence[str], table: Path, recording: str) -> int:
-    """The program's ``track`` of a table, whose messages name the recording."""
-    reading, writing = os.pipe()
-    own = os.dup(2)
-
-    def pass_on() -> None:
-        with os.fdopen(reading, "rb") as lines:
-            for line in lines:
-                os.write(own, line.replace(os.fsencode(table), os.fsencode(recording)))
-
-    thread = threading.Thread(target=pass_on)
-    thread.start()
-    os.dup2(writing, 2)
-    os.close(writing)
-    try:
-        status: int = _core.command_line(["track", *(str(table) if word == recording else word for word in words)])
-    finally:
-        os.dup2(own, 2)
-        thread.join()
-        os.close(own)
-    return status
-
-
-def main(words: Sequence[str]) -> int:
-    """``track`` of the command line: of a C3D file after its conversion. :returns: the exit status"""
-    recording = next((word for word, before in zip(words, ["", *words])
-                      if is_c3d(word) and not word.startswith("-") and before not in WITH_FILES), None)
-    rest, options = [], dict[str, Optional[str]](names=None, up=None)
-    waiting = iter(words)
-    for word in waiting:
-        name, equals, value = word.partition("=")
-        if recording is not None and name in ("--names", "--up"):
-            options[name[2:]] = value if equals else next(waiting, "")
-        else:
-            rest.append(word)
-
-    def work() -> int:
-        if recording is None or "--help" in rest or "-h" in rest:
-            status: int = _core.command_line(["track", *rest])
-            if "--help" in rest or "-h" in rest:
-                print(USAGE)
-            return status
-        with as_csv(recording, options["names"], options["up"]) as table:
-            return _track(rest, table, recording)
-    return ended(work)

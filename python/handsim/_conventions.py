@@ -6,7 +6,6 @@ again, and the places are found anew for hands of these sizes. Whoever fits a co
 """
 from __future__ import annotations
 
-import argparse
 import re
 import tempfile
 from pathlib import Path
@@ -15,9 +14,9 @@ from typing import Any, Mapping, NamedTuple, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _c3d, study
+from . import _track
 from ._errors import input_error
-from ._files import check_target, ended, write_file
+from ._files import check_target, ended, path_of, read_options, write_file
 from ._shipped import find_file
 
 Array = NDArray[np.float64]
@@ -26,6 +25,8 @@ ADULT = {"stature": 1.690, "mass": 75.1, "sex": "unknown"}
 LENGTH, BREADTH = 0.1867, 0.0829
 """Of that hand [m]."""
 ROUNDS = 3
+MOST = 1000
+"""Recordings."""
 TWICE = 2.0
 """Deviations between recordings that are written as the spread, at least LEAST."""
 LEAST: Mapping[bool, Array] = {True: np.array([0.03, 0.03, 0.12]), False: np.array([0.4, 0.1, 0.4])}
@@ -71,15 +72,16 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
             out = []
             for recording, size in zip(recordings, sizes):
                 person.write_text("title: held\n" + "".join(f"{key}: {value}\n" for key, value in size.items()))
-                found = study.track(recording, points=start, person=person, fit_bones=False, progress=False).summary["points"]
-                out.append({name: np.array(found[name]) for name in points})
+                found = _track.track(_track.Asked(recording, person, points=start, fit_bones=False))
+                used = [feature.partition(".")[2] for feature in found.hands[0].features]
+                out.append(dict(zip(used, found.shares)))
             return out
 
         def sizes() -> list[dict[str, Any]]:
             least: dict[str, Array] = {name: np.where(point.spread > 0, HELD * LEAST[point.palm], 0.0) for name, point in points.items()}
             convention.write_text(written(text, mean, least))
-            found = [study.track(each, points=convention, progress=False).summary["person"] for each in recordings]
-            length, breadth = (np.array([each[f"hand_{key}_mm"] for each in found]) for key in ("length", "breadth"))
+            found = [_track.track(_track.Asked(each, points=convention)).size for each in recordings]
+            length, breadth = (1e3 * np.array([each[f"hand_{key}"] for each in found]) for key in ("length", "breadth"))  # [mm]
             length *= LENGTH / np.exp(np.log(length).mean())
             breadth *= BREADTH / np.exp(np.log(breadth).mean())
             return [{**ADULT, "hand_length": a, "hand_breadth": b} for a, b in zip(length, breadth)]
@@ -95,22 +97,31 @@ def fit(recordings: Sequence[Path], start: Path) -> str:
     return written(text, mean, spread)
 
 
-def main(words: Sequence[str]) -> int:
-    """``track`` of the command line: for a convention, else of C3D. :returns: the exit status"""
-    if "--convention-from" not in words:
-        return _c3d.main(words)
-    parser = argparse.ArgumentParser("handsim track", description="Fits where a tracker's points lie on the hand, from a recording of each of several people",
-                                     epilog="example: handsim track --convention-from ann.json bob.json --points mediapipe --out mine.yaml")
-    parser.add_argument("--convention-from", nargs="+", required=True, metavar="RECORDING", type=Path)
-    parser.add_argument("--points", default="mediapipe", help="convention that it starts from: order of the points, axes, and how far they may lie off")
-    parser.add_argument("--out", required=True, type=Path, help="the file of the convention")
+USAGE = """handsim track --convention-from RECORDING... --out FILE
 
-    def work() -> int:
-        given = parser.parse_args(words)
-        start = find_file(given.points, "points", "handmodels/points")
-        out = check_target("--out", given.out, "convention", [*given.convention_from, start])
-        text = fit(given.convention_from, start)
-        write_file(out, f"{MARK}\n{text.removeprefix(MARK).lstrip()}".encode())
-        print(f"{out}: the places of the points on the hand; judge it by other people's recordings")
+Fits where a tracker's points lie on the hand, from a recording of each of several people (docs/motion.md), and writes the convention for --points.
+
+  --convention-from RECORDING...  the recordings
+  --out FILE                      of the convention; replaces one that this has written
+  --points NAME                   convention that it starts from: order of the points, axes, and how far they may lie off; mediapipe
+
+Example: handsim track --convention-from ann.json bob.json eve.json --points mediapipe --out mine.yaml
+"""
+
+
+def _work(options: dict[str, Any]) -> int:
+    recordings = [path_of("RECORDING", each) for each in options["RECORDING"]]
+    start = find_file(options.get("--points", "mediapipe"), "--points", "handmodels/points")
+    out = check_target("--out", options["--out"], "convention", [*recordings, start])
+    text = fit(recordings, start)
+    write_file(out, f"{MARK}\n{text.removeprefix(MARK).lstrip()}".encode())
+    print(f"{out}: the places of the points on the hand; judge it by other people's recordings")
+    return 0
+
+
+def main(words: Sequence[str]) -> int:
+    """``track --convention-from`` of the command line. :returns: the exit status"""
+    if any(each in ("-h", "--help") for each in words):
+        print(USAGE, end="")
         return 0
-    return ended(work)
+    return ended(lambda: _work(read_options("track", words, "RECORDING", ("--convention-from",), ("--points", "--out"), ("--out",), most=MOST)))

@@ -7,13 +7,13 @@ way.
 """
 from __future__ import annotations
 
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _accuracy, _core, _effects, _rollouts, _rollouts_run
+from . import _accuracy, _core, _effects, _rollouts, _rollouts_run, _track
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
@@ -255,24 +255,17 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param points: convention of the tracker: a file, or the name of a shipped one (``mano``); None: joints' centres
     :param handedness: of the recording's axes, right or left; None: as the convention says, else right
     """
-    from ._c3d import as_csv, is_c3d
-
     recording = path_of("recording", recording)
     flags(fit_bones=fit_bones, smooth=smooth)
     real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
-    if not is_c3d(recording) and names is not None:
-        raise input_error("names", str(recording), "a recording in C3D with it")
-    if up not in (None, "y", "z"):
-        raise input_error("up", repr(up), "y or z")
-    if handedness not in (None, "left", "right"):
-        raise input_error("handedness", repr(handedness), "left or right")
-    convention = None if points is None else find_file(points, "points", "handmodels/points")
-    axis, left = None if is_c3d(recording) else up, None if handedness is None else handedness == "left"
-    table = as_csv(recording, names, up) if is_c3d(recording) else nullcontext(recording)
-    with table as path, _folder(out) as folder, bar(progress, "track") as told:
-        _core.track(path, folder, _path("person", person), _path("model", model), _path("markers", markers), convention, axis, left,
-                    _path("truth", truth), fit_bones, smooth, noise, seed, told)
-        return Study("track", folder, "")
+    words = {"up": up, "handedness": handedness}
+    side = _track.choice(words, "handedness", ("left", "right"))
+    asked = _track.checked(_track.Asked(
+        recording, _path("person", person), _path("model", model), _path("markers", markers), _path("truth", truth), fit_bones, smooth, noise, seed,
+        _path("names", names), _track.choice(words, "up", ("y", "z")), None if points is None else find_file(points, "points", "handmodels/points"),
+        None if side is None else side == "left"))
+    with _folder(out) as folder, bar(progress, "track") as told:
+        return Study("track", folder, _track.screen_text(_track.study(asked, folder, told)[0]))
 
 
 def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, out: Out = None, progress: Progress = None) -> Study:

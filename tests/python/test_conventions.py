@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 import handsim as hs
+from handsim import _guess
+from handsim._live.streams import KEYPOINTS
+from handsim._live.tracker import HandFilter
 
 ROOT = Path(__file__).parents[2]
-SHIPPED = {"mano": 21, "mediapipe": 21, "openxr": 26, "leap": 27, "aria": 21}
+SHIPPED = {"mano": 21, "mano_joints": 21, "mediapipe": 21, "openxr": 26, "webxr": 25, "leap": 27, "aria": 21}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -32,8 +35,8 @@ def test_the_command_finds_a_shipped_convention_by_its_name(name, tmp_path):
 
 
 def test_a_recording_with_another_number_of_points_names_the_option(tmp_path):
-    (tmp_path / "a.json").write_text('{"rate": 30, "frames": [{"hands": [{"side": "right", "points": [%s]}]}]}' % ",".join(["[0,0,1]"] * 26))
-    with pytest.raises(hs.Error, match="26 points, need 21 points, .*--points"):
+    (tmp_path / "a.json").write_text('{"rate": 30, "frames": [{"hands": [{"side": "right", "points": [%s]}]}]}' % ",".join(["[0,0,1]"] * 23))
+    with pytest.raises(hs.Error, match="23 points, need 21 points, .*--points"):
         hs.study.track(tmp_path / "a.json")
     with pytest.raises(hs.Error, match="nearest: openxr"):
         hs.study.track(tmp_path / "a.json", points="openx")
@@ -48,6 +51,136 @@ def test_a_convention_replaces_no_file_of_the_user(tmp_path):
         done = subprocess.run([sys.executable, "-m", "handsim", "track", "--convention-from", str(recording), "--out", str(out)], capture_output=True, text=True)
         assert done.returncode == 2 and str(out) in done.stderr and "Traceback" not in done.stderr, done.stderr
         assert out.read_bytes() == before
+
+
+@pytest.mark.parametrize("words, said", [(["--out", "x.yaml"], "RECORDING: got nothing, need one"), (["a.json"], "--out: got nothing, need one"),
+                                         (["a.json", "--out", "x.yaml", "--points", "openx"], "nearest: openxr"), (["--up", "y"], "--up: got an unknown option")])
+def test_a_convention_from_wrong_words_is_refused(words, said):
+    done = subprocess.run([sys.executable, "-m", "handsim", "track", "--convention-from", *words], capture_output=True, text=True)
+    assert done.returncode == 2 and said in done.stderr, done.stderr
+
+
+def test_conventions_of_one_place_and_two_orders_agree():
+    def rows(name):
+        return [line for line in (ROOT / "handmodels/points" / f"{name}.yaml").read_text().splitlines() if line.startswith("  - {name:")]
+
+    assert sorted(rows("mano_joints")) == sorted(rows("mano")) and rows("mano_joints") != rows("mano")
+    assert rows("webxr") == rows("openxr")[1:]
+
+
+@pytest.fixture(scope="module")
+def keypoints():
+    """Of a hand that bends, by name: 30 frames of shape (3,) [m]."""
+    filter_ = HandFilter(hs.load("grasp_power_can"), 0)
+    low, high = filter_._low, filter_._high
+    every = np.array([filter_.points(np.concatenate(([0.05 * t, 0.1, 0.9, 1, 0, 0, 0], np.clip(0.2 + 0.6 * t, low, high)))) for t in np.arange(30) / 30])
+    return dict(zip(KEYPOINTS, every.transpose(1, 0, 2)))
+
+
+def of_convention(keypoints, name):
+    """The same hand as a tracker gives it, by its points' names in their order."""
+    def place(point, joint):
+        if joint:
+            return keypoints[joint]
+        finger = point.partition("_")[0]
+        return (keypoints["wrist"] + keypoints.get(f"{finger}_mcp", keypoints["middle_mcp"])) / 2
+
+    return {point: place(point, joint) for point, joint in _guess.points_of(ROOT / "handmodels/points" / f"{name}.yaml").items()}
+
+
+def write_json(path, points, listed=True, **head):
+    count = len(next(iter(points.values())))
+    frames = [{"hands": [{"side": "right", "points": [p[k].tolist() for p in points.values()] if listed else {n: p[k].tolist() for n, p in points.items()}}]}
+              for k in range(count)]
+    path.write_text(json.dumps({"rate": 30, **head, "frames": frames}))
+    return path
+
+
+def taken(path):
+    return _guess.guess(_guess.sample(path))
+
+
+# Oracle: the convention in whose order the points were written.
+@pytest.mark.parametrize("name, by", [("openxr", "number of its points, 26"), ("webxr", "number of its points, 25"), ("leap", "number of its points, 27"),
+                                      ("mano_joints", "order of its points"), ("aria", "order of its points")])
+def test_points_without_names_tell_their_tracker_by_number_and_order(keypoints, tmp_path, name, by):
+    found = taken(write_json(tmp_path / "a.json", of_convention(keypoints, name)))
+    assert found.name == name and by in found.by
+    # Numbers of columns are a list, too, in any unit; one point in ten was not seen.
+    points = of_convention(keypoints, name)
+    rng = np.random.default_rng(1)
+    rows = ["time[s]," + ",".join(f"left.{i}.{axis}[mm]" for i in range(len(points)) for axis in "xyz")]
+    for k in range(30):
+        rows.append(f"{k / 30}," + ",".join("," * 2 if rng.random() < 0.1 and k > 9 else ",".join(f"{1e3 * x}" for x in p[k]) for p in points.values()))
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    assert taken(tmp_path / "a.csv").name == name
+
+
+# Oracle: the names that these programs give to their points.
+@pytest.mark.parametrize("style, name", [
+    (lambda name: name.upper().replace("_", "_FINGER_", 1 if name[0] in "imr" else 0).replace("LITTLE", "PINKY"), "mediapipe"),
+    (lambda name: f"XR_HAND_JOINT_{name.upper()}_EXT", "openxr"), (lambda name: name, "leap"), (lambda name: name, "aria"), (lambda name: name, "openxr"),
+    (lambda name: name.replace("_", "-finger-phalanx-") if name.endswith(("proximal", "intermediate")) else name, "webxr")])
+def test_names_tell_their_tracker(keypoints, tmp_path, style, name):
+    points = {style(each): place for each, place in of_convention(keypoints, name).items()}
+    found = taken(write_json(tmp_path / "a.json", points, listed=False))
+    assert found.name == name and "names" in found.by, found
+    rows = ["time[s]," + ",".join(f"right.{each}.{axis}[m]" for each in points for axis in "xyz"), "0," + ",".join(f"{x}" for p in points.values() for x in p[0])]
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    assert taken(tmp_path / "a.csv").name == name
+
+
+def test_what_is_taken_is_said_and_used(keypoints, tmp_path):
+    file = write_json(tmp_path / "a.json", of_convention(keypoints, "openxr"))
+    by_guess, by_option = hs.study.track(file), hs.study.track(file, points="openxr")
+    assert by_guess.summary["convention"] == {"name": "openxr", "by": "the number of its points, 26"}
+    assert by_option.summary["convention"] == {"name": "openxr", "by": "--points"}
+    assert by_guess.text.startswith("points: as openxr has them, by the number of its points, 26")
+    assert all(np.array_equal(by_guess.tables["right"][column], by_option.tables["right"][column]) for column in by_option.tables["right"])
+    said = taken(write_json(tmp_path / "b.json", of_convention(keypoints, "mediapipe"), tracker="MediaPipe 0.10"))
+    assert said == ("mediapipe", '"tracker": "MediaPipe 0.10"')
+    assert taken(write_json(tmp_path / "c.json", of_convention(keypoints, "mano_joints"), convention="MANO")).name == "mano_joints"
+
+
+def test_what_the_file_does_not_tell_is_said(keypoints, tmp_path):
+    file = write_json(tmp_path / "a.json", keypoints)
+    study = hs.study.track(file)
+    assert "name" not in study.summary["convention"] and "21 points as mano and mediapipe have them: taken as joint centres" in study.text
+    # Points of one place tell nothing about their order.
+    for k in keypoints:
+        keypoints = {**keypoints, k: np.zeros((30, 3))}
+    assert "aria and mano and mano_joints and mediapipe" in taken(write_json(tmp_path / "b.json", keypoints)).by
+
+
+# Oracle: the order in which the points were written; a shipped person is not to blame for it.
+def test_points_in_another_order_than_said_are_told_as_such(keypoints, tmp_path):
+    file = write_json(tmp_path / "a.json", of_convention(keypoints, "mano_joints"))
+    with pytest.raises(hs.Error, match=r"a.json: got points in another order than that of mediapipe: bones are \d+ mm off those of a hand, and 0 mm in the order of "
+                                       "mano_joints, need --points mano_joints"):
+        hs.study.track(file, points="mediapipe")
+    with pytest.raises(hs.Error, match="another order than that of mano_joints.*need --points mano or mediapipe"):
+        hs.study.track(write_json(tmp_path / "b.json", keypoints), points="mano_joints")
+    wrong = dict(zip(keypoints, of_convention(keypoints, "mano_joints").values()))
+    with pytest.raises(hs.Error, match="another order than its names say.*in the order of mano_joints, need names for the points in that order"):
+        hs.study.track(write_json(tmp_path / "c.json", wrong, listed=False))
+    # With noise of 5 mm the order is still told, and the right one is not refused.
+    rng = np.random.default_rng(1)
+    noisy = {name: place + rng.normal(0, 0.005, place.shape) for name, place in of_convention(keypoints, "mano_joints").items()}
+    with pytest.raises(hs.Error, match="mano_joints"):
+        hs.study.track(write_json(tmp_path / "d.json", noisy), points="mediapipe")
+    assert hs.study.track(tmp_path / "d.json", points="mano_joints").summary["hands"][0]["tracked"] > 0
+
+
+def test_doubtful_points_are_left_out_and_told(keypoints, tmp_path):
+    frames = [{"hands": [{"side": "right", "confidence": 0.2 if k == 7 else 0.9, "points": {name: {**dict(zip("xyz", place[k].tolist())),
+              **({"confidence": 0.3} if name == "index_tip" and k < 5 else {})} for name, place in keypoints.items()}}]} for k in range(30)]
+    for k in range(5):
+        frames[k]["hands"][0]["points"]["index_tip"]["x"] += 0.02
+    (tmp_path / "a.json").write_text(json.dumps({"rate": 30, "frames": frames}))
+    study = hs.study.track(tmp_path / "a.json")
+    assert any("26 of 630 points have a confidence below 0.5: they count as not seen" in each for each in study.summary["warnings"])
+    assert study.tables["frames"]["right.status"][7] == "missing"
+    assert np.isnan(study.tables["frames"]["right.index_tip"][:5]).all() and np.nanmax(study.tables["frames"]["right.rms"]) < 0.5  # [mm]
 
 
 @pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
@@ -66,3 +199,12 @@ def test_captured_hands_of_people_who_are_not_in_the_convention_are_people(name,
     rms = np.concatenate([np.asarray(study.tables["frames"][f"{side}.rms"])[np.asarray(study.tables["frames"][f"{side}.status"]) == "tracked"].astype(float)
                           for side in ("right", "left")])
     assert np.sqrt(np.mean(rms**2)) < 4
+
+
+@pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
+def test_captured_hands_in_their_own_order_are_known_by_it(tmp_path):
+    """Oracle: the order that the sequences' description has, MANO's own."""
+    for file in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob("*.npz")):
+        points = np.load(file)["right"].astype(float)[::10]
+        found = taken(write_json(tmp_path / "a.json", {str(i): points[:, i] for i in range(21)}))
+        assert found.name == "mano_joints" and "order of its points" in found.by, (file.name, found)

@@ -1,4 +1,4 @@
-// The commands for recorded motion.
+// The command for recorded motion.
 #pragma once
 
 #include <filesystem>
@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "handsim/study/inverse/inverse.h"
-#include "handsim/study/track/track.h"
 
 namespace handsim::app {
 
@@ -29,15 +28,5 @@ struct InverseArguments : study::InverseInput {
 /// The input with what its files say. @throws Error (input) for a file of names that is none.
 study::InverseInput inverse_input(const InverseArguments& arguments);
 int inverse_command(const InverseArguments& arguments);
-
-struct TrackArguments : study::TrackInput {
-  std::filesystem::path out;
-  std::optional<std::filesystem::path> person_file, hand_file, marker_file, points_file;
-  bool activations = false;  ///< and inverse dynamics with muscles, into out/activations
-  bool json = false;
-};
-/// The input with what its files say. @throws Error (input) with every problem of the files.
-study::TrackInput track_input(const TrackArguments& arguments);
-int track_command(const TrackArguments& arguments);
 
 }  // namespace handsim::app

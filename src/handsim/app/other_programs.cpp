@@ -29,7 +29,7 @@ struct OtherCommand {
   const char* options;  ///< their long names, with blanks between
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 11> kOtherCommands = {
+constexpr std::array<OtherCommand, 12> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -58,6 +58,12 @@ constexpr std::array<OtherCommand, 11> kOtherCommands = {
       "out set engine count seed jobs on resume range report"},
      {kHardCases, "Hard cases: every engine, method and step against an oracle; in a build of the source",
       "handsim stability config/stability.yaml --out out/stability --quick", "study", ""},
+     {"track",
+      "Inverse kinematics: joint angles and wrist poses of recorded hands, from 21 keypoints, markers or the "
+      "sensors of a glove, and the measured hand of the person",
+      "handsim track keypoints.csv --out out/tracked", "",
+      "out person model markers points up handedness keep-person activations no-smoothing noise seed truth "
+      "json names convention-from"},
      {"validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate", "", "out runs uncertain report"},
      {"view", "Simulate a scene in a temporary folder and show its report in the browser",
@@ -91,13 +97,11 @@ sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
 /// True where a command of this program is the package's: `export` in a format that the package writes, such
-/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file or for a convention; what writes the
-/// page of a run.
+/// as `glb`, `--format=glb` and `out/hand.glb`; what writes the page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
   if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   const std::string word = lower_case(argument);
-  if (command == "track") return word == "c3d" || word == "--convention-from";
   const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
   return command == "export" && format != output::kFormats.end() && !format->write;
 }

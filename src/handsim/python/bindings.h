@@ -73,6 +73,7 @@ void bind_fit(py::module_& module);
 void bind_simulation(py::module_& module);
 void bind_batch(py::module_& module);
 void bind_studies(py::module_& module);
+void bind_track(py::module_& module);
 void bind_rollouts(py::module_& module);
 
 }  // namespace handsim::python

@@ -104,25 +104,6 @@ void bind_motion(py::module_& module) {
     arguments.co_contraction = least_activation.value_or(0);
     return inverse(of, out, arguments, progress);
   });
-  module.def("track", [](const path& recording, const path& out, const std::optional<path>& person,
-                         const std::optional<path>& model, const std::optional<path>& markers,
-                         const std::optional<path>& points, std::optional<char> up,
-                         std::optional<bool> left_handed, const std::optional<path>& truth, bool fit_bones,
-                         bool smooth, double noise, unsigned seed, const py::object& progress) {
-    app::TrackArguments arguments;
-    arguments.recording = recording;
-    arguments.person_file = person, arguments.hand_file = model, arguments.marker_file = markers;
-    arguments.points_file = points, arguments.up = up, arguments.left_handed = left_handed;
-    arguments.truth = truth, arguments.fit_bones = fit_bones, arguments.smooth = smooth;
-    arguments.noise = noise, arguments.seed = seed;
-    run_study(progress, [&](StudyHooks& hooks) {
-      const study::TrackInput input = app::track_input(arguments);
-      const output::OutputFolder folder(out, study::track_files());
-      const study::TrackResult result = study::run_track(input, hooks.told);
-      folder.clear();
-      study::write_track(input, result, out);
-    });
-  });
 }
 
 }  // namespace

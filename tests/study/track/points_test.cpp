@@ -64,10 +64,12 @@ TEST(Points, AWristPointThatLiesDorsalAndShortFingersLeaveAnglesWithinThreeDegre
 // Oracle: the same recording without the convention's axes, unit and names.
 TEST(Points, AConventionSaysNamesAxesAndUnit) {
   const MarkerSet set = convention(
-      "recording: {up: y, handedness: left, unit: mm}\n"
+      "recording: {up: y, handedness: left, unit: mm, confidence: score, least_confidence: 0.3}\n"
       "points:\n  - {name: root, segment: palm}\n  - {name: a, segment: index_proximal, at: [0, 1, 0]}\n"
       "  - {name: b}\n");
   EXPECT_TRUE(set.is_convention());
+  EXPECT_EQ(set.format->confidence, "score");
+  EXPECT_EQ(set.format->least_confidence, 0.3);
   const test::TemporaryFolder folder;
   const std::filesystem::path file = folder.path() / "a.json";
   std::ofstream(file) << R"({"rate": 10, "frames": [
@@ -84,6 +86,29 @@ TEST(Points, AConventionSaysNamesAxesAndUnit) {
   const std::vector<Feature> features = features_of(set, input.model, model::Side::left);
   ASSERT_EQ(features.size(), 2U) << "a point without a segment is not used";
   EXPECT_EQ(features[1].name, "left.a");
+}
+
+// Oracle: the angles of the hand that was recorded. A point whose confidence is 0.01 pulls with a hundredth:
+// errors of least squares are in proportion to the weight of a point that is off, here by 15 mm.
+TEST(Points, OfLowConfidenceHardlyMoveTheHand) {
+  TrackInput input = test::shipped_input();
+  input.fit_bones = false;
+  input.smooth = false;
+  MovingHand truth(input, input.person, model::Side::right);
+  std::mt19937 random(1);
+  Recording sure;
+  sure.times = test::frame_times(40, 20);
+  truth.record("right", 0, random, sure);
+  for (std::size_t k = 0; k < sure.times.size(); ++k)
+    *sure.channels["right.middle_mcp"].points.at(k) += truth.pose(sure.times[k]).wrist.q * Vec3(0.015, 0, 0);
+  Recording doubtful = sure;
+  for (std::size_t k = 0; k < sure.times.size(); ++k)
+    doubtful.channels["right.middle_mcp"].confidences.add(k, 0.01);
+  const double before = largest_error(run_track(input, sure), truth);
+  const TrackResult result = run_track(input, doubtful);
+  EXPECT_EQ(result.hands.at(0).count(FrameStatus::tracked), 40U);
+  EXPECT_GT(before, 2 * kDegree);
+  EXPECT_LT(largest_error(result, truth), 0.1 * before);
 }
 
 // Oracle: a hand of which 21 points were put where a convention says, of another size.

@@ -63,6 +63,75 @@ TEST(Recording, ReadsJsonOfACameraTracker) {
   EXPECT_LT((*read.channels.at("left.thumb_cmc").points.at(2) - Vec3(0.001, 0.002, 0.001)).norm(), 1e-18);
 }
 
+// Oracle: the same file with the names of conventions.
+TEST(Recording, ReadsNamesAsTrackersWriteThem) {
+  for (const char* name :
+       {"index_tip", "INDEX_FINGER_TIP", "XR_HAND_JOINT_INDEX_TIP_EXT", "index-finger-tip"}) {
+    const std::string column = std::string("right.") + name;
+    const Recording read =
+        read_text("a.csv", "time[s]," + column + ".x[m]," + column + ".y[m]," + column + ".z[m]\n0,1,2,3\n");
+    EXPECT_EQ(*read.channels.at("right.index_tip").points.at(0), Vec3(1, 2, 3)) << name;
+    const Recording json = read_text(
+        "a.json", std::string(R"({"rate": 1, "frames": [{"hands": [{"side": "right", "points": {")") + name +
+                      R"(": [1, 2, 3]}}]}]})");
+    EXPECT_EQ(*json.channels.at("right.index_tip").points.at(0), Vec3(1, 2, 3)) << name;
+  }
+  EXPECT_EQ(plain_name("PINKY_MCP"), "little_mcp");
+  EXPECT_EQ(plain_name("pinky-finger-phalanx-intermediate"), "little_intermediate");
+}
+
+// Oracle: null in the place of NaN, which Python writes, and the place of what is wrong behind it.
+TEST(Recording, TakesNanInJsonForAPointThatWasNotSeen) {
+  const std::string head = R"({"rate": 1, "frames": [{"hands": [{"side": "right", "points": {"wrist": )";
+  const Recording read =
+      read_text("a.json", head + R"([NaN, 2, 3], "index_tip": NaN, "little_tip": [1, 2, 3]}}]}]})");
+  EXPECT_FALSE(read.channels.contains("right.wrist"));
+  EXPECT_FALSE(read.channels.contains("right.index_tip"));
+  EXPECT_TRUE(read.channels.at("right.little_tip").points.at(0));
+  const auto place = [](const std::string& value) {
+    const std::string text = refusal("a.json", "{\"a\": " + value + ", \"frames\": [], \"frames\": []}");
+    return text.substr(text.find("a.json:"));
+  };
+  EXPECT_EQ(place("NaN"), place("111"));
+}
+
+// Oracle: the limit of the format; a confidence of the hand is that of its points without one.
+TEST(Recording, APointOfLowConfidenceWasNotSeen) {
+  const Recording csv = read_text("a.csv",
+                                  "time[s],right.a.x[m],right.a.y[m],right.a.z[m],right.a.confidence\n"
+                                  "0,1,2,3,0.4\n1,1,2,3,0.6\n2,1,2,3,\n3,1,2,3,-1\n");
+  const Seen<Vec3>& of = csv.channels.at("right.a").points;
+  EXPECT_FALSE(of.at(0));
+  EXPECT_TRUE(of.at(1));
+  EXPECT_EQ(*csv.channels.at("right.a").confidences.at(1), 0.6);
+  EXPECT_TRUE(of.at(2));
+  EXPECT_FALSE(of.at(3));
+  ASSERT_EQ(csv.warnings.size(), 1U);
+  EXPECT_NE(csv.warnings[0].find("2 of 3 points have a confidence below 0.5"), std::string::npos)
+      << csv.warnings[0];
+
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "a.json") << R"({"rate": 1, "frames": [
+    {"hands": [{"side": "right", "score": 0.9, "points": {"wrist": {"x": 1, "y": 2, "z": 3}, "index_tip": {"x": 1, "y": 2, "z": 3, "score": 0.2}}}]},
+    {"hands": [{"side": "right", "score": 0.3, "points": {"wrist": [1, 2, 3]}}]}]})";
+  RecordingFormat format;
+  format.confidence = "score";
+  format.least_confidence = 0.35;
+  const Recording json = read_recording(folder.path() / "a.json", format);
+  EXPECT_EQ(*json.channels.at("right.wrist").confidences.at(0), 0.9);
+  EXPECT_TRUE(json.channels.at("right.wrist").points.at(0));
+  EXPECT_FALSE(json.channels.at("right.wrist").points.at(1));
+  EXPECT_TRUE(json.channels.at("right.index_tip").points.empty());
+  // A tracker that writes 0 everywhere does not state it.
+  const Recording zeros =
+      read_text("a.csv", "time[s],right.a.x[m],right.a.y[m],right.a.z[m],right.confidence\n0,1,2,3,0\n");
+  EXPECT_TRUE(zeros.channels.at("right.a").points.at(0));
+  EXPECT_NE(zeros.warnings.at(0).find("every confidence is 0"), std::string::npos);
+  EXPECT_NE(refusal("a.csv", "time[s],a.x[m],a.y[m],a.z[m],a.confidence\n0,1,2,3,87\n")
+                .find("a.csv:2:1: a: got a confidence of 87"),
+            std::string::npos);
+}
+
 TEST(Recording, ReadsMarkersOfATrc) {
   const Recording read = read_text(
       "a.trc",

@@ -1,6 +1,12 @@
 #include "handsim/study/track/hand_frames.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace handsim::study {
+
+/// Confidence with which a point counts at least: one of 0 that counts as seen is not without any weight.
+constexpr double kLeast = 1e-3;
 
 HandFrames::HandFrames(const Recording& recording, std::vector<Feature> of, model::Side of_side)
     : side(of_side), features(std::move(of)), size_(recording.times.size()) {
@@ -16,6 +22,8 @@ MeasuredFrame HandFrames::at(std::size_t frame) const {
     if (!channels_[i]) continue;
     if (features[i].kind == Feature::Kind::point) {
       if (const Vec3* point = channels_[i]->points.at(frame)) out[i].point = *point;
+      if (const double* sure = channels_[i]->confidences.at(frame))
+        out[i].weight = std::sqrt(std::max(*sure, kLeast));
     } else if (const Quat* orientation = channels_[i]->orientations.at(frame)) {
       out[i].orientation = *orientation;
     }

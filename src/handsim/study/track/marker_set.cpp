@@ -46,6 +46,8 @@ RecordingFormat read_format(MapReader reader, const std::vector<MarkerSpec>& poi
   out.left_handed = reader.choice<bool>("handedness", {{"right", false}, {"left", true}}, false);
   out.unit = reader.choice<double>("unit", {{"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}}, 1);
   out.origin_unseen = reader.choice<bool>("unseen", {{"null", false}, {"origin", true}}, true);
+  out.confidence = reader.text("confidence", out.confidence);
+  out.least_confidence = reader.number("least_confidence", {Dimension::none, 0, 1}, out.least_confidence);
   out.names.clear();
   for (const MarkerSpec& point : points) out.names.push_back(point.name);
   reader.finish();

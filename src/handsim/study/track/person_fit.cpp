@@ -331,7 +331,7 @@ class Fit {
           const auto& [feature, axis] = unknowns_.shares[as_index(i - sizes)];
           if (each.fit.distances[feature])
             D.block<3, 1>(static_cast<Eigen::Index>(3 * feature), i) =
-                turn * fits[h].by_shares(feature).col(axis);
+                each.frame[feature].weight * turn * fits[h].by_shares(feature).col(axis);
         }
         for (Eigen::Index i = 0; i < sizes; ++i)
           D.col(i) = (moved[static_cast<std::size_t>(i)][h]

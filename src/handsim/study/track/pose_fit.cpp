@@ -63,10 +63,11 @@ Rows PoseFit::rows(const MeasuredFrame& frame, const HandPose& pose, const std::
     if (rejected[i] || !frame[i].seen()) continue;
     if (feature.kind == Feature::Kind::point) {
       const Vec3 arm = rotation * tree_.point(feature);
-      residual = pose.wrist.p + arm - *frame[i].point;
-      rows.leftCols<3>().setIdentity();
-      rows.middleCols<3>(3) = -cross_matrix(arm);
-      rows.rightCols(angles) = rotation * tree_.jacobian(feature).topRows<3>();
+      const double weight = frame[i].weight;
+      residual = weight * (pose.wrist.p + arm - *frame[i].point);
+      rows.leftCols<3>() = weight * Mat3::Identity();
+      rows.middleCols<3>(3) = -weight * cross_matrix(arm);
+      rows.rightCols(angles) = (weight * rotation) * tree_.jacobian(feature).topRows<3>();
     } else {
       const Vec3 error =
           rotation_vector(pose.wrist.q * tree_.orientation(feature) * frame[i].orientation->conjugate());
@@ -115,7 +116,7 @@ FitResult PoseFit::measure(const MeasuredFrame& frame, HandPose pose, std::vecto
   for (std::size_t i = 0; i < features_.size(); ++i) {
     auto& distance = out.distances.emplace_back();
     if (out.rejected[i] || !frame[i].seen()) continue;
-    distance = residuals.segment<3>(static_cast<Eigen::Index>(3 * i)).norm();
+    distance = residuals.segment<3>(static_cast<Eigen::Index>(3 * i)).norm() / frame[i].weight;
     squares += *distance * *distance;
     count += 1;
   }

@@ -12,6 +12,7 @@ namespace handsim::study {
 struct MeasuredPoint {
   std::optional<Vec3> point;        ///< world [m]
   std::optional<Quat> orientation;  ///< q_WorldSensor
+  double weight = 1;                ///< of the point's residual: the root of its confidence
 
   bool seen() const { return point || orientation; }
 };
@@ -29,8 +30,8 @@ struct FitResult {
   bool rejects() const { return std::ranges::find(rejected, true) != rejected.end(); }
 };
 
-/// Residuals [m] at a pose, and their derivatives by position, turn in world axes, angles; those of unused
-/// features are 0.
+/// Residuals [m] at a pose, times the points' weights, and their derivatives by position, turn in world axes,
+/// angles; those of unused features are 0.
 struct Rows {
   Eigen::VectorXd residuals;
   Eigen::MatrixXd jacobian;

@@ -4,69 +4,12 @@
 #include <cmath>
 #include <optional>
 
-#include <fmt/format.h>
-#include <nlohmann/json.hpp>
-
-#include "handsim/core/error.h"
-#include "handsim/core/input_file.h"
-#include "handsim/core/text.h"
-#include "handsim/core/units.h"
 #include "handsim/study/track/hand_tree.h"
+#include "handsim/study/track/recording_reader.h"
 
 namespace handsim::study {
 
 namespace {
-
-/// A recording being read, and the place in its file.
-class RecordingReader {
- public:
-  static constexpr std::size_t kMostBytes = 512U << 20U;
-  static constexpr std::size_t kMostFrames = 1'000'000;
-  static constexpr double kShortestInterval = 1e-6;  ///< between frames [s]
-  static constexpr double kFarthest = 1000;          ///< of a point from the origin [m]
-
-  RecordingReader(const std::filesystem::path& path, const RecordingFormat& format)
-      : format_(format),
-        text_(read_text_file(path, "a recording (.csv, .json, .trc, .c3d)", kMostBytes)),
-        place_{path.string(), 1, 1} {
-    out_.file = path.string();
-  }
-  [[noreturn]] void fail(std::string got, std::string need, std::string key = {}) const {
-    throw Error({Problem{place_, std::move(key), std::move(got), std::move(need)}});
-  }
-  void add_time(double time) {
-    if (!out_.times.empty() && !(time - out_.times.back() >= kShortestInterval))
-      fail(fmt::format("{:.12g} s after {:.12g} s", time, out_.times.back()),
-           fmt::format("times in s that increase, by {:g} s at least", kShortestInterval), "time");
-    if (!out_.times.empty() && !(time - out_.times.front() <= kLongestRecording))
-      fail(fmt::format("{:.6g} s after the first frame", time - out_.times.front()),
-           fmt::format("a recording of at most {:g} s", kLongestRecording), "time");
-    if (out_.times.size() == kMostFrames) fail("more frames", fmt::format("at most {}", kMostFrames));
-    out_.times.push_back(time);
-  }
-  /// The frame that add_time() has begun.
-  std::size_t frame() const { return out_.times.size() - 1; }
-  void check_place(const Vec3& point, const std::string& name) const {
-    if (!(point.cwiseAbs().maxCoeff() <= kFarthest))
-      fail(fmt::format("a point {:.3g} m away", point.cwiseAbs().maxCoeff()),
-           fmt::format("one within {:g} m of the origin: the unit may be another one", kFarthest), name);
-  }
-
- protected:
-  /// `right.index_pip` of `right.6`.
-  std::string point_name(const std::string& name) const {
-    const std::size_t dot = name.rfind('.');
-    if (dot == std::string::npos) return name;
-    const auto index = parse_number(name.substr(dot + 1));
-    if (!index || !(*index >= 0 && *index < static_cast<double>(format_.names.size()))) return name;
-    return name.substr(0, dot + 1) + format_.names[static_cast<std::size_t>(*index)];
-  }
-
-  const RecordingFormat& format_;
-  std::string text_;
-  Place place_;
-  Recording out_;
-};
 
 /// A text file read line by line.
 class LineReader : public RecordingReader {
@@ -76,6 +19,7 @@ class LineReader : public RecordingReader {
     place_.line = 0;
   }
   using RecordingReader::point_name;
+  const RecordingFormat& format() const { return format_; }
 
   bool next(std::string_view& line) {
     if (rest_.empty()) return false;
@@ -117,7 +61,8 @@ constexpr std::array<std::string_view, 7> kParts = {".x", ".y", ".z", ".qw", ".q
 /// Where the parts of a channel stand in a row.
 struct ChannelColumns {
   std::array<std::optional<std::size_t>, 7> at;
-  Vec3 unit = Vec3::Ones();  ///< of x, y and z [m]
+  Vec3 unit = Vec3::Ones();               ///< of x, y and z [m]
+  std::optional<std::size_t> confidence;  ///< column of it
 
   bool has(std::size_t first, std::size_t count) const {
     return std::all_of(at.begin() + static_cast<std::ptrdiff_t>(first),
@@ -131,10 +76,14 @@ std::map<std::string, ChannelColumns> read_head(const LineReader& reader,
   if (labels[0] != "time" && labels[0] != "time[s]")
     reader.fail(fmt::format("\"{}\"", printable(labels[0])), "time[s] as the first column");
   std::map<std::string, ChannelColumns> out;
+  std::map<std::string, std::size_t> confidences;  // columns, by channel or hand
+  const std::string confidence = "." + reader.format().confidence;
   for (std::size_t c = 1; c < labels.size(); ++c) {
     const std::size_t bracket = labels[c].find('[');
     const std::string_view unit = bracket == std::string_view::npos ? "[m]" : labels[c].substr(bracket);
     const std::string_view name = labels[c].substr(0, bracket);
+    if (name.ends_with(confidence))
+      confidences[reader.point_name(std::string(name.substr(0, name.size() - confidence.size())))] = c;
     for (std::size_t p = 0; p < kParts.size(); ++p) {
       if (!name.ends_with(kParts[p])) continue;
       if (unit != "[m]" && unit != "[mm]")
@@ -146,9 +95,13 @@ std::map<std::string, ChannelColumns> read_head(const LineReader& reader,
       if (p < 3 && unit == "[mm]") channel.unit[static_cast<Eigen::Index>(p)] = 1e-3;
     }
   }
-  for (const auto& [name, channel] : out)
+  for (auto& [name, channel] : out) {
     if (!channel.has(0, 3) && !channel.has(3, 4))
       reader.fail(fmt::format("only some columns of {}", name), "x, y and z, or qw, qx, qy and qz", name);
+    for (const std::string& of : {name, name.substr(0, name.find('.'))})
+      if (const auto found = confidences.find(of); found != confidences.end() && !channel.confidence)
+        channel.confidence = found->second;
+  }
   if (out.empty()) reader.fail("no column of a point or sensor", "columns such as right.wrist.x[m]");
   return out;
 }
@@ -169,8 +122,11 @@ Recording read_csv(const std::filesystem::path& path, const RecordingFormat& for
     for (const auto& [name, from] : columns) {
       Channel& channel = reader.out().channels[name];
       if (from.at[0])
-        if (const auto point = reader.point(fields[*from.at[0]], fields[*from.at[1]], fields[*from.at[2]]))
+        if (const auto point = reader.point(fields[*from.at[0]], fields[*from.at[1]], fields[*from.at[2]])) {
           reader.add_point(channel, name, from.unit.cwiseProduct(*point));
+          if (const auto sure = from.confidence ? reader.number(fields[*from.confidence]) : std::nullopt)
+            reader.add_confidence(channel, name, *sure);
+        }
       if (!from.at[3]) continue;
       const auto w = reader.number(fields[*from.at[3]]);
       const auto axis = reader.point(fields[*from.at[4]], fields[*from.at[5]], fields[*from.at[6]]);
@@ -219,7 +175,7 @@ Recording read_trc(const std::filesystem::path& path, const RecordingFormat& for
   const std::vector<std::string_view>& names = head.lines[3];
   for (std::size_t c = 2; c < names.size(); c += 3) {
     if (names[c].empty()) continue;
-    markers.emplace_back(std::string(names[c]), c);
+    markers.emplace_back(reader.point_name(std::string(names[c])), c);
     if (!reader.out().channels.try_emplace(markers.back().first).second)
       reader.fail("a second marker of this name", "each name once", markers.back().first);
   }
@@ -244,156 +200,36 @@ Recording read_trc(const std::filesystem::path& path, const RecordingFormat& for
   return std::move(reader.out());
 }
 
-/// Bytes of a file for the parser; reading them moves a place along.
-struct PlacedBytes {
-  using iterator_category = std::input_iterator_tag;
-  using value_type = char;
-  using difference_type = std::ptrdiff_t;
-  using pointer = const char*;
-  using reference = const char&;
-  const char* at = nullptr;
-  Place* place = nullptr;
-
-  reference operator*() const { return *at; }
-  PlacedBytes& operator++() {
-    const bool ends = *at++ == '\n';
-    place->line += ends ? 1 : 0;
-    place->column = ends ? 1 : place->column + 1;
-    return *this;
-  }
-  bool operator==(const PlacedBytes& other) const { return at == other.at; }
-};
-
-using Document = nlohmann::json;
-
-/// Reads frames of keypoints from JSON, of which the parser keeps one frame at a time.
-class JsonReader : public RecordingReader {
- public:
-  using RecordingReader::RecordingReader;
-
-  Recording read() {
-    const char* const begin = text_.data();
-    const auto keep = [this](int depth, Document::parse_event_t event, const Document& value) {
-      return keeps(depth, event, value);
-    };
-    try {
-      const Document head =
-          Document::parse(PlacedBytes{begin, &place_}, PlacedBytes{begin + text_.size(), &place_}, keep);
-      if (!any_frames_) fail("no frames", "JSON with a list of frames", "frames");
-      if (head.is_object())
-        finish(head.value("rate", 0.0), head.value("unit", ""));
-      else
-        finish(0, "");
-    } catch (const Document::exception& error) {
-      fail(printable(error.what(), 200), "JSON with a list of frames", any_frames_ ? key() : "");
+/// Takes out points of which the tracker is not sure.
+void remove_doubtful(const RecordingFormat& format, Recording& recording) {
+  std::size_t stated = 0, doubtful = 0;
+  bool any = false;
+  for (const auto& [name, channel] : recording.channels)
+    for (const double confidence : channel.confidences.values()) {
+      ++stated;
+      any = any || confidence != 0;
+      if (confidence < format.least_confidence) ++doubtful;
     }
-    if (doubled_ > 0)
-      out_.warnings.push_back(fmt::format(
-          "{}: {} frames have two hands of one side, the first of them frames.{}: neither is used there",
-          out_.file, doubled_, first_doubled_));
-    return std::move(out_);
+  if (doubtful == 0) return;
+  if (any)
+    recording.warnings.push_back(
+        fmt::format("{}: {} of {} points have a {} below {:g}: they count as not seen", recording.file,
+                    doubtful, stated, format.confidence, format.least_confidence));
+  else
+    recording.warnings.push_back(
+        fmt::format("{}: every {} is 0: the tracker does not state it", recording.file, format.confidence));
+  for (auto& [name, channel] : recording.channels) {
+    const Seen<double>& of = channel.confidences;
+    if (any)
+      channel.points.remove([&](std::uint32_t k) { return of.at(k) && *of.at(k) < format.least_confidence; });
+    else
+      channel.confidences = {};
   }
-
- private:
-  std::string key() const { return fmt::format("frames.{}", count_); }
-
-  /// False for a frame that has been read, and for what is no part of a recording.
-  bool keeps(int depth, Document::parse_event_t event, const Document& value) {
-    using Event = Document::parse_event_t;
-    const bool list = event == Event::array_start;
-    if (depth == 0) in_frames_ = in_frames_ || list;
-    if (depth == 1 && event == Event::key) {
-      in_frames_ = value == "frames";
-      if (in_frames_ && any_frames_) fail("a second list", "one list of frames", "frames");
-      return in_frames_ || value == "rate" || value == "unit";
-    }
-    if (!in_frames_) return true;
-    if (!any_frames_) {
-      any_frames_ = list;
-      level_ = depth + 1;
-    } else if (depth == level_ &&
-               (event == Event::object_end || event == Event::array_end || event == Event::value)) {
-      add_frame(value);
-      ++count_;
-      return false;
-    }
-    return true;
-  }
-
-  void add_frame(const Document& frame) {
-    const Document& hands = frame.at("hands");
-    if (!hands.is_array())
-      fail("hands that are no list", "a list of hands, empty where none was seen", key());
-    if (frame.contains("time")) {
-      add_time(frame["time"].get<double>());
-    } else {
-      if (++untimed_ > kMostFrames) fail("more frames", fmt::format("at most {}", kMostFrames));
-      out_.times.push_back(0);
-    }
-    std::array<std::vector<const Document*>, 2> of_side;
-    for (const Document& hand : hands) {
-      const std::string side = lower_case(hand.at("side").get<std::string>());
-      if (side != "right" && side != "left")
-        fail(fmt::format("the side {}", printable(side)), "right or left", key());
-      of_side[side == "right" ? 0 : 1].push_back(&hand);
-      if (const Document& points = hand.at("points");
-          points.is_array() && points.size() != format_.names.size())
-        fail(fmt::format("{} points", points.size()),
-             fmt::format("{} points, null for those not seen; --points names other trackers",
-                         format_.names.size()),
-             key());
-    }
-    // Nobody knows which of two right hands is the right one.
-    if ((of_side[0].size() > 1 || of_side[1].size() > 1) && doubled_++ == 0) first_doubled_ = count_;
-    if (of_side[0].size() == 1) add_hand("right.", *of_side[0][0]);
-    if (of_side[1].size() == 1) add_hand("left.", *of_side[1][0]);
-  }
-
-  void add_hand(const std::string& side, const Document& hand) {
-    const Document& points = hand["points"];
-    for (std::size_t p = 0; p < format_.names.size(); ++p) {
-      const Document point = points.is_array() ? points[p] : points.value(format_.names[p], Document());
-      std::array<std::optional<double>, 3> x;
-      for (std::size_t i = 0; i < 3 && !point.is_null(); ++i)
-        if (const Document& value = point.is_array() ? point.at(i) : point.at(std::string(1, "xyz"[i]));
-            !value.is_null())
-          x[i] = value.get<double>();
-      if (x[0] && x[1] && x[2])
-        out_.channels[side + format_.names[p]].points.add(count_, {*x[0], *x[1], *x[2]});
-    }
-  }
-
-  /// What the head says may stand behind the frames.
-  void finish(double rate, const std::string& unit) {
-    place_ = {place_.file, 1, 1};
-    const double size = unit.empty() ? format_.unit : unit == "m" ? 1 : unit == "cm" ? 1e-2 : 1e-3;
-    if (!unit.empty() && unit != "m" && unit != "cm" && unit != "mm")
-      fail(printable(unit), "m, cm or mm", "unit");
-    for (auto& [name, channel] : out_.channels)
-      for (std::size_t i = 0; i < channel.points.values().size(); ++i) {
-        Vec3& point = channel.points.values()[i];
-        point *= size;
-        check_place(point, fmt::format("frames.{}: {}", channel.points.frames()[i], name));
-      }
-    if (untimed_ == 0) return;
-    if (untimed_ < count_ || rate == 0)
-      fail(fmt::format("no time in {} of {} frames", untimed_, count_),
-           "a time in s in every frame, or a rate in Hz", "frames");
-    if (!(rate > 0 && rate * kShortestInterval <= 1))
-      fail(fmt::format("{:g}", rate), "a rate above 0 to 1e6 Hz", "rate");
-    for (std::size_t i = 0; i < count_; ++i) out_.times[i] = static_cast<double>(i) / rate;
-    if (out_.times.back() > kLongestRecording)
-      fail(fmt::format("{} frames at {:g} Hz", count_, rate),
-           fmt::format("at most {:g} s", kLongestRecording), "rate");
-  }
-
-  bool in_frames_ = false, any_frames_ = false;
-  int level_ = 0;                                                          ///< depth of a frame
-  std::size_t count_ = 0, untimed_ = 0, doubled_ = 0, first_doubled_ = 0;  ///< frames
-};
+}
 
 /// Takes out what the tracker writes for a point that it does not see, and turns the axes.
 void apply(const RecordingFormat& format, Recording& recording) {
+  remove_doubtful(format, recording);
   // Of each hand, frames whose points are all at one place.
   for (const std::string hand : {"right.", "left."}) {
     std::vector<Seen<Vec3>*> points;
@@ -427,13 +263,25 @@ void apply(const RecordingFormat& format, Recording& recording) {
 
 }  // namespace
 
+std::string plain_name(std::string_view name) {
+  std::string out = lower_case(name);
+  std::ranges::replace(out, '-', '_');
+  for (const auto& [part, plain] : {std::pair<std::string_view, std::string_view>{"xr_hand_joint_", ""},
+                                    {"_ext", ""},
+                                    {"_finger_", "_"},
+                                    {"phalanx_", ""},
+                                    {"pinky", "little"}})
+    if (const std::size_t at = out.find(part); at != std::string::npos) out.replace(at, part.size(), plain);
+  return out;
+}
+
 Recording read_recording(const std::filesystem::path& path, RecordingFormat format) {
   const std::string ending = lower_case(path.extension().string());
   if (ending != ".csv" && ending != ".json" && ending != ".trc")
     throw input_error(path.string(), "a file of another kind", "a recording: .csv, .json, .trc or .c3d");
   if (format.names.empty()) format.names = keypoint_names();
   Recording out = ending == ".csv"    ? read_csv(path, format)
-                  : ending == ".json" ? JsonReader(path, format).read()
+                  : ending == ".json" ? read_json_recording(path, format)
                                       : read_trc(path, format);
   if (out.times.empty()) throw input_error(path.string(), "no frame", "a recording with frames");
   apply(format, out);

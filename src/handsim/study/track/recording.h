@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -53,8 +54,9 @@ class Seen {
 
 /// What was recorded under one name.
 struct Channel {
-  Seen<Vec3> points;        ///< world [m]
-  Seen<Quat> orientations;  ///< q_WorldSensor
+  Seen<Vec3> points;         ///< world [m]
+  Seen<double> confidences;  ///< of points, where the file states them: to 1
+  Seen<Quat> orientations;   ///< q_WorldSensor
 };
 
 struct Recording {
@@ -71,7 +73,13 @@ struct RecordingFormat {
   bool left_handed = false;        ///< axes: the one that is neither x nor up is turned round
   double unit = 1;                 ///< of .json that states none [m]
   bool origin_unseen = false;      ///< 0 0 0 is a point that was not seen
+  std::string confidence = "confidence";  ///< name of the number beside a point or hand
+  double least_confidence = 0.5;          ///< a point with less was not seen: chosen
 };
+
+/// A name of a point as conventions write it: `XR_HAND_JOINT_INDEX_TIP_EXT`, `index-finger-tip` and
+/// `INDEX_FINGER_TIP` are `index_tip`, `PINKY_MCP` is `little_mcp`.
+std::string plain_name(std::string_view name);
 
 /// Reads a recording by its file's ending:
 /// - .csv: `time[s],NAME.x[m],NAME.y[m],NAME.z[m],...` (or [mm]), sensors `NAME.qw,NAME.qx,NAME.qy,NAME.qz`;
@@ -80,8 +88,10 @@ struct RecordingFormat {
 ///   points in the usual order, each [x, y, z], {"x":, "y":, "z":} or null; `"rate"` in Hz in place of times,
 ///   `"unit"`: m (default), cm or mm. Points may be a map by name. Memory grows with the points that were
 ///   seen, not with the frames.
+///   NaN is null.
 /// - .trc: markers as OpenSim and Motion Analysis write them, with NumFrames and NumMarkers.
-/// A hand whose points are all at one place was not seen.
+/// A hand whose points are all at one place was not seen. Points may have a confidence: a column
+/// `NAME.confidence`, or `right.confidence` of a hand; in .json a number of a point {"x":, ...} or a hand.
 /// @throws Error (input) with the place of what cannot be read.
 Recording read_recording(const std::filesystem::path& path, RecordingFormat format = {});
 

@@ -98,11 +98,4 @@ TrackResult run_track(const TrackInput& input, const std::function<void(double)>
 TrackResult run_track(const TrackInput& input, const Recording& recording,
                       const std::function<void(double)>& progress = {});
 
-/// Names of the files of write_track().
-std::vector<std::string> track_files();
-/// HAND.mot, wrists.csv, frames.csv, person.yaml, scene.yaml, summary.csv, summary.json and, if gnuplot is
-/// installed, plots. @returns false if gnuplot is missing or fails.
-bool write_track(const TrackInput& input, const TrackResult& result, const std::filesystem::path& out);
-std::string track_json(const TrackInput& input, const TrackResult& result);
-
 }  // namespace handsim::study
