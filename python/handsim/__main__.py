@@ -17,6 +17,7 @@ COMMANDS: dict[str, str] = {
     "compare": "handsim.compare",
     "effects": "handsim._effects",
     "export": "handsim.export",
+    "hand": "handsim._hand_command",
     "identify": "handsim._identify_command",
     "live": "handsim._live.command",
     "optimise": "handsim._optimise_command",

@@ -96,20 +96,16 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
 /// Adds `--set`, and `--engine` for `--set solver.engine=...`.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
-/// Adds `--uncertain`, a number of drawn hands.
-inline CLI::Option* add_uncertain(CLI::App& command, std::optional<int>& count) {
-  return command
-      .add_option(
-          "--uncertain", count,
-          "draw as many hands within what is uncertain of them: all figures with intervals, and which "
-          "inputs own their variance")
-      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
-}
-
-/// Adds `--uncertain`, and `--on` for the runs of these hands.
+/// Adds `--uncertain`, a number of drawn hands, and `--on` for their runs.
 template <class Arguments>
 CLI::Option* add_uncertain_runs(CLI::App& command, Arguments& arguments) {
-  CLI::Option* uncertain = add_uncertain(command, arguments.uncertain);
+  CLI::Option* uncertain =
+      command
+          .add_option(
+              "--uncertain", arguments.uncertain,
+              "draw as many hands within what is uncertain of them: all figures with intervals, and which "
+              "inputs own their variance")
+          ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
   command.add_option("--on", arguments.on, "dask://HOST:PORT of a scheduler whose workers run these hands")
       ->needs(uncertain);
   return uncertain;

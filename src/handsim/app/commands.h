@@ -43,19 +43,15 @@ auto load_kind(const std::filesystem::path& path, scene::FileKind kind, const Re
   return out;
 }
 
+/// Whose hands, without a scene.
 struct HandArguments {
   std::optional<std::filesystem::path> person;  ///< a file, instead of measures
   std::map<std::string, std::string> measures;  ///< by key of a person file
   std::optional<std::filesystem::path> model;   ///< absent: the installed anatomical hand
-  std::string side = "both";
-  std::optional<int> uncertain;           ///< hands that are drawn
-  std::optional<std::string> population;  ///< in place of a person: percentiles of its hands
-  std::vector<double> percentiles = {5, 50, 95};
-  std::optional<std::filesystem::path> out;  ///< absent: only the table
+  std::string side;
 };
-int hand_command(const HandArguments& arguments);
 
-/// Hands straight from a person, without a scene.
+/// What these say.
 struct PersonHands {
   hand::HandSpec model;
   hand::Person person;

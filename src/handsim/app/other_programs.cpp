@@ -26,10 +26,12 @@ constexpr const char* kHardCases = "stability";
 struct OtherCommand {
   const char *name, *help, *example;
   const char* place;    ///< what completion offers in place of an option: `scene`, `study` or nothing
-  const char* options;  ///< their long names, with blanks between
+  /// Their long names, with blanks between; after = the words that one takes, with | between, or the folder
+  /// of shipped files that it takes.
+  const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 11> kOtherCommands = {
+constexpr std::array<OtherCommand, 12> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -41,6 +43,11 @@ constexpr std::array<OtherCommand, 11> kOtherCommands = {
       "effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
       "out set engine repeats report json"},
+     {"hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
+      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", "",
+      "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
+      "hand-length-percentile person=config/persons model=handmodels side=right|left|both uncertain "
+      "population percentile out"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
       "handsim identify out/run --scene grasp_pinch --free objects.0.mass", "",
       "scene free columns deviation set out json"},
@@ -160,8 +167,17 @@ void add_other_commands(CommandLine& line) {
     CLI::App& sub = *line.app.add_subcommand(command.name, command.help);
     sub.footer(std::string("Example: ") + command.example);
     if (*command.place) add_input(sub, command.place, line.unread, "file");
-    for (const std::string_view name : split(command.options, ' '))
-      if (!name.empty()) sub.add_flag("--" + std::string(name));
+    for (const std::string_view option : split(command.options, ' ')) {
+      const std::size_t cut = std::min(option.find('='), option.size());
+      const std::string name = "--" + std::string(option.substr(0, cut));
+      const std::string words(option.substr(std::min(cut + 1, option.size())));
+      if (words.find('|') != std::string::npos)
+        sub.add_option(name)->type_name(words);
+      else if (!words.empty())
+        add_input(sub, name, line.unread, "file", words);
+      else if (!option.empty())
+        sub.add_flag(name);
+    }
   }
 }
 

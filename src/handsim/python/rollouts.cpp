@@ -1,4 +1,4 @@
-// Rows of rollout studies, and the statistics of their tables, for python/handsim/_rollouts.py.
+// Rows of rollout studies, for python/handsim/_rollouts.py, and how all studies of the package write.
 #include "handsim/study/rollouts/rollouts.h"
 
 #include "handsim/app/motion_command.h"
@@ -11,16 +11,12 @@
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/report.h"
-#include "handsim/study/statistics.h"
 
 namespace handsim::python {
 
 namespace {
 
 using std::filesystem::path;
-using NumberArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
-/// Value, low and high end of its interval.
-using EstimateNumbers = std::optional<std::tuple<double, double, double>>;
 
 /// Ends the work of all threads that have it.
 struct Stop {
@@ -114,27 +110,6 @@ py::tuple rows(Rollouts& of, long from, long to, const Stop& stop) {
   return py::make_tuple(found.to, py::bytes(found.csv), trajectories, curves);
 }
 
-EstimateNumbers numbers_of(const std::optional<study::Estimate>& of) {
-  if (!of) return std::nullopt;
-  return std::tuple(of->value, of->low, of->high);
-}
-
-std::span<const double> span_of(const NumberArray& numbers) {
-  return {numbers.data(), static_cast<std::size_t>(numbers.size())};
-}
-
-using NamedArray = std::tuple<std::string, NumberArray, bool>;
-std::vector<std::pair<std::string, double>> variance(const std::vector<NamedArray>& inputs,
-                                                     const NumberArray& outcome) {
-  std::vector<study::Input> all;
-  for (const auto& [name, values, categories] : inputs)
-    all.push_back({name, {values.data(), values.data() + values.size()}, categories});
-  std::vector<std::pair<std::string, double>> out;
-  for (const study::VarianceShare& each : study::variance_shares(all, span_of(outcome)))
-    out.emplace_back(each.of, each.share);
-  return out;
-}
-
 /// Plots as name, terminal and commands. @return false: gnuplot is missing or failed
 bool write_plots(const path& out, const std::string& name, const std::string& data,
                  const std::vector<std::tuple<std::string, std::string, std::string>>& plots) {
@@ -183,12 +158,6 @@ void bind_rollouts(py::module_& module) {
   module.def("rollouts", &rollouts);
   module.def("uncertain_grasps", &uncertain_grasps);
   module.def("check_free", &simulation::check_free);
-  module.def("share", [](long held, long of) { return numbers_of(study::share(held, of)); });
-  module.def("mean_of", [](const NumberArray& of) { return numbers_of(study::mean_of(span_of(of))); });
-  module.def("rank_correlation", [](const NumberArray& x, const NumberArray& y) {
-    return numbers_of(study::rank_correlation(span_of(x), span_of(y)));
-  });
-  module.def("variance_shares", &variance);
   module.def("write_plots", &write_plots);
   module.def("json_text", [](const std::string& text) { return study::Json::parse(text).dump(2) + "\n"; });
   module.def("bytes_hash", [](const py::buffer& of) {

@@ -80,13 +80,17 @@ std::string inverse(const SceneHandle& of, const path& out, const app::InverseAr
 
 /// Stature [m], mass [kg] and sex.
 using PersonNumbers = std::tuple<double, double, std::string>;
-std::vector<PersonNumbers> draw_persons(const std::string& population, int count, std::uint64_t seed) {
+/// @param male absent: women and men with equal chances
+std::vector<PersonNumbers> draw_persons(const std::string& population, int count, std::uint64_t seed,
+                                        std::optional<bool> male) {
   const study::Population* of = study::population(population);
   if (!of) throw input_error("population", population, std::string(study::populations().front().name));
+  std::optional<hand::Sex> sex;
+  if (male) sex = *male ? hand::Sex::male : hand::Sex::female;
   std::vector<PersonNumbers> out;
   for (int i = 0; i < count; ++i) {
     environment::Draws draws(seed, static_cast<std::uint64_t>(i), "person");
-    const hand::Person each = study::draw_person(*of, std::nullopt, draws);
+    const hand::Person each = study::draw_person(*of, sex, draws);
     out.emplace_back(each.stature, each.mass, each.sex == hand::Sex::male ? "male" : "female");
   }
   return out;

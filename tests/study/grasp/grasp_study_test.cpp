@@ -9,7 +9,6 @@
 
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/rollouts/rollouts.h"
-#include "handsim/study/statistics.h"
 #include "scene_files.h"
 #include "support/sanitized.h"
 
