@@ -17,6 +17,7 @@ COMMANDS: dict[str, str] = {
     "compare": "handsim.compare",
     "effects": "handsim._effects",
     "export": "handsim.export",
+    "grasp": "handsim._grasps",
     "hand": "handsim._hand_command",
     "identify": "handsim._identify_command",
     "live": "handsim._live.command",

@@ -104,7 +104,8 @@ class Facts:
         """Edges of the box about it [m], its volume [m^3], and how many shapes it has."""
         self.bodies: list[tuple[str, float, list[float]]] = of["bodies"]
         """Name, mass [kg] and moments of inertia [kg m^2]; the palm first."""
-        self.segments = [Segment(*row, None if joint is None else JointFacts(*joint)) for *row, joint in of["segments"]]
+        self.segments = [Segment(name, carrier, length, radius, body, None if joint is None else JointFacts(*joint))
+                         for name, carrier, length, radius, body, joint in of["segments"]]
         self.wrist = JointFacts(*of["wrist"])
         self.reference: tuple[str, float, float, float, float] = of["reference"]
         """Source; centre of mass and radii of gyration, in shares of hand length."""

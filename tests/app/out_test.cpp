@@ -344,16 +344,5 @@ TEST(Export, WritesTheFormatOfTheExtension) {
     EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / name}).status, 2) << name;
 }
 
-TEST(GraspStudy, RefusesTwoScenesThatWouldShareAFolder) {
-  const TemporaryFolder folder;
-  const fs::path out = folder.path() / "out";
-  const std::string scene = source("config/grasp_pinch.yaml");
-  const Outcome outcome =
-      run_program({"grasp", scene, source("config/../config/grasp_pinch.yaml"), "--out", out});
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "whose name another has")) << outcome.err;
-  EXPECT_FALSE(fs::exists(out));
-}
-
 }  // namespace
 }  // namespace handsim::test

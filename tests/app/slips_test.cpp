@@ -36,7 +36,7 @@ TEST(MistypedOption, IsNamedWithTheNearest) {
            {{"run", kScene, "--out", out, "--frmes", "3"}, "--frmes: got an unknown option, need one of "},
            {{"run", kScene, "--out", out, "--frmes=3"}, "(nearest: --frames)"},
            {{"run", kScene, "--out", out, "--snapshotat", "1"}, "(nearest: --snapshot-at)"},
-           {{"grasp", kScene, "--oot", out}, "(nearest: --out)"}}) {
+           {{"render", kScene, "--oot", out}, "(nearest: --out)"}}) {
     const Outcome outcome = run_program(slip.words);
     EXPECT_EQ(outcome.status, 2);
     ASSERT_EQ(outcome.problems().size(), 1U) << outcome.err;

@@ -128,7 +128,6 @@ std::string completion_script(const CLI::App& app, const std::string& shell);
 std::string man_page(const CLI::App& app, const std::string& version);
 
 void add_scene_commands(CommandLine& line);
-void add_study_commands(CommandLine& line);
 void add_motion_commands(CommandLine& line);
 /// For help and completion alone: these commands never reach CLI11.
 void add_other_commands(CommandLine& line);

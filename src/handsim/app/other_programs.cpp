@@ -25,13 +25,13 @@ constexpr const char* kHardCases = "stability";
 
 struct OtherCommand {
   const char *name, *help, *example;
-  const char* place;    ///< what completion offers in place of an option: `scene`, `study` or nothing
+  const char* place;  ///< what completion offers in place of an option: `scene`, `study` or nothing
   /// Their long names, with blanks between; after = the words that one takes, with | between, or the folder
   /// of shipped files that it takes.
   const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 12> kOtherCommands = {
+constexpr std::array<OtherCommand, 13> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -43,6 +43,13 @@ constexpr std::array<OtherCommand, 12> kOtherCommands = {
       "effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
       "out set engine repeats report json"},
+     {"grasp",
+      "Run grasp and climb scenes: table of what was held, how firmly, the least friction that holds, and "
+      "the "
+      "load that a hand carried on a hold",
+      "handsim grasp config --out out/grasps --side both", "scene",
+      "out side=right|left|both persons=config/persons set engine friction friction-search margin confirm "
+      "uncertain on report pictures video fps speed gl=osmesa|egl"},
      {"hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
       "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", "",
       "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
@@ -101,7 +108,7 @@ sys.exit(main()))py";
 /// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file or for a convention; what writes the
 /// page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
-  if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
+  if (command == "run") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   const std::string word = lower_case(argument);
   if (command == "track") return word == "c3d" || word == "--convention-from";

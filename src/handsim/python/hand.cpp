@@ -244,21 +244,22 @@ py::dict hand_facts(const SceneHandle& of) {
       arg("stature") = person.stature, arg("mass") = person.mass, arg("sex") = hand::name(person.sex),
       arg("age") = person.age, arg("weighed") = person.hand_mass.has_value(),
       arg("measured") = built.size.measured, arg("fingers") = person.fingers,
-      arg("rule") =
-          py::make_tuple(kRules[static_cast<int>(spec.mass.kind)], share, spec.mass.density, spec.mass.source),
+      arg("rule") = py::make_tuple(kRules[static_cast<int>(spec.mass.kind)], share, spec.mass.density,
+                                   spec.mass.source),
       arg("survey") = hand::survey_of(survey, person).source,
       arg("palm") = py::make_tuple(box, built.palm_volume,
                                    std::ranges::count(built.shapes, model::Part::palm, &model::Shape::part)),
       arg("bodies") = bodies, arg("segments") = segments, arg("wrist") = joint_facts(built.wrist),
-      arg("reference") = py::make_tuple(survey.reference_source, shares.centre_of_mass,
-                                        shares.gyration_sagittal, shares.gyration_transverse,
-                                        shares.gyration_longitudinal),
+      arg("reference") =
+          py::make_tuple(survey.reference_source, shares.centre_of_mass, shares.gyration_sagittal,
+                         shares.gyration_transverse, shares.gyration_longitudinal),
       arg("title") = spec.title, arg("sources") = spec.sources,
       arg("uncertain") = hand::uncertain_of(spec, person, false));
 }
 
 /// A drawn hand: stature [m], mass [kg] and sex, or the scene's person; and deviations.
-using DrawnHand = std::pair<std::optional<std::tuple<double, double, std::string>>, std::map<std::string, double>>;
+using DrawnHand =
+    std::pair<std::optional<std::tuple<double, double, std::string>>, std::map<std::string, double>>;
 
 /// A row for each drawn hand of the first hand's model: size [m] and mass [kg], lengths of segments [m], and
 /// upper stops [rad].
@@ -274,8 +275,8 @@ py::array_t<double> hand_figures(const SceneHandle& of, const std::vector<DrawnH
     for (const auto& [name, deviation] : deviations) person.deviations[name] = deviation;
     const hand::BuiltHand built = hand::build_hand(*entry.model, person);
     const hand::HandSize& size = built.size;
-    out.insert(out.end(), {size.length, size.breadth, size.palm_length, size.circumference, size.thickness,
-                           built.mass});
+    out.insert(out.end(),
+               {size.length, size.breadth, size.palm_length, size.circumference, size.thickness, built.mass});
     for (std::size_t i = 0; i < built.segments.size(); ++i)
       if (!entry.model->segments[i].carrier) out.push_back(built.segments[i].length);
     for (const model::Joint& joint : built.joints)

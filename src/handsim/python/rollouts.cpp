@@ -9,7 +9,6 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
 #include "handsim/simulation/run/output_size.h"
-#include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/report.h"
 
 namespace handsim::python {
@@ -119,23 +118,6 @@ bool write_plots(const path& out, const std::string& name, const std::string& da
   return without_gil([&] { return study::write_report(out, name, report); });
 }
 
-/// Studies of uncertain hands as name, side, file, overrides and folder; grasps that their hands refuse.
-py::tuple uncertain_grasps(const std::vector<path>& scenes, const std::vector<std::string>& sides,
-                           const std::vector<path>& persons, const std::vector<std::string>& overrides,
-                           const path& out) {
-  study::GraspStudy study;
-  study.scenes = scenes, study.sides = sides, study.persons = persons;
-  study.overrides = overrides, study.out = out;
-  std::vector<study::RefusedGrasp> refused;
-  const auto found = without_gil([&] { return study::uncertain_grasps(study, refused); });
-  py::list drawn, not_for;
-  for (const study::UncertainGrasp& each : found)
-    drawn.append(py::make_tuple(each.name, each.side, each.file, each.overrides, each.out));
-  for (const study::RefusedGrasp& each : refused)
-    not_for.append(py::make_tuple(each.scene, each.side, each.why));
-  return py::make_tuple(drawn, not_for);
-}
-
 }  // namespace
 
 void bind_rollouts(py::module_& module) {
@@ -156,7 +138,6 @@ void bind_rollouts(py::module_& module) {
         return py::bytes(study::crashed_row(of.study(), rollout, error));
       });
   module.def("rollouts", &rollouts);
-  module.def("uncertain_grasps", &uncertain_grasps);
   module.def("check_free", &simulation::check_free);
   module.def("write_plots", &write_plots);
   module.def("json_text", [](const std::string& text) { return study::Json::parse(text).dump(2) + "\n"; });

@@ -3,7 +3,6 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
 #include "handsim/study/accuracy/accuracy.h"
-#include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/population.h"
 
 namespace handsim::python {
@@ -43,26 +42,6 @@ py::list variants(const SceneHandle& of) {
     add("solver.speculative", std::move(scene));
   }
   return out;
-}
-
-void grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
-            const std::vector<std::string>& overrides, std::optional<double> friction, bool friction_search,
-            bool margin, bool confirm, bool pictures, const py::object& progress) {
-  run_study(progress, [&](StudyHooks& hooks) {
-    study::GraspStudy study;
-    study.scenes = scenes;
-    study.out = out;
-    study.sides = sides;
-    study.overrides = overrides;
-    study.friction = friction;
-    study.friction_search = friction_search;
-    study.margin = margin;
-    study.confirm = confirm;
-    study.pictures = pictures;
-    study.progress = hooks.told;
-    const study::GraspTables tables = study::run_grasps(study);
-    study::finish_study(out, study::grasp_commands(study), false);
-  });
 }
 
 std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,
@@ -153,7 +132,6 @@ void bind_studies(py::module_& module) {
   module.def("cpu_seconds", [](const SceneHandle& of, long warm_up, long steps) {
     return without_gil([&] { return study::cpu_seconds(*of.scene, warm_up, steps); });
   });
-  module.def("grasps", &grasps);
   bind_motion(module);
 }
 
