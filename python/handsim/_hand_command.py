@@ -310,7 +310,7 @@ def _percentiles(texts: Sequence[str]) -> list[float]:
 
 
 def _hands(person: Optional[Path], measures: dict[str, str], model: Optional[Path], side: str) -> Scene:
-    core, warnings = _core.person_hands(person, {key[2:].replace("-", "_"): value for key, value in measures.items()}, model, side)
+    core, warnings = _core.bare_hands(person, {key[2:].replace("-", "_"): value for key, value in measures.items()}, model, side)
     warn(warnings)
     return Scene(core)
 

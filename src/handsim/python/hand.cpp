@@ -193,9 +193,9 @@ py::dict dimensions(const SceneHandle& of) {
 
 /// Hands of a person without a scene: straight, side by side, backs up; and warnings.
 /// @param measures texts by key of a person file. @param model absent: the anatomical hand
-py::tuple person_hands(const std::optional<std::filesystem::path>& person,
-                       const std::map<std::string, std::string>& measures,
-                       const std::optional<std::filesystem::path>& model, const std::string& side) {
+py::tuple bare_hands(const std::optional<std::filesystem::path>& person,
+                     const std::map<std::string, std::string>& measures,
+                     const std::optional<std::filesystem::path>& model, const std::string& side) {
   app::PersonHands input = app::read_person_hands({person, measures, model, side});
   const std::vector<std::string> warnings = std::move(input.warnings);
   return py::make_tuple(SceneHandle{std::make_shared<const scene::Scene>(
@@ -289,7 +289,7 @@ py::array_t<double> hand_figures(const SceneHandle& of, const std::vector<DrawnH
 }  // namespace
 
 void bind_hand(py::module_& module) {
-  module.def("person_hands", &person_hands);
+  module.def("bare_hands", &bare_hands);
   module.def("hand_facts", &hand_facts);
   module.def("hand_figures", &hand_figures);
   module.def("overlap_texts", [](const SceneHandle& of) {
