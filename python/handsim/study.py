@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _accuracy, _core, _effects, _grasps, _rollouts, _rollouts_run
+from . import _accuracy, _core, _effects, _grasps, _inverse, _rollouts, _rollouts_run
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
@@ -231,7 +231,9 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
         return _drawn(asked, client, threads, out, progress)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder, bar(progress, "inverse") as told:
-        return Study("inverse", folder, _core.inverse(of._core, folder, *files, cutoff, clamp, check, least, told))
+        found, _, _ = _inverse.study(of, _inverse.Asked(*files, cutoff, clamp, least), check, folder, told)
+        ended = f"the check ended early: {found.fault}\n" if found.fault else ""
+        return Study("inverse", folder, _inverse.table_text(found) + ended)
 
 
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,

@@ -236,8 +236,6 @@ TEST(Out, HasADefaultForEveryCommandThatWrites) {
   };
   for (const Case& each :
        {Case{{"run", "two_hands", "--set", "duration=0.01", "--quiet"}, "two_hands/summary.json"},
-        Case{{"inverse", "every_pose", "--set", "duration=0.02", "--no-check"},
-             "every_pose_inverse/torques.sto"},
         Case{{"render", "two_hands"}, "two_hands.png"},
         Case{{"export", "two_hands", "--format", "urdf"}, "two_hands.urdf"},
         Case{{"export", "--person", "median_man"}, "export.xml"}}) {

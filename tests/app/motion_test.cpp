@@ -34,6 +34,7 @@ TEST(DayAtTheBench, LeadsFromKeypointsToTorquesAndBack) {
     EXPECT_EQ(hand.at("tracked"), 76);
     EXPECT_LT(hand.at("difference_rms_deg").get<double>(), 0.01);
   }
+  if (std::string_view(HANDSIM_PYTHON_PROGRAM).empty()) GTEST_SKIP() << "built without the Python package";
   const Outcome torques =
       run_program({"inverse", path("tracked/scene.yaml"), "--out", path("torques"), "--json", "--set",
                    "effects=[gravity, joint_stops, passive_tissue, actuation, wrist_motion]"});
@@ -90,28 +91,6 @@ TEST(DayAtTheBench, PointsInAnotherOrderThatMakeNoHandAreAProblemOfTheRecording)
   EXPECT_TRUE(test::contains(other.err, "need a recording: .csv, .json, .trc or .c3d")) << other.err;
 }
 
-// A force of 5 N on a fingertip that the simulation does not have: its torques do not return to the motion.
-TEST(DayAtTheBench, ACheckThatMissesIsAFailure) {
-  const TemporaryFolder folder;
-  test::write(folder.path() / "contacts.csv",
-              "time[s],a,b,x[m],y[m],z[m],normal.x,normal.y,normal.z,depth[m],normal_force[N],friction.x[N],"
-              "friction.y[N],"
-              "friction.z[N]\n0,right.index_distal,right.middle_distal,0,0,0,0,0,1,0,5,0,0,0\n"
-              "1,right.index_distal,right.middle_distal,0,0,0,0,0,1,0,5,0,0,0\n");
-  std::vector<std::string> command = {"inverse", source("config/every_pose.yaml"),
-                                      "--loads", (folder.path() / "contacts.csv").string(),
-                                      "--out",   (folder.path() / "out").string(),
-                                      "--set",   "duration=0.5",
-                                      "--set",   "criteria={}"};
-  const Outcome missed = run_program(command);
-  EXPECT_EQ(missed.status, 1) << missed.out;
-  EXPECT_TRUE(contains(missed.err, "the check misses the motion: RMS error")) << missed.err;
-  command.emplace_back("--no-check");
-  const Outcome unchecked = run_program(command);
-  EXPECT_EQ(unchecked.status, 0) << unchecked.err;
-  EXPECT_TRUE(contains(unchecked.out, "not checked"));
-}
-
 TEST(DayAtTheBench, ARecordingWithoutATrackedFrameIsAFailure) {
   const TemporaryFolder folder;
   std::string head = "time[s]", row;
@@ -144,10 +123,6 @@ TEST(DayAtTheBench, BadInputIsRefusedWithItsPlace) {
   test::write(folder.path() / "names.csv", "time[s],wrist.x[m],wrist.y[m],wrist.z[m]\n0,1,2,3\n");
   expect(run_program({"track", (folder.path() / "names.csv").string(), "--out", out}),
          "no point of a hand, but wrist");
-  expect(run_program({"inverse", source("config/two_hands.yaml"), "--out", out}),
-         "a motion file, or programs of the scene");
-  expect(run_program({"inverse", source("config/dropped_hand.yaml"), "--motion", "x.csv", "--out", out}),
-         "a hand whose palm is not held");
   expect(run_program({"track", "none.csv", "--out", out}), "no such file");
 }
 

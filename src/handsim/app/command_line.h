@@ -111,13 +111,6 @@ CLI::Option* add_uncertain_runs(CLI::App& command, Arguments& arguments) {
   return uncertain;
 }
 
-/// Adds `--report` to a study.
-template <class Arguments>
-CLI::Option* add_report_flag(CLI::App& command, Arguments& arguments) {
-  return command.add_flag("--report", arguments.report,
-                          "report.html: tables to sort and a plot, for a browser");
-}
-
 /// Adds `--video` with its `--fps` and `--speed`, and `--gl`. @param where the video is written.
 void add_drawing(CLI::App& command, std::optional<simulation::VideoSpec>& video,
                  std::optional<output::Gl>& gl, const std::string& where);

@@ -31,7 +31,7 @@ struct OtherCommand {
   const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 13> kOtherCommands = {
+constexpr std::array<OtherCommand, 14> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -58,6 +58,12 @@ constexpr std::array<OtherCommand, 13> kOtherCommands = {
      {"identify", "Fit numbers of a scene to a recording, with intervals",
       "handsim identify out/run --scene grasp_pinch --free objects.0.mass", "",
       "scene free columns deviation set out json"},
+     {"inverse",
+      "Inverse dynamics: the torques about every axis that make a motion, and a simulation with them as a "
+      "check",
+      "handsim inverse config/every_pose.yaml --motion out/every/trajectory.mot --out out/inverse", "scene",
+      "motion out names=controllers clamp cutoff loads no-check muscles co-contraction apart set engine json "
+      "uncertain on report"},
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands", "scene",
       "set engine port address play no-browser record stream replay measure seconds"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",

@@ -110,4 +110,5 @@ PYBIND11_MODULE(_core, module) {
   bind_studies(module);
   bind_rollouts(module);
   bind_grasps(module);
+  bind_inverse(module);
 }

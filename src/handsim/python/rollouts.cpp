@@ -1,12 +1,12 @@
 // Rows of rollout studies, for python/handsim/_rollouts.py, and how all studies of the package write.
 #include "handsim/study/rollouts/rollouts.h"
 
-#include "handsim/app/motion_command.h"
 #include "handsim/core/archive.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
+#include "handsim/python/inverse.h"
 #include "handsim/python/signals.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/study/report.h"
@@ -22,19 +22,9 @@ struct Stop {
   std::atomic<bool> asked = false;
 };
 
-/// `handsim inverse --uncertain`: motion, names, loads, cut-off, clamp, least activation.
-using InverseAsked = std::tuple<std::optional<path>, std::optional<path>, std::optional<path>,
-                                std::optional<double>, bool, std::optional<double>>;
-
 study::RolloutsSpec spec_of(const study::RolloutsAsked& asked, const std::optional<InverseAsked>& inverse) {
   if (!inverse) return study::asked_rollouts(asked);
-  app::InverseArguments arguments;
-  std::optional<double> least;
-  std::tie(arguments.motion, arguments.names, arguments.loads, arguments.options.filter,
-           arguments.options.clamp, least) = *inverse;
-  arguments.muscles = least.has_value();
-  arguments.co_contraction = least.value_or(0);
-  return study::uncertain_inverse(asked.file, asked.overrides, app::inverse_input(arguments), *asked.count);
+  return study::uncertain_inverse(asked.file, asked.overrides, inverse_input(*inverse), *asked.count);
 }
 
 /// A study with what it has read: any machine can compute its rows.

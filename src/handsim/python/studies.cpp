@@ -44,19 +44,6 @@ py::list variants(const SceneHandle& of) {
   return out;
 }
 
-std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,
-                    const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    const study::InverseInput input = app::inverse_input(arguments);
-    const output::OutputFolder folder(out, study::inverse_files());
-    const study::InverseResult result = study::run_inverse(*of.scene, input, hooks.told);
-    folder.clear();
-    study::write_inverse(*of.scene, input, result, out);
-    return study::inverse_table(result) +
-           (result.fault ? "the check ended early: " + *result.fault + "\n" : "");
-  });
-}
-
 /// Stature [m], mass [kg] and sex.
 using PersonNumbers = std::tuple<double, double, std::string>;
 /// @param male absent: women and men with equal chances
@@ -76,17 +63,6 @@ std::vector<PersonNumbers> draw_persons(const std::string& population, int count
 }
 
 void bind_motion(py::module_& module) {
-  module.def("inverse", [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
-                           const std::optional<path>& names, const std::optional<path>& loads,
-                           std::optional<double> cutoff, bool clamp, bool check,
-                           std::optional<double> least_activation, const py::object& progress) {
-    app::InverseArguments arguments;
-    arguments.motion = motion, arguments.names = names, arguments.loads = loads;
-    arguments.options.filter = cutoff, arguments.options.clamp = clamp, arguments.forward = check;
-    arguments.muscles = least_activation.has_value();
-    arguments.co_contraction = least_activation.value_or(0);
-    return inverse(of, out, arguments, progress);
-  });
   module.def("track", [](const path& recording, const path& out, const std::optional<path>& person,
                          const std::optional<path>& model, const std::optional<path>& markers,
                          const std::optional<path>& points, std::optional<char> up,
