@@ -333,7 +333,7 @@ VALUES = ("--out", "--side", "--set", "--engine", "--friction", "--uncertain", "
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
+    if any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
-        return 0 if arguments else 2
+        return 0
     return ended(lambda: _work(read_options("grasp", arguments, "SCENES", FLAGS, VALUES, (), most=MOST_SCENES, lists=("--persons",))))

@@ -366,8 +366,8 @@ def _work(options: dict[str, Any]) -> int:
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
+    if any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
-        return 0 if arguments else 2
+        return 0
     values = (*MEASURES, "--person", "--model", "--side", "--uncertain", "--population", "--out")
     return ended(lambda: _work(read_options("hand", arguments, "", (), values, (), 0, 0, lists=("--percentile",))))

@@ -367,7 +367,7 @@ VALUES = ("--motion", "--out", "--names", "--cutoff", "--loads", "--co-contracti
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
+    if any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
-        return 0 if arguments else 2
+        return 0
     return ended(lambda: _work(read_options("inverse", arguments, "SCENE", FLAGS, VALUES, ())))

@@ -111,6 +111,7 @@ def test_a_verdict_says_what_decides_it():
 
 
 BAD = {
+    "nothing": ([], "SCENES: got nothing, need one"),
     "friction": (["grasp_pinch", "--friction", "-3"], "--friction: got -3, need a coefficient of friction, 0 to 10"),
     "a word as friction": (["grasp_pinch", "--friction", "x"], "--friction: got x, need a coefficient"),
     "another side": (["grasp_pinch", "--side", "up"], "--side: got up, need one of right, left, both"),

@@ -111,6 +111,7 @@ def test_muscles_are_put_in_effect_where_a_scene_has_none():
 
 
 BAD = {
+    "nothing": ([], "SCENE: got nothing, need one"),
     "no motion": (["two_hands"], "--motion: got none, with a scene without control, need a motion file, or programs of the scene"),
     "a free hand": (["dropped_hand", "--motion", "x.csv"], "a hand whose palm is not held"),
     "no such motion": (["every_pose", "--motion", "/none.mot"], "/none.mot"),
