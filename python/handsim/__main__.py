@@ -17,7 +17,10 @@ COMMANDS: dict[str, str] = {
     "compare": "handsim.compare",
     "effects": "handsim._effects",
     "export": "handsim.export",
+    "grasp": "handsim._grasps",
+    "hand": "handsim._hand_command",
     "identify": "handsim._identify_command",
+    "inverse": "handsim._inverse",
     "live": "handsim._live.command",
     "optimise": "handsim._optimise_command",
     "report": "handsim._report_command:report",
@@ -45,7 +48,7 @@ def main() -> int:
         return status
     # Commands with uncertain hands go on as `rollouts`, in a new process of this interpreter.
     os.environ.setdefault("HANDSIM_PYTHON", sys.executable)
-    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).resolve().parents[1]), os.environ.get("PYTHONPATH")]))
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(Path(__file__).absolute().parents[1]), os.environ.get("PYTHONPATH")]))
     return _core.command_line(arguments, page_of_run)
 
 

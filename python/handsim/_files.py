@@ -5,6 +5,7 @@ program's own (src/handsim/output/atomic_file.h, output_folder.h).
 """
 from __future__ import annotations
 
+import difflib
 import glob
 import os
 import sys
@@ -125,28 +126,39 @@ def ended(work: Callable[[], int]) -> int:
 
 
 def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequence[str], values: Sequence[str],
-                 required: Sequence[str], least: int = 1, most: int = 1) -> dict[str, Any]:
-    """Options by their names, ``--set`` a list, and by ``place`` the one argument without a name, which may be absent where ``least``
-    is 0, or a list of them where ``most`` is above 1."""
-    out: dict[str, Any] = {"--set": []}
+                 required: Sequence[str], least: int = 1, most: int = 1, lists: Sequence[str] = ()) -> dict[str, Any]:
+    """Options by their names, ``--set`` and ``lists`` as lists, and by ``place`` the one argument without a name, which may be absent
+    where ``least`` is 0, or a list of them where ``most`` is above 1.
+
+    :param lists: options that take all words to the next option
+    """
+    out: dict[str, Any] = {"--set": [], **{name: [] for name in lists}}
     places: list[str] = []
+    many: list[str] = places
     rest = iter(arguments)
     for each in rest:
         name, equals, value = each.partition("=") if each.startswith("--") else (each, "", "")
+        if not each.startswith("-"):
+            many.append(each)
+            continue
+        many = places
         if name in flags:
             out[name] = True
-        elif name in values:
+        elif name in values or name in lists:
             given = value if equals else next(rest, "")
             if not given:
                 raise input_error(name, "nothing", "a value")
-            if name == "--set":
+            if name in lists:
+                many = out[name]
+            if isinstance(out.get(name), list):
                 out[name].append(given)
             else:
                 out[name] = given
-        elif each.startswith("-"):
-            raise input_error(each, "an unknown option", f"one of handsim {command} --help")
         else:
-            places.append(each)
+            near = difflib.get_close_matches(name, [*flags, *values, *lists], 1)
+            raise input_error(name, "an unknown option", f"one of handsim {command} --help" + (f" (nearest: {near[0]})" if near else ""))
+    if most == 0 and places:
+        raise input_error("arguments", f"one too many, {places[0]}", "no more; put a value that contains a blank in quotes")
     wrong = {name: "nothing" for name in required if name not in out}
     if not least <= len(places) <= most:
         wrong[place] = str(len(places) or "nothing")

@@ -31,7 +31,7 @@ def draw_persons(count: int, *, population: str = "ansur2", seed: int = 0) -> li
 
     :param population: ``ansur2``: the US Army's of 2012, women and men with equal chances
     """
-    drawn = _core.draw_persons(str(population), whole("count", count, 1, MOST_PERSONS), seed_of(seed))
+    drawn = _core.draw_persons(str(population), whole("count", count, 1, MOST_PERSONS), seed_of(seed), None)
     return [{"stature": stature, "mass": mass, "sex": sex} for stature, mass, sex in drawn]
 
 

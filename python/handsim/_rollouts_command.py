@@ -114,7 +114,7 @@ def _work(options: dict[str, Any]) -> int:
     return _end(finished, out, False, " with --resume")
 
 
-def _job(job: dict[str, Any]) -> int:
+def drawn(job: dict[str, Any]) -> int:
     """What another command asks for: its hands are drawn."""
     out, count, overrides = Path(job["out"]), int(job["count"]), tuple(job["overrides"])
     wait = _stopping()
@@ -143,7 +143,7 @@ def _job(job: dict[str, Any]) -> int:
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
     if arguments[:1] == ["--job"]:
-        return ended(lambda: _job(json.loads(arguments[1])))
+        return ended(lambda: drawn(json.loads(arguments[1])))
     if not arguments:
         print("rollouts: got no STUDY, need a file or the name of a shipped study; see handsim rollouts --help", file=sys.stderr)
         return 2

@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Error
 from ._rollouts import Parts
+from ._statistics import Estimate, mean_of, owners_text, quantile, rank_correlation, share_of, variance_shares
 from ._study_files import json_file, number, plain, quoted
 
 Array = NDArray[np.float64]
-Estimate = Optional[tuple[float, float, float]]
-"""A share or a mean with its 95 % interval."""
 
 BINS = 10
 FEW_VALUES = 12
@@ -97,16 +96,8 @@ class Outcome(NamedTuple):
         return quantile(ordered, 0.05), quantile(ordered, 0.95)
 
 
-def quantile(ordered: Any, share: float) -> Any:
-    """The value below which a share of the sorted values lies, linear between neighbours."""
-    place = share * float(len(ordered) - 1)
-    below = int(place)
-    following = ordered[min(below + 1, len(ordered) - 1)]
-    return ordered[below] + (place - float(below)) * (following - ordered[below])
-
-
 def _estimate(outcomes: Array, verdict: bool) -> Estimate:
-    found: Estimate = _core.share(int(np.count_nonzero(outcomes)), len(outcomes)) if verdict else _core.mean_of(outcomes)
+    found: Estimate = share_of(int(np.count_nonzero(outcomes)), len(outcomes)) if verdict else mean_of(outcomes)
     return found
 
 
@@ -184,9 +175,9 @@ class Table:
             of = np.asarray(column, object)[there].astype(str) if self.texts[i] else column[there]
             numbers = np.unique(of, return_inverse=True)[1].astype(float) if self.texts[i] and len(of) else of
             inputs.append((self.names[i], numbers if len(of) else np.empty(0), self.texts[i]))
-            correlation = None if self.texts[i] else _core.rank_correlation(of, values)
+            correlation = None if self.texts[i] else rank_correlation(of, values)
             keys.append(Key(self.names[i], self.texts[i], correlation, _bins(of, self.texts[i], values, verdict)))
-        return Outcome(name, verdict, values, _estimate(values, verdict), keys, _core.variance_shares(inputs, values))
+        return Outcome(name, verdict, values, _estimate(values, verdict), keys, variance_shares(inputs, values))
 
     def endings(self) -> dict[str, int]:
         """How many rows ended in each way."""
@@ -203,7 +194,7 @@ def _estimate_json(of: Estimate) -> Any:
 
 def _verdicts_json(values: Array) -> dict[str, Any]:
     held = int(np.count_nonzero(values))
-    return {"held": held, "of": len(values), "share": _estimate_json(_core.share(held, len(values)))}
+    return {"held": held, "of": len(values), "share": _estimate_json(share_of(held, len(values)))}
 
 
 def _values_json(of: Outcome, values: Array, every: Estimate) -> dict[str, Any]:
@@ -333,17 +324,6 @@ def _keys_text(of: Outcome) -> str:
     out = f"  {'varied':<44} {'rank correlation':<26} {'share held' if of.verdict else 'mean'}\n"
     return out + "".join(f"  {key.name:<44} {_estimate_text(key.correlation):<26} {', '.join(_bin_text(key, each) for each in key.telling())}\n"
                          for key in of.keys)
-
-
-def owners_text(shares: Sequence[tuple[str, float]]) -> str:
-    """The three largest of at least 1 %, and how much all explain."""
-    told = [f"{of} {100 * share:.0f} %" for of, share in shares if share >= 0.01][:3]
-    if not told:
-        return "no input has 1 %" if shares else "-"
-    every = 0.0
-    for _, share in shares:
-        every += share
-    return f"{', '.join(told)} ({max(0.0, 100 * every):.0f} % explained)"
 
 
 def short_owners(shares: Sequence[tuple[str, float]]) -> str:

@@ -215,7 +215,7 @@ def remove_rows(out: Path) -> None:
 def uncertain_grasps(scenes: Sequence[Path], sides: Sequence[str], persons: Sequence[Path], overrides: Sequence[str], count: int, out: Path,
                      executor: Executor, told: Told = None, wait: Callable[[], None] = _nothing, note: Callable[[str], None] = lambda _: None) -> Finished:
     """A study of uncertain hands for each scene, side and person, and OUT/uncertain.csv with the figures of all."""
-    drawn, refused = _core.uncertain_grasps(list(scenes), list(sides), list(persons), list(overrides), out)
+    drawn, refused = _core.uncertain_grasps((list(scenes), list(sides), list(persons), list(overrides), out))
     with _locked(out, ["uncertain.csv", "study.json", "report.html"], list(scenes)) as clear:
         clear()
         return _uncertain_grasps(drawn, refused, count, out, executor, told, wait, note)

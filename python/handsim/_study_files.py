@@ -5,7 +5,7 @@ import json
 import shutil
 import sys
 from pathlib import Path
-from typing import Any, Mapping, Optional, Sequence
+from typing import Any, Mapping, Optional, Sequence, Union
 
 from . import _core
 from ._errors import input_error
@@ -54,7 +54,7 @@ def origin() -> dict[str, Any]:
     return out
 
 
-def json_file(content: Mapping[str, Any]) -> str:
+def json_file(content: Union[Mapping[str, Any], Sequence[Mapping[str, Any]]]) -> str:
     text: str = _core.json_text(json.dumps(content, ensure_ascii=False))
     return text
 

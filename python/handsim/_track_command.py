@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any, Optional, Sequence
 
-from . import _conventions, _core
+from . import _conventions, _core, _inverse
 from ._errors import input_error
 from ._files import ended, read_options
 from ._progress import bar
@@ -86,7 +86,7 @@ def _work(options: dict[str, Any]) -> int:
     if "--activations" not in options:
         return status
     sys.stdout.flush()
-    return max(status, _core.activations(out / "scene.yaml", out / "activations"))
+    return max(status, _inverse.main([str(out / "scene.yaml"), "--muscles", "--apart", "--out", str(out / "activations")]))
 
 
 def main(arguments: Sequence[str]) -> int:

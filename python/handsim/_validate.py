@@ -10,10 +10,10 @@ import numpy as np
 
 from . import _core
 from ._errors import Error, input_error
-from ._rollouts_files import quantile
 from ._scene import Scene
 from ._simulation import Simulation
 from ._statics import DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, fault, matrix_of, pinch, tip_force
+from ._statistics import Uncertainty, uncertainty_of
 
 Row = dict[str, Any]
 """Of a file, as src/handsim/study/validate/validate.h says."""
@@ -22,18 +22,6 @@ Angles = Mapping[str, float]
 Told = Optional[Callable[[float], object]]
 OF_SCENES = ("simulation", "grip_force")
 """Kinds of rows whose hand is a scene's, not one of the file's people."""
-
-
-class Uncertainty(NamedTuple):
-    """A figure of drawn hands, of those that have it."""
-
-    missing: int
-    low: float
-    """5th percentile."""
-    high: float
-    """95th percentile."""
-    variance: list[tuple[str, float]]
-    """Inputs with their shares of the variance, the largest first."""
 
 
 class Measured:
@@ -436,8 +424,8 @@ class Measurements:
             if "person" not in row:
                 continue
             inputs = [(name, np.array([each[name] for each in drawn[row["person"]]])) for name in names[row["person"]]]
-            measured.uncertainty = _uncertainty(inputs, values)
-            both = _uncertainty([], values + row["spread"] * np.array([_core.normal(2, i, row["name"]) for i in range(count)]))
+            measured.uncertainty = uncertainty_of(inputs, values)
+            both = uncertainty_of([], values + row["spread"] * np.array([_core.normal(2, i, row["name"]) for i in range(count)]))
             measured.inside = both.low <= row["measured"] <= both.high
 
 
@@ -468,11 +456,3 @@ def _weigh(rows: list[Measured]) -> None:
     for row in rows:
         if row.measured and row.ours != 0:
             row.weight = 1 / served[row.row["kind"], row.ours]
-
-
-def _uncertainty(inputs: list[tuple[str, Array]], values: Array) -> Uncertainty:
-    there = np.isfinite(values)
-    found = values[there] if there.any() else np.full(2, np.nan)
-    kept = [(name, of[there], False) for name, of in inputs]
-    ordered = np.sort(found)
-    return Uncertainty(int(np.count_nonzero(~there)), float(quantile(ordered, 0.05)), float(quantile(ordered, 0.95)), _core.variance_shares(kept, found))

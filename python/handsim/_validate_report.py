@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional
 
 from . import _core
-from ._rollouts_files import owners_text
+from ._statistics import owners_text
 from ._study_files import json_file, origin, plain, quoted
 from ._validate import Filter, Measured, Measurements, Result, Row, Tally, Told, every, of_people, predicted
 

@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _accuracy, _core, _effects, _rollouts, _rollouts_run, _track
+from . import _accuracy, _core, _effects, _grasps, _inverse, _rollouts, _rollouts_run, _track
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
@@ -138,14 +138,13 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
             raise input_error("uncertain", "options of one run of each scene", "scenes, overrides, sides and out alone")
     listed = [find_file(each) for each in _listed("scenes", scenes)]
     with _folder(out) as folder, bar(progress, "grasps") as told:
+        asked = _grasps.Asked(listed, list(sides), [], override_list(overrides), folder)
         if uncertain is not None:
-            words = ["grasp", *map(str, listed)] + (["--side", "both" if len(sides) == 2 else sides[0]] if sides else [])
-            command = f"{_core.command_text(words, override_list(overrides))} --uncertain {uncertain}"
             with _executor(client, threads) as executor:
-                text = _rollouts_run.uncertain_grasps(listed, list(sides), [], override_list(overrides), uncertain, folder, executor, told).text
-            _core.finish_study(folder, command, {}, {}, False)
+                text = _rollouts_run.uncertain_grasps(*asked[:4], uncertain, folder, executor, told).text
+            _core.finish_study(folder, f"{asked.command()} --uncertain {uncertain}", {}, {}, False)
             return Study("uncertain", folder, text)
-        _core.grasps(listed, folder, list(sides), override_list(overrides), friction, friction_search, margin, confirm, pictures, told)
+        _grasps.study(asked, friction, search=friction_search, margin=margin, confirm=confirm, pictures=pictures, told=told)
         return Study("grasps", folder, "")
 
 
@@ -232,7 +231,9 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
         return _drawn(asked, client, threads, out, progress)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder, bar(progress, "inverse") as told:
-        return Study("inverse", folder, _core.inverse(of._core, folder, *files, cutoff, clamp, check, least, told))
+        found, _, _ = _inverse.study(of, _inverse.Asked(*files, cutoff, clamp, least), check, folder, told)
+        ended = f"the check ended early: {found.fault}\n" if found.fault else ""
+        return Study("inverse", folder, _inverse.table_text(found) + ended)
 
 
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,

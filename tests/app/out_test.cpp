@@ -28,8 +28,6 @@ TEST(OneFolder, IsForOneRunAtATime) {
     EXPECT_TRUE(second.err.starts_with("--out: got " + name.string() + ", in use by another handsim"))
         << second.err;
   }
-  EXPECT_EQ(run_program({"hand", "--stature", "1.7", "--mass", "60", "--sex", "male", "--out", out}).status,
-            2);
   // The kernel removes the lock with the process.
   kill(first, SIGKILL);
   EXPECT_EQ(wait_for(first), -SIGKILL);
@@ -344,17 +342,6 @@ TEST(Export, WritesTheFormatOfTheExtension) {
   }
   for (const char* name : {"a.jpg", "a.png.txt", "a.pngx"})
     EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / name}).status, 2) << name;
-}
-
-TEST(GraspStudy, RefusesTwoScenesThatWouldShareAFolder) {
-  const TemporaryFolder folder;
-  const fs::path out = folder.path() / "out";
-  const std::string scene = source("config/grasp_pinch.yaml");
-  const Outcome outcome =
-      run_program({"grasp", scene, source("config/../config/grasp_pinch.yaml"), "--out", out});
-  EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "whose name another has")) << outcome.err;
-  EXPECT_FALSE(fs::exists(out));
 }
 
 }  // namespace

@@ -36,9 +36,7 @@ TEST(MistypedOption, IsNamedWithTheNearest) {
            {{"run", kScene, "--out", out, "--frmes", "3"}, "--frmes: got an unknown option, need one of "},
            {{"run", kScene, "--out", out, "--frmes=3"}, "(nearest: --frames)"},
            {{"run", kScene, "--out", out, "--snapshotat", "1"}, "(nearest: --snapshot-at)"},
-           {{"hand", "--statur", "1.7"}, "--statur: got an unknown option"},
-           {{"hand", "--statur", "1.7"}, "(nearest: --stature)"},
-           {{"grasp", kScene, "--oot", out}, "(nearest: --out)"}}) {
+           {{"render", kScene, "--oot", out}, "(nearest: --out)"}}) {
     const Outcome outcome = run_program(slip.words);
     EXPECT_EQ(outcome.status, 2);
     ASSERT_EQ(outcome.problems().size(), 1U) << outcome.err;
@@ -104,15 +102,6 @@ TEST(Options, ThatExcludeEachOtherAreRefused) {
                                        (folder.path() / "out").string(), "--frames", "3", "--poses"});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_TRUE(contains(outcome.err, "--frames") && contains(outcome.err, "--poses")) << outcome.err;
-}
-
-TEST(HandCommand, NamesTheMassRuleOfThePersonsSex) {
-  const auto mass = [](const char* sex) {
-    const Outcome outcome = run_program({"hand", "--stature", "1.75", "--mass", "72", "--sex", sex});
-    const std::size_t at = outcome.out.find("hand mass");
-    return outcome.out.substr(at, outcome.out.find('\n', at) - at);
-  };
-  EXPECT_TRUE(contains(mass("male"), "0.49 % of body mass; its volume at 1148 kg/m3")) << mass("male");
 }
 
 TEST(Overlaps, AreReportedOnceInAtMostElevenLines) {

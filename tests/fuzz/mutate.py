@@ -86,7 +86,7 @@ def scene(folder, kind, path):
     return out
 
 
-def file_case(rng, folder, files):
+def file_case(rng, folder, files, package):
     kind, path, text = rng.choice(files)
     for _ in range(rng.randint(1, 4)):
         text = change(text, rng) or text
@@ -99,7 +99,7 @@ def file_case(rng, folder, files):
     way = rng.randrange(3)
     if way == 0 or path.name in ("muscles.yaml", "anthropometry.yaml"):
         return ["check", str(changed)]
-    if way == 1 and kind in ("hand", "person"):
+    if way == 1 and kind in ("hand", "person") and package:
         person = ["--person", str(changed)] if kind == "person" else ["--stature", "1.7", "--mass", "70", "--sex", "male"]
         return ["hand", *person, *(["--model", str(changed)] if kind == "hand" else []), "--side", "right"]
     return ["check", str(scene(folder, kind, changed))]
@@ -178,7 +178,7 @@ def main(handsim, count=300, seed=1):
         folder = keep / str(number)
         folder.mkdir()
         by_file = rng.random() < 0.75
-        words = file_case(rng, folder, files) if by_file else option_case(rng, commands)
+        words = file_case(rng, folder, files, "--stature" in commands["hand"]) if by_file else option_case(rng, commands)
         # A command line that is right would run a study: what it writes goes beside the input.
         code, out, err, wrong = run(handsim, words, folder)
         statuses[code] = statuses.get(code, 0) + 1

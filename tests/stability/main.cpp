@@ -30,7 +30,7 @@ void add_stability(app::CommandLine& line) {
   stability.add_option("--case", asked->cases, "run this case alone; may be repeated")
       ->allow_extra_args(false);
   stability.add_flag("--quick", asked->quick, "shorter runs of most cases, at most a minute in all");
-  app::add_report_flag(stability, asked->run);
+  stability.add_flag("--report", asked->run.report, "report.html: tables to sort and a plot, for a browser");
   stability.add_flag_callback(
       "--no-pictures", [asked] { asked->pictures = false; }, "draw no scenes");
 }

@@ -96,30 +96,19 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
 /// Adds `--set`, and `--engine` for `--set solver.engine=...`.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
-/// Adds `--uncertain`, a number of drawn hands.
-inline CLI::Option* add_uncertain(CLI::App& command, std::optional<int>& count) {
-  return command
-      .add_option(
-          "--uncertain", count,
-          "draw as many hands within what is uncertain of them: all figures with intervals, and which "
-          "inputs own their variance")
-      ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
-}
-
-/// Adds `--uncertain`, and `--on` for the runs of these hands.
+/// Adds `--uncertain`, a number of drawn hands, and `--on` for their runs.
 template <class Arguments>
 CLI::Option* add_uncertain_runs(CLI::App& command, Arguments& arguments) {
-  CLI::Option* uncertain = add_uncertain(command, arguments.uncertain);
+  CLI::Option* uncertain =
+      command
+          .add_option(
+              "--uncertain", arguments.uncertain,
+              "draw as many hands within what is uncertain of them: all figures with intervals, and which "
+              "inputs own their variance")
+          ->check(number_from(2, 1e6, true, "a whole number of hands, from 2"));
   command.add_option("--on", arguments.on, "dask://HOST:PORT of a scheduler whose workers run these hands")
       ->needs(uncertain);
   return uncertain;
-}
-
-/// Adds `--report` to a study.
-template <class Arguments>
-CLI::Option* add_report_flag(CLI::App& command, Arguments& arguments) {
-  return command.add_flag("--report", arguments.report,
-                          "report.html: tables to sort and a plot, for a browser");
 }
 
 /// Adds `--video` with its `--fps` and `--speed`, and `--gl`. @param where the video is written.
@@ -132,8 +121,6 @@ std::string completion_script(const CLI::App& app, const std::string& shell);
 std::string man_page(const CLI::App& app, const std::string& version);
 
 void add_scene_commands(CommandLine& line);
-void add_study_commands(CommandLine& line);
-void add_motion_commands(CommandLine& line);
 /// For help and completion alone: these commands never reach CLI11.
 void add_other_commands(CommandLine& line);
 

@@ -91,8 +91,6 @@ int parse_and_call(int argc, const char* const* argv, MoreCommands more, const W
       "Details: handsim COMMAND --help. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
       "simulation diverged, or output was lost; 2 bad input.");
   add_scene_commands(line);
-  add_study_commands(line);
-  add_motion_commands(line);
   (more ? more : add_other_commands)(line);
   add_completion(line);
   try {

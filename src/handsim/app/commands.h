@@ -15,7 +15,7 @@
 #include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/simulation/run/run.h"
-#include "handsim/study/grasp/grasp_study.h"
+#include "handsim/study/report.h"
 #include "handsim/study/rollouts/rollouts.h"
 
 namespace handsim::app {
@@ -43,19 +43,15 @@ auto load_kind(const std::filesystem::path& path, scene::FileKind kind, const Re
   return out;
 }
 
+/// Whose hands, without a scene.
 struct HandArguments {
   std::optional<std::filesystem::path> person;  ///< a file, instead of measures
   std::map<std::string, std::string> measures;  ///< by key of a person file
   std::optional<std::filesystem::path> model;   ///< absent: the installed anatomical hand
-  std::string side = "both";
-  std::optional<int> uncertain;           ///< hands that are drawn
-  std::optional<std::string> population;  ///< in place of a person: percentiles of its hands
-  std::vector<double> percentiles = {5, 50, 95};
-  std::optional<std::filesystem::path> out;  ///< absent: only the table
+  std::string side;
 };
-int hand_command(const HandArguments& arguments);
 
-/// Hands straight from a person, without a scene.
+/// What these say.
 struct PersonHands {
   hand::HandSpec model;
   hand::Person person;
@@ -106,15 +102,6 @@ struct RenderArguments {
 };
 int render_command(const RenderArguments& arguments);
 
-struct GraspArguments : study::GraspStudy {
-  std::string side;              ///< right, left, both; empty: the scene's
-  bool report = false;           ///< writes report.html
-  WritePage page;                ///< of each run
-  std::optional<int> uncertain;  ///< hands that are drawn
-  std::string on;                ///< address of the Dask scheduler that runs these; empty: this machine
-};
-int grasp_command(const GraspArguments& arguments);
-
 /// Becomes the package's `handsim rollouts`, which draws uncertain hands for other commands, too.
 /// @param job what Job of python/handsim/_rollouts_command.py has. @throws Error (input) without the package
 [[noreturn]] void run_drawn(const study::Json& job);
@@ -139,9 +126,6 @@ std::string ending_of(const std::filesystem::path& path);
 
 /// Makes the folder `out` of default_out() for a file in it. @throws Error (input) if it cannot be made
 void make_default_folder(const std::filesystem::path& file);
-
-/// @throws Error (input) where a command cannot write the pages of its runs.
-void require_pages(const WritePage& page);
 
 /// Sets what the page of a run shows beside its poses: contacts, where an effect of contact is on.
 void record_contacts(scene::Scene& scene);

@@ -25,11 +25,13 @@ constexpr const char* kHardCases = "stability";
 
 struct OtherCommand {
   const char *name, *help, *example;
-  const char* place;    ///< what completion offers in place of an option: `scene`, `study` or nothing
-  const char* options;  ///< their long names, with blanks between
+  const char* place;  ///< what completion offers in place of an option: `scene`, `study` or nothing
+  /// Their long names, with blanks between; after = the words that one takes, with | between, or the folder
+  /// of shipped files that it takes.
+  const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 12> kOtherCommands = {
+constexpr std::array<OtherCommand, 15> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -41,9 +43,27 @@ constexpr std::array<OtherCommand, 12> kOtherCommands = {
       "effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
       "out set engine repeats report json"},
+     {"grasp",
+      "Run grasp and climb scenes: table of what was held, how firmly, the least friction that holds, and "
+      "the "
+      "load that a hand carried on a hold",
+      "handsim grasp config --out out/grasps --side both", "scene",
+      "out side=right|left|both persons=config/persons set engine friction friction-search margin confirm "
+      "uncertain on report pictures video fps speed gl=osmesa|egl"},
+     {"hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
+      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", "",
+      "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
+      "hand-length-percentile person=config/persons model=handmodels side=right|left|both uncertain "
+      "population percentile out"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
       "handsim identify out/run --scene grasp_pinch --free objects.0.mass", "",
       "scene free columns deviation set out json"},
+     {"inverse",
+      "Inverse dynamics: the torques about every axis that make a motion, and a simulation with them as a "
+      "check",
+      "handsim inverse config/every_pose.yaml --motion out/every/trajectory.mot --out out/inverse", "scene",
+      "motion out names=controllers clamp cutoff loads no-check muscles co-contraction apart set engine json "
+      "uncertain on report"},
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands", "scene",
       "set engine port address play no-browser record stream replay measure seconds"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
@@ -99,7 +119,7 @@ sys.exit(main()))py";
 /// True where a command of this program is the package's: `export` in a format that the package writes, such
 /// as `glb`, `--format=glb` and `out/hand.glb`; what writes the page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
-  if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
+  if (command == "run") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   const std::string word = lower_case(argument);
   const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
@@ -164,8 +184,17 @@ void add_other_commands(CommandLine& line) {
     CLI::App& sub = *line.app.add_subcommand(command.name, command.help);
     sub.footer(std::string("Example: ") + command.example);
     if (*command.place) add_input(sub, command.place, line.unread, "file");
-    for (const std::string_view name : split(command.options, ' '))
-      if (!name.empty()) sub.add_flag("--" + std::string(name));
+    for (const std::string_view option : split(command.options, ' ')) {
+      const std::size_t cut = std::min(option.find('='), option.size());
+      const std::string name = "--" + std::string(option.substr(0, cut));
+      const std::string words(option.substr(std::min(cut + 1, option.size())));
+      if (words.find('|') != std::string::npos)
+        sub.add_option(name)->type_name(words);
+      else if (!words.empty())
+        add_input(sub, name, line.unread, "file", words);
+      else if (!option.empty())
+        sub.add_flag(name);
+    }
   }
 }
 

@@ -216,11 +216,6 @@ std::vector<std::string> overlap_texts(const model::Model& model, std::vector<en
   return out;
 }
 
-void require_pages(const WritePage& page) {
-  output::require_three();
-  if (!page) throw input_error("--report", "a process without the Python package", "the program handsim");
-}
-
 void record_contacts(scene::Scene& scene) {
   if (!scene.spec.solver.effects.any_contact()) return;
   scene.spec.record_contacts = true;
@@ -229,7 +224,11 @@ void record_contacts(scene::Scene& scene) {
 
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
-  if (arguments.report) require_pages(arguments.page);
+  if (arguments.report) {
+    output::require_three();
+    if (!arguments.page)
+      throw input_error("--report", "a process without the Python package", "the program handsim");
+  }
   if (arguments.uncertain && !arguments.rollout) {
     check_many(arguments);
     run_uncertain(arguments);

@@ -36,23 +36,6 @@ void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments)
             "handmodels");
 }
 
-void add_hand(CommandLine& line) {
-  const auto arguments = std::make_shared<HandArguments>();
-  CLI::App& hand = line.add(
-      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
-      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
-  add_person(hand, arguments);
-  add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
-  add_uncertain(hand, arguments->uncertain);
-  CLI::Option* population = hand.add_option("--population", arguments->population,
-                                            "of a survey, in place of a person: percentiles of its hands");
-  add_words(population, "ansur2");
-  hand.add_option("--percentile", arguments->percentiles, "of these; may be repeated (default 5, 50 and 95)")
-      ->check(number_from(0, 100, false, "a percentile, 0 to 100"))
-      ->needs(population);
-  hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
-}
-
 void add_check(CommandLine& line) {
   const auto arguments = std::make_shared<CheckArguments>();
   CLI::App& check =
@@ -139,7 +122,6 @@ void add_render(CommandLine& line) {
 
 void add_export(CommandLine& line) {
   const auto arguments = std::make_shared<ExportArguments>();
-  arguments->hands.side.clear();
   std::string words, texts, endings, package;
   for (const output::Format& format : output::kFormats) {
     words += fmt::format("{}{}", words.empty() ? "" : "|", format.name);
@@ -207,7 +189,7 @@ void add_drawing(CLI::App& command, std::optional<simulation::VideoSpec>& video,
 }
 
 void add_scene_commands(CommandLine& line) {
-  for (const auto add : {add_hand, add_check, add_run, add_render, add_export, add_schema}) add(line);
+  for (const auto add : {add_check, add_run, add_render, add_export, add_schema}) add(line);
 }
 
 }  // namespace handsim::app

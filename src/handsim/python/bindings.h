@@ -62,6 +62,8 @@ std::vector<std::string> names(const List& list) {
 }
 
 void bind_description(py::module_& module);
+void bind_grasps(py::module_& module);
+void bind_inverse(py::module_& module);
 void bind_scene(py::module_& module);
 void bind_hand(py::module_& module);
 void bind_measurements(py::module_& module);

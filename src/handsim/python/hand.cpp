@@ -2,7 +2,10 @@
 
 #include <algorithm>
 
+#include "handsim/app/commands.h"
 #include "handsim/core/data_folder.h"
+#include "handsim/engine/collision/overlap.h"
+#include "handsim/hand/deviations.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
@@ -188,9 +191,111 @@ py::dict dimensions(const SceneHandle& of) {
   return out;
 }
 
+/// Hands of a person without a scene: straight, side by side, backs up; and warnings.
+/// @param measures texts by key of a person file. @param model absent: the anatomical hand
+py::tuple bare_hands(const std::optional<std::filesystem::path>& person,
+                     const std::map<std::string, std::string>& measures,
+                     const std::optional<std::filesystem::path>& model, const std::string& side) {
+  app::PersonHands input = app::read_person_hands({person, measures, model, side});
+  const std::vector<std::string> warnings = std::move(input.warnings);
+  return py::make_tuple(SceneHandle{std::make_shared<const scene::Scene>(
+                            app::compile_hands(side, hand::Mount::fixed, {}, std::move(input)))},
+                        warnings);
+}
+
+/// Name, type, and axes with their stops, as name, low and high [rad].
+py::tuple joint_facts(const model::Joint& joint) {
+  py::list axes;
+  for (const model::JointAxis& axis : joint.axes)
+    axes.append(py::make_tuple(axis.name, axis.stop ? std::optional(axis.stop->low) : std::nullopt,
+                               axis.stop ? std::optional(axis.stop->high) : std::nullopt));
+  return py::make_tuple(joint.name, joint.type().name, axes);
+}
+
+/// What `handsim hand` prints of the first hand beside its dimensions: _hand_command.py names the fields.
+py::dict hand_facts(const SceneHandle& of) {
+  const hand::BuiltHand& built = of.scene->hands.front();
+  const hand::Person& person = of.scene->spec.hands.front().person;
+  const hand::HandSpec& spec = *of.scene->spec.hands.front().model;
+  const bool female = person.sex == hand::Sex::female;
+  const hand::Anthropometry& survey = spec.anthropometry;
+  const hand::HandInertiaShares& shares = female ? survey.reference_female : survey.reference_male;
+  constexpr const char* kRules[] = {"share", "tissue", "density"};
+  const double share = person.sex == hand::Sex::male ? spec.mass.male
+                       : female                      ? spec.mass.female
+                                                     : spec.mass.unknown;
+  py::list bodies, segments;
+  for (const model::Body& body : built.bodies) {
+    Column inertia;
+    append(inertia, body.inertia.diagonal());
+    bodies.append(py::make_tuple(body.name, body.mass, inertia));
+  }
+  for (std::size_t i = 0; i < built.segments.size(); ++i) {
+    const hand::BuiltSegment& each = built.segments[i];
+    py::object joint = py::none();
+    if (each.joint) joint = joint_facts(built.joints[as_index(*each.joint)]);
+    segments.append(py::make_tuple(spec.segments[i].name, spec.segments[i].carrier, each.length, each.radius,
+                                   each.body, joint));
+  }
+  Column box;
+  append(box, hand::palm_box(built));
+  using py::arg;
+  return py::dict(
+      arg("stature") = person.stature, arg("mass") = person.mass, arg("sex") = hand::name(person.sex),
+      arg("age") = person.age, arg("weighed") = person.hand_mass.has_value(),
+      arg("measured") = built.size.measured, arg("fingers") = person.fingers,
+      arg("rule") = py::make_tuple(kRules[static_cast<int>(spec.mass.kind)], share, spec.mass.density,
+                                   spec.mass.source),
+      arg("survey") = hand::survey_of(survey, person).source,
+      arg("palm") = py::make_tuple(box, built.palm_volume,
+                                   std::ranges::count(built.shapes, model::Part::palm, &model::Shape::part)),
+      arg("bodies") = bodies, arg("segments") = segments, arg("wrist") = joint_facts(built.wrist),
+      arg("reference") =
+          py::make_tuple(survey.reference_source, shares.centre_of_mass, shares.gyration_sagittal,
+                         shares.gyration_transverse, shares.gyration_longitudinal),
+      arg("title") = spec.title, arg("sources") = spec.sources,
+      arg("uncertain") = hand::uncertain_of(spec, person, false));
+}
+
+/// A drawn hand: stature [m], mass [kg] and sex, or the scene's person; and deviations.
+using DrawnHand =
+    std::pair<std::optional<std::tuple<double, double, std::string>>, std::map<std::string, double>>;
+
+/// A row for each drawn hand of the first hand's model: size [m] and mass [kg], lengths of segments [m], and
+/// upper stops [rad].
+py::array_t<double> hand_figures(const SceneHandle& of, const std::vector<DrawnHand>& drawn) {
+  first_hand(of);
+  const scene::HandEntry& entry = of.scene->spec.hands.front();
+  Column out;
+  for (const auto& [body, deviations] : drawn) {
+    hand::Person person = body ? hand::Person() : entry.person;
+    std::string sex;
+    if (body) std::tie(person.stature, person.mass, sex) = *body;
+    if (body) person.sex = sex == "male" ? hand::Sex::male : hand::Sex::female;
+    for (const auto& [name, deviation] : deviations) person.deviations[name] = deviation;
+    const hand::BuiltHand built = hand::build_hand(*entry.model, person);
+    const hand::HandSize& size = built.size;
+    out.insert(out.end(),
+               {size.length, size.breadth, size.palm_length, size.circumference, size.thickness, built.mass});
+    for (std::size_t i = 0; i < built.segments.size(); ++i)
+      if (!entry.model->segments[i].carrier) out.push_back(built.segments[i].length);
+    for (const model::Joint& joint : built.joints)
+      for (const model::JointAxis& axis : joint.axes)
+        if (axis.stop) out.push_back(axis.stop->high);
+  }
+  return array_of(out, out.size() / drawn.size());
+}
+
 }  // namespace
 
 void bind_hand(py::module_& module) {
+  module.def("bare_hands", &bare_hands);
+  module.def("hand_facts", &hand_facts);
+  module.def("hand_figures", &hand_figures);
+  module.def("overlap_texts", [](const SceneHandle& of) {
+    const model::Model& model = of.scene->model;
+    return app::overlap_texts(model, engine::initial_overlaps(model, model::initial_state(model)));
+  });
   module.def("hand_dimensions", &dimensions);
   module.def("hand_segments", &segments);
   module.def("hand_poses", &poses);

@@ -65,7 +65,7 @@ int command_line(const std::vector<std::string>& words, const app::WritePage& pa
   std::vector<const char*> argv = {"handsim"};
   for (const std::string& word : words) argv.push_back(word.c_str());
   // Of these commands a part is the package's, whose process this is.
-  constexpr std::array<std::string_view, 3> kShared = {"export", "grasp", "run"};
+    constexpr std::array<std::string_view, 2> kShared = {"export", "run"};
   const bool other = words.empty() || std::ranges::find(kShared, words[0]) == kShared.end();
   const auto more = other ? nullptr : &app::add_other_commands;
   return without_gil([&] {
@@ -110,4 +110,6 @@ PYBIND11_MODULE(_core, module) {
   bind_studies(module);
   bind_track(module);
   bind_rollouts(module);
+  bind_grasps(module);
+  bind_inverse(module);
 }

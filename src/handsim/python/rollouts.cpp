@@ -1,45 +1,30 @@
-// Rows of rollout studies, and the statistics of their tables, for python/handsim/_rollouts.py.
+// Rows of rollout studies, for python/handsim/_rollouts.py, and how all studies of the package write.
 #include "handsim/study/rollouts/rollouts.h"
 
-#include "handsim/app/motion_command.h"
 #include "handsim/core/archive.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
+#include "handsim/python/inverse.h"
 #include "handsim/python/signals.h"
 #include "handsim/simulation/run/output_size.h"
-#include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/report.h"
-#include "handsim/study/statistics.h"
 
 namespace handsim::python {
 
 namespace {
 
 using std::filesystem::path;
-using NumberArray = py::array_t<double, py::array::c_style | py::array::forcecast>;
-/// Value, low and high end of its interval.
-using EstimateNumbers = std::optional<std::tuple<double, double, double>>;
 
 /// Ends the work of all threads that have it.
 struct Stop {
   std::atomic<bool> asked = false;
 };
 
-/// `handsim inverse --uncertain`: motion, names, loads, cut-off, clamp, least activation.
-using InverseAsked = std::tuple<std::optional<path>, std::optional<path>, std::optional<path>,
-                                std::optional<double>, bool, std::optional<double>>;
-
 study::RolloutsSpec spec_of(const study::RolloutsAsked& asked, const std::optional<InverseAsked>& inverse) {
   if (!inverse) return study::asked_rollouts(asked);
-  app::InverseArguments arguments;
-  std::optional<double> least;
-  std::tie(arguments.motion, arguments.names, arguments.loads, arguments.options.filter,
-           arguments.options.clamp, least) = *inverse;
-  arguments.muscles = least.has_value();
-  arguments.co_contraction = least.value_or(0);
-  return study::uncertain_inverse(asked.file, asked.overrides, app::inverse_input(arguments), *asked.count);
+  return study::uncertain_inverse(asked.file, asked.overrides, inverse_input(*inverse), *asked.count);
 }
 
 /// A study with what it has read: any machine can compute its rows.
@@ -114,27 +99,6 @@ py::tuple rows(Rollouts& of, long from, long to, const Stop& stop) {
   return py::make_tuple(found.to, py::bytes(found.csv), trajectories, curves);
 }
 
-EstimateNumbers numbers_of(const std::optional<study::Estimate>& of) {
-  if (!of) return std::nullopt;
-  return std::tuple(of->value, of->low, of->high);
-}
-
-std::span<const double> span_of(const NumberArray& numbers) {
-  return {numbers.data(), static_cast<std::size_t>(numbers.size())};
-}
-
-using NamedArray = std::tuple<std::string, NumberArray, bool>;
-std::vector<std::pair<std::string, double>> variance(const std::vector<NamedArray>& inputs,
-                                                     const NumberArray& outcome) {
-  std::vector<study::Input> all;
-  for (const auto& [name, values, categories] : inputs)
-    all.push_back({name, {values.data(), values.data() + values.size()}, categories});
-  std::vector<std::pair<std::string, double>> out;
-  for (const study::VarianceShare& each : study::variance_shares(all, span_of(outcome)))
-    out.emplace_back(each.of, each.share);
-  return out;
-}
-
 /// Plots as name, terminal and commands. @return false: gnuplot is missing or failed
 bool write_plots(const path& out, const std::string& name, const std::string& data,
                  const std::vector<std::tuple<std::string, std::string, std::string>>& plots) {
@@ -142,23 +106,6 @@ bool write_plots(const path& out, const std::string& name, const std::string& da
   report.data = data;
   for (const auto& [plot, terminal, commands] : plots) report.plots.push_back({plot, terminal, commands});
   return without_gil([&] { return study::write_report(out, name, report); });
-}
-
-/// Studies of uncertain hands as name, side, file, overrides and folder; grasps that their hands refuse.
-py::tuple uncertain_grasps(const std::vector<path>& scenes, const std::vector<std::string>& sides,
-                           const std::vector<path>& persons, const std::vector<std::string>& overrides,
-                           const path& out) {
-  study::GraspStudy study;
-  study.scenes = scenes, study.sides = sides, study.persons = persons;
-  study.overrides = overrides, study.out = out;
-  std::vector<study::RefusedGrasp> refused;
-  const auto found = without_gil([&] { return study::uncertain_grasps(study, refused); });
-  py::list drawn, not_for;
-  for (const study::UncertainGrasp& each : found)
-    drawn.append(py::make_tuple(each.name, each.side, each.file, each.overrides, each.out));
-  for (const study::RefusedGrasp& each : refused)
-    not_for.append(py::make_tuple(each.scene, each.side, each.why));
-  return py::make_tuple(drawn, not_for);
 }
 
 }  // namespace
@@ -181,14 +128,7 @@ void bind_rollouts(py::module_& module) {
         return py::bytes(study::crashed_row(of.study(), rollout, error));
       });
   module.def("rollouts", &rollouts);
-  module.def("uncertain_grasps", &uncertain_grasps);
   module.def("check_free", &simulation::check_free);
-  module.def("share", [](long held, long of) { return numbers_of(study::share(held, of)); });
-  module.def("mean_of", [](const NumberArray& of) { return numbers_of(study::mean_of(span_of(of))); });
-  module.def("rank_correlation", [](const NumberArray& x, const NumberArray& y) {
-    return numbers_of(study::rank_correlation(span_of(x), span_of(y)));
-  });
-  module.def("variance_shares", &variance);
   module.def("write_plots", &write_plots);
   module.def("json_text", [](const std::string& text) { return study::Json::parse(text).dump(2) + "\n"; });
   module.def("bytes_hash", [](const py::buffer& of) {

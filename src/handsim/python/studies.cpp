@@ -1,9 +1,6 @@
-#include "handsim/app/motion_command.h"
-#include "handsim/output/output_folder.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
 #include "handsim/study/accuracy/accuracy.h"
-#include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/population.h"
 
 namespace handsim::python {
@@ -45,65 +42,22 @@ py::list variants(const SceneHandle& of) {
   return out;
 }
 
-void grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
-            const std::vector<std::string>& overrides, std::optional<double> friction, bool friction_search,
-            bool margin, bool confirm, bool pictures, const py::object& progress) {
-  run_study(progress, [&](StudyHooks& hooks) {
-    study::GraspStudy study;
-    study.scenes = scenes;
-    study.out = out;
-    study.sides = sides;
-    study.overrides = overrides;
-    study.friction = friction;
-    study.friction_search = friction_search;
-    study.margin = margin;
-    study.confirm = confirm;
-    study.pictures = pictures;
-    study.progress = hooks.told;
-    const study::GraspTables tables = study::run_grasps(study);
-    study::finish_study(out, study::grasp_commands(study), false);
-  });
-}
-
-std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,
-                    const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    const study::InverseInput input = app::inverse_input(arguments);
-    const output::OutputFolder folder(out, study::inverse_files());
-    const study::InverseResult result = study::run_inverse(*of.scene, input, hooks.told);
-    folder.clear();
-    study::write_inverse(*of.scene, input, result, out);
-    return study::inverse_table(result) +
-           (result.fault ? "the check ended early: " + *result.fault + "\n" : "");
-  });
-}
-
 /// Stature [m], mass [kg] and sex.
 using PersonNumbers = std::tuple<double, double, std::string>;
-std::vector<PersonNumbers> draw_persons(const std::string& population, int count, std::uint64_t seed) {
+/// @param male absent: women and men with equal chances
+std::vector<PersonNumbers> draw_persons(const std::string& population, int count, std::uint64_t seed,
+                                        std::optional<bool> male) {
   const study::Population* of = study::population(population);
   if (!of) throw input_error("population", population, std::string(study::populations().front().name));
+  std::optional<hand::Sex> sex;
+  if (male) sex = *male ? hand::Sex::male : hand::Sex::female;
   std::vector<PersonNumbers> out;
   for (int i = 0; i < count; ++i) {
     environment::Draws draws(seed, static_cast<std::uint64_t>(i), "person");
-    const hand::Person each = study::draw_person(*of, std::nullopt, draws);
+    const hand::Person each = study::draw_person(*of, sex, draws);
     out.emplace_back(each.stature, each.mass, each.sex == hand::Sex::male ? "male" : "female");
   }
   return out;
-}
-
-void bind_motion(py::module_& module) {
-  module.def("inverse", [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
-                           const std::optional<path>& names, const std::optional<path>& loads,
-                           std::optional<double> cutoff, bool clamp, bool check,
-                           std::optional<double> least_activation, const py::object& progress) {
-    app::InverseArguments arguments;
-    arguments.motion = motion, arguments.names = names, arguments.loads = loads;
-    arguments.options.filter = cutoff, arguments.options.clamp = clamp, arguments.forward = check;
-    arguments.muscles = least_activation.has_value();
-    arguments.co_contraction = least_activation.value_or(0);
-    return inverse(of, out, arguments, progress);
-  });
 }
 
 }  // namespace
@@ -130,8 +84,6 @@ void bind_studies(py::module_& module) {
   module.def("cpu_seconds", [](const SceneHandle& of, long warm_up, long steps) {
     return without_gil([&] { return study::cpu_seconds(*of.scene, warm_up, steps); });
   });
-  module.def("grasps", &grasps);
-  bind_motion(module);
 }
 
 }  // namespace handsim::python

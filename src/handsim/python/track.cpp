@@ -3,12 +3,8 @@
 
 #include <cmath>
 
-#include <pybind11/functional.h>
-
 #include "handsim/app/commands.h"
-#include "handsim/app/motion_command.h"
 #include "handsim/core/data_folder.h"
-#include "handsim/output/table/gnuplot.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
@@ -82,30 +78,13 @@ py::dict run(const study::TrackInput& input, const py::object& progress) {
   return out;
 }
 
-/// Panels of a plot as part and commands. @param curve what is drawn of the name with an index, in a colour
-py::list hand_panels(const std::vector<std::string>& names,
-                     const std::function<std::string(std::size_t, const char*)>& curve) {
-  py::list out;
-  for (const output::Panel& panel : output::hand_panels(names, curve))
-    out.append(py::make_tuple(panel.part, panel.commands));
-  return out;
-}
-
 }  // namespace
 
 void bind_track(py::module_& module) {
   bind_class<study::TrackInput>(module, "Track").def("run", &run);
   module.def("track", &track_input);
   module.def("plain_name", [](const std::string& name) { return study::plain_name(name); });
-  module.def("hand_panels", &hand_panels);
   module.def("parse_length", [](const std::string& text) { return parse_quantity(text, Dimension::length); });
-  // Inverse dynamics with muscles of a tracked scene, as its command does them.
-  module.def("activations", [](const path& scene, const path& out) {
-    app::InverseArguments inverse;
-    inverse.scene = scene, inverse.out = out;
-    inverse.muscles = inverse.apart = true;
-    return without_gil([&] { return app::inverse_command(inverse); });
-  });
 }
 
 }  // namespace handsim::python

@@ -6,6 +6,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/output/export/export.h"
+#include "handsim/output/table/table_files.h"
 #include "handsim/study/inverse/inverse.h"
 #include "output/export/opensim.h"
 
@@ -115,7 +116,12 @@ Apart compare(double seconds, bool passive) {
   input.forward = false;
   input.least_activation = 0;
   const study::InverseResult ours = study::run_inverse(scene, input);
-  study::write_inverse(scene, input, ours, folder.path());
+  std::vector<std::string> muscles;
+  for (const model::Muscle& muscle : scene.model.muscles) muscles.push_back(muscle.name);
+  output::MotionTableWriter table(folder.path() / "activations.sto",
+                                  {"activations", muscles, ours.rows.size(), false});
+  for (const study::InverseRow& row : ours.rows) table.add(row.time, row.activation);
+  table.finish();
   std::ofstream(folder.path() / "question.json")
       << json{{"start", 0.1 * seconds},
               {"end", 0.9 * seconds},

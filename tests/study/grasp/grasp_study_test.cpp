@@ -1,7 +1,6 @@
 #include "handsim/study/grasp/grasp_study.h"
 
 #include <cmath>
-#include <fstream>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -9,7 +8,6 @@
 
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/rollouts/rollouts.h"
-#include "handsim/study/statistics.h"
 #include "scene_files.h"
 #include "support/sanitized.h"
 
@@ -140,7 +138,7 @@ TEST(GraspFigures, AreDecidedOnceTheObjectIsLostOrHasMovedTooFar) {
 }
 
 // Oracle: nothing holds a sphere without friction that is lifted; the study's run ends 0.25 s after the hand
-// has let go of it, and its tables say when that was.
+// has let go of it, and its rows say when that was.
 TEST(GraspStudy, EndsARunWhoseObjectIsLost) {
   const test::TemporaryFolder folder;
   GraspStudy study;
@@ -157,11 +155,11 @@ TEST(GraspStudy, EndsARunWhoseObjectIsLost) {
   EXPECT_FALSE(row.passed);
   EXPECT_NEAR(row.simulated, row.figures.left_time.value() + simulation::kLostSpan, 2e-3);
   EXPECT_LT(row.simulated, shortened("grasp_sphere_35mm", {kBrief}).spec.duration - 0.1);
-  const nlohmann::json told = nlohmann::json::parse(std::ifstream(study.out / "grasps.json")).front();
-  EXPECT_DOUBLE_EQ(told["lost_time_s"], row.figures.left_time.value());
-  for (const char* unknown : {"margin", "slip_m_per_s", "shift_m", "contacts"})
+  const nlohmann::json told = nlohmann::json::parse(rows_text(tables))["grasps"][0]["figures"];
+  EXPECT_DOUBLE_EQ(told["lost_time"], row.figures.left_time.value());
+  for (const char* unknown : {"margin", "slip", "shift", "contacts"})
     EXPECT_TRUE(told[unknown].is_null()) << unknown;
-  EXPECT_NE(std::string(told["outcome"]).find("LOST at"), std::string::npos);
+  EXPECT_NE(std::string(told["told"]).find("LOST at"), std::string::npos);
 }
 
 // Oracle: an object that is lost before the end of the hold, without a shake after it, lies still: no limit
@@ -218,9 +216,9 @@ TEST(GraspStudy, ConfirmsWithARunAtHalfTheStep) {
   EXPECT_EQ(row.half_step->shift, half.shift);
   EXPECT_EQ(row.half_step->turn, half.turn);
   EXPECT_NE(row.half_step->turn, row.figures.turn);
-  const nlohmann::json told = nlohmann::json::parse(std::ifstream(study.out / "grasps.json")).front();
+  const nlohmann::json told = nlohmann::json::parse(rows_text(tables))["grasps"][0];
   EXPECT_EQ(told["uncertain"], row.uncertain());
-  EXPECT_DOUBLE_EQ(told["half_step"]["turn_rad"], half.turn);
+  EXPECT_DOUBLE_EQ(told["half_step"]["turn"], half.turn);
 }
 
 // Oracle: a sphere without friction drops out of the hand, which says so, and nothing is searched for.

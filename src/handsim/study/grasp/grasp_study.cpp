@@ -285,11 +285,6 @@ std::optional<double> smallest_friction(const scene::Scene& scene, const std::fu
   return high;
 }
 
-bool GraspTables::passed() const {
-  const auto held = [](const auto& row) { return row.passed; };
-  return std::ranges::all_of(grasps, held) && std::ranges::all_of(climbs, held);
-}
-
 GraspTables run_grasps(const GraspStudy& study) {
   GraspTables tables;
   const std::vector<Work> all = load(study, tables.refused);
@@ -300,12 +295,14 @@ GraspTables run_grasps(const GraspStudy& study) {
     return out;
   };
   // All folders are had before the first run, which may take minutes.
-  const output::OutputFolder folder(
-      study.out, {"grasps.csv", "grasps.json", "climbs.csv", "climbs.json", "study.json", "report.html"},
+  tables.folder = std::make_unique<output::OutputFolder>(
+      study.out,
+      std::vector<std::string>{"grasps.csv", "grasps.json", "climbs.csv", "climbs.json", "study.json",
+                               "report.html"},
       scenes);
   std::vector<output::OutputFolder> folders;
   for (const Work& work : all) folders.push_back(simulation::run_folder(work.scene, options_of(study, work)));
-  folder.clear();
+  tables.folder->clear();
   for (const output::OutputFolder& of_run : folders) of_run.clear();
   const double share = 1.0 / static_cast<double>(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -343,7 +340,6 @@ GraspTables run_grasps(const GraspStudy& study) {
     tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
     tables.climbs.insert(tables.climbs.end(), climbs.begin(), climbs.end());
   }
-  write_grasps(tables, study.out);
   return tables;
 }
 
@@ -353,17 +349,6 @@ std::vector<UncertainGrasp> uncertain_grasps(const GraspStudy& study, std::vecto
     out.push_back({work.name, work.scene.spec.hands[0].placement.name, work.file, work.overrides,
                    options_of(study, work).out});
   return out;
-}
-
-StudyCommands grasp_commands(const GraspStudy& study) {
-  std::vector<std::string> words = {"grasp"};
-  for (const std::filesystem::path& scene : study.scenes) words.push_back(scene.string());
-  for (const std::filesystem::path& person : study.persons)
-    words.insert(words.end(), {"--persons", person.string()});
-  if (!study.sides.empty())
-    words.insert(words.end(), {"--side", study.sides.size() == 2 ? "both" : study.sides.front()});
-  if (study.friction) words.insert(words.end(), {"--friction", fmt::format("{}", *study.friction)});
-  return {command_text(words, study.overrides)};
 }
 
 }  // namespace handsim::study

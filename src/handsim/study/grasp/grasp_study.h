@@ -4,12 +4,13 @@
 
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "handsim/output/output_folder.h"
 #include "handsim/simulation/run/run.h"
-#include "handsim/study/report.h"
 
 namespace handsim::study {
 
@@ -71,17 +72,15 @@ struct RefusedGrasp {
 struct GraspTables {
   std::vector<GraspRow> grasps;
   std::vector<ClimbRow> climbs;
-  std::vector<RefusedGrasp> refused;  ///< with `persons` only; without, they are errors of input
-  std::vector<std::string> missing;   ///< `OUT/SCENE: pictures: ...`, see RunResult
-
-  bool passed() const;
+  std::vector<RefusedGrasp> refused;             ///< with `persons` only; without, they are errors of input
+  std::vector<std::string> missing;              ///< `OUT/SCENE: pictures: ...`, see RunResult
+  std::unique_ptr<output::OutputFolder> folder;  ///< of the study, for its other files
 };
 
-/// Writes grasps.csv and .json, and where there are climbs the same of them.
-void write_grasps(const GraspTables& tables, const std::filesystem::path& out);
+/// JSON of the rows of all tables, in SI, and of what is missing.
+std::string rows_text(const GraspTables& tables);
 
-/// Runs the study and writes OUT/SCENE_SIDE/ for each run, OUT/grasps.csv and OUT/grasps.json, and where
-/// there are climbs the same of them.
+/// Runs the study and writes OUT/SCENE_SIDE/ for each run.
 /// @throws Error (input) for what is no scene with grasps or climbs, before anything is run.
 GraspTables run_grasps(const GraspStudy& study);
 
@@ -95,9 +94,6 @@ struct UncertainGrasp {
 
 /// @param refused what does not fit its hand. @throws Error (input) as run_grasps
 std::vector<UncertainGrasp> uncertain_grasps(const GraspStudy& study, std::vector<RefusedGrasp>& refused);
-
-/// The command that repeats the study, without its `--margin` and other further runs.
-StudyCommands grasp_commands(const GraspStudy& study);
 
 /// Gives every surface of a scene, and of its resolved.yaml, one friction; moments about normals go with it.
 void set_friction(scene::Scene& scene, double friction);

@@ -89,15 +89,4 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
 RolloutsSpec uncertain_inverse(const std::filesystem::path& scene, std::vector<std::string> overrides,
                                InverseInput input, int count);
 
-/// Names of the files of write_inverse().
-std::vector<std::string> inverse_files();
-/// torques.sto, with activations activations.sto, excitations.sto and reserves.sto, summary.csv, summary.json
-/// and, if gnuplot is installed, plots.
-/// @returns false if gnuplot is missing or fails. @throws Error (input) if the folder cannot be written.
-bool write_inverse(const scene::Scene& scene, const InverseInput& input, const InverseResult& result,
-                   const std::filesystem::path& out);
-/// summary.json as text, and the rows as a table for the screen.
-std::string inverse_json(const scene::Scene& scene, const InverseInput& input, const InverseResult& result);
-std::string inverse_table(const InverseResult& result);
-
 }  // namespace handsim::study

@@ -2,9 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
-
-#include <fmt/format.h>
 
 #include "handsim/model/muscle.h"
 
@@ -13,8 +10,6 @@ namespace handsim::study {
 namespace {
 
 constexpr double kFull = 0.999, kReached = 0.01;  ///< of activations
-constexpr double kLeastShare = 0.005;             ///< that is named
-constexpr std::size_t kMostMuscles = 4;
 
 }  // namespace
 
@@ -74,27 +69,6 @@ Undone UndoneCauses::shares() const {
   if (all_ == 0) return out;
   for (auto& [name, share] : out.beyond) share /= all_;
   for (double* share : {&out.no_balance, &out.late, &out.other}) *share /= all_;
-  return out;
-}
-
-std::string undone_text(const Undone& undone) {
-  std::vector<std::pair<double, std::string>> muscles, causes;
-  double all = 0;
-  for (const auto& [name, share] : undone.beyond) muscles.emplace_back(share, name), all += share;
-  std::ranges::sort(muscles, std::greater());
-  std::string names;
-  for (std::size_t i = 0; i < std::min(muscles.size(), kMostMuscles); ++i)
-    names += fmt::format("{}{} {:.0f} %", i == 0 ? "" : ", ", muscles[i].second, 100 * muscles[i].first);
-  if (muscles.size() > kMostMuscles) names += ", ...";
-  causes.emplace_back(all, "beyond the strength of muscles: " + names);
-  causes.emplace_back(undone.no_balance, "that no balance of muscles gives, which turn several axes at once");
-  causes.emplace_back(undone.late,
-                      "in changes that are faster than muscles follow, as noise of points makes them");
-  causes.emplace_back(undone.other, "in tendons that stretch, bands and fused joints");
-  std::ranges::sort(causes, std::greater());
-  std::string out;
-  for (const auto& [share, text] : causes)
-    if (share >= kLeastShare) out += fmt::format("  {:.0f} % of it {}\n", 100 * share, text);
   return out;
 }
 

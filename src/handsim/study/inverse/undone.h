@@ -43,7 +43,4 @@ class UndoneCauses {
   double all_ = 0;
 };
 
-/// A sentence of the causes, by their shares.
-std::string undone_text(const Undone& undone);
-
 }  // namespace handsim::study
