@@ -49,6 +49,12 @@ MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
 PATIENCE = 2.0
 """Seconds for a result that is there to come."""
+QUIET = 60.0
+"""Seconds without any chunk, though there are workers, before those in work are sent again; twice as long the next time."""
+ASKED = 2.0
+"""Seconds from one question to a scheduler how many threads it has to the next."""
+SILENT = 30.0
+"""Seconds without an answer of a scheduler before the study ends."""
 ALONE, ALONE_AGAIN = 10.0, 60.0
 """Seconds without any worker before a line says so, and until the next line."""
 TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
@@ -223,6 +229,16 @@ class Executor:
         """Is called while nothing comes. :returns: a line for people, or nothing. :raises Error: of kind output where nobody computes any more"""
         return ""
 
+    def may_lose(self) -> bool:
+        """Work may be lost without a word, though there are workers."""
+        return False
+
+    def cancel(self, futures: list[Any]) -> None:
+        """What nobody waits for any more."""
+        for future in futures:
+            with suppress(OSError):
+                future.cancel()
+
     def close(self) -> None:
         pass
 
@@ -244,13 +260,19 @@ class Threads(Executor):
 
 
 class Dask(Executor):
-    """The workers of a Dask cluster, of which some may come and go."""
+    """The workers of a Dask cluster, of which some may come and go.
+
+    Dask's client waits for an answer as long as it takes, and for a connection 30 s each time that it is asked for something. So nothing
+    here waits for the scheduler but within a time limit, and a question that is always on its way tells whether it is there.
+    """
 
     def __init__(self, client: Any, own: bool = False) -> None:
         """:param own: the client was made for this study"""
         self._client, self._own = client, own
         self._study: Optional[Any] = None
-        self._asked, self._count, self._sent = -np.inf, 0, 0
+        self._count, self._sent = 0, 0
+        self._question: Optional[Any] = None
+        self._asked, self._looked, self._silent = -np.inf, time.monotonic(), 0.0
         self._alone: Optional[float] = None
         """Since when there is no worker."""
         self._told = 0.0
@@ -260,26 +282,56 @@ class Dask(Executor):
         """The address of Dask's own page; empty where the scheduler has none."""
         return str(self._client.dashboard_link) if "dashboard" in self._client.scheduler_info()["services"] else ""
 
+    def _begun(self, coroutine: Any) -> Any:
+        """What Dask is to do while this thread goes on. :returns: its future"""
+        return asyncio.run_coroutine_threadsafe(coroutine, self._client.loop.asyncio_loop)
+
     def slots(self) -> int:
-        if time.monotonic() - self._asked > 2:
-            self._count = sum(self._client.nthreads().values())
-            self._asked = time.monotonic()
-            if self._count:
-                self._alone = None
-            elif self._alone is None:
-                self._alone, self._told = self._asked, self._asked + ALONE - ALONE_AGAIN
+        self._listen()
         return max(1, self._count)
 
-    def submit(self, call: Callable[..., Any], work: Any, first: int, last: int) -> Any:
-        # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
-        if self._study is None or self._study.status in ("cancelled", "lost", "error"):
-            self._sent += 1
-            self._study = self._client.submit(_itself, work, key=f"{STUDY}{work.key}-{self._sent}")
-        return self._client.submit(call, self._study, first, last, pure=False)
-
-    def check(self) -> str:
+    def _listen(self) -> None:
+        """:raises Error: of kind output where the scheduler has not answered for SILENT seconds, or the client has given it up"""
         if self._client.status not in ("running", "connecting"):
             raise _gone("no scheduler answers")
+        now = time.monotonic()
+        # A long time without a look, as of a program that was stopped, is no time in which an answer could come.
+        self._silent += min(now - self._looked, 2 * PATIENCE)
+        self._looked = now
+        if self._question is None and now - self._asked > ASKED:
+            first, self._asked = self._asked < 0, now
+            self._question = self._begun(self._threads())
+            if first:
+                concurrent.futures.wait([self._question], PATIENCE)
+        if self._question is not None and self._question.done():
+            question, self._question = self._question, None
+            with suppress(Exception):
+                self._count, self._silent = question.result(), 0.0
+                if self._count:
+                    self._alone = None
+                elif self._alone is None:
+                    self._alone, self._told = now, now + ALONE - ALONE_AGAIN
+        if self._silent > SILENT:
+            raise _gone(f"no scheduler has answered for {SILENT:.0f} s")
+
+    async def _threads(self) -> int:
+        """That the workers have together."""
+        return sum((await self._client.scheduler.ncores(workers=None)).values())
+
+    def submit(self, call: Callable[..., Any], work: Any, first: int, last: int) -> Any:
+        try:
+            # The study is a task of its own: it goes once to each worker, and again where all that had it have gone.
+            if self._study is None or self._study.status in ("cancelled", "lost", "error"):
+                self._sent += 1
+                self._study = self._client.submit(_itself, work, key=f"{STUDY}{work.key}-{self._sent}")
+            return self._client.submit(call, self._study, first, last, pure=False)
+        except Exception:
+            # A client that has closed in the meantime has no exception of its own for it.
+            self._listen()
+            raise
+
+    def check(self) -> str:
+        self._listen()
         now = time.monotonic()
         if self._alone is None or now - self._told < ALONE_AGAIN:
             return ""
@@ -287,10 +339,25 @@ class Dask(Executor):
         address = self._client.scheduler.address
         return f"waiting for {now - self._alone:.0f} s: the scheduler {address} has no worker; dask worker {address} starts one"
 
+    def may_lose(self) -> bool:
+        # A scheduler of 2022 may hold a task for one of a worker that has just come and does not know of it.
+        return self._alone is None
+
+    def cancel(self, futures: list[Any]) -> None:
+        self._study = None
+        if futures and self._client.status == "running":
+            asked = self._begun(self._client.cancel(futures, asynchronous=True))
+            with suppress(OSError, CancelledError, *TIMEOUTS):
+                asked.result(PATIENCE)
+            asked.cancel()
+
     def close(self) -> None:
         self._study = None
+        if self._question is not None:
+            self._question.cancel()
         if self._own:
-            self._client.close()
+            with suppress(OSError, *TIMEOUTS):
+                self._client.close(timeout=PATIENCE)
 
 
 def _gone(why: object) -> Error:
@@ -379,6 +446,7 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
     flying: dict[Any, Range] = {}
     suspects: deque[int] = deque()
     tries: dict[int, int] = {}
+    heard, patience = time.monotonic(), QUIET
     try:
         while waiting.left or flying or suspects:
             slots = executor.slots()
@@ -395,6 +463,17 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
                 wait()
                 if line := executor.check():
                     say(line)
+                if not executor.may_lose():
+                    heard = time.monotonic()
+                elif time.monotonic() - heard > patience:
+                    say(f"nothing has come for {patience:.0f} s: what is in work is sent again")
+                    executor.cancel(list(flying))
+                    waiting.again(*flying.values())
+                    flying.clear()
+                    heard, patience = time.monotonic(), 2 * patience
+                continue
+            heard = time.monotonic()
+            if future not in flying:
                 continue
             first, last = flying.pop(future)
             try:
@@ -428,9 +507,7 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
     except (BrokenExecutor, OSError) as error:
         raise _gone(error) from None
     finally:
-        for future in flying:
-            with suppress(OSError):
-                future.cancel()
+        executor.cancel(list(flying))
 
 
 def map_units(executor: Executor, call: Callable[[Any, int], Any], shared: Any, count: int, wait: Callable[[], None] = lambda: None,

@@ -77,7 +77,9 @@ def wait_for_workers(client, count: int) -> None:
 class Cluster:
     """A scheduler of Dask and its workers, each a process of its own without a nanny, so that each can be killed."""
 
-    def __init__(self, folder: Path, workers: int) -> None:
+    def __init__(self, folder: Path, workers: int, **environment: str) -> None:
+        """:param environment: of all processes, beside that of this one"""
+        self._environment = {**os.environ, **environment}
         self._file, self.workers = folder / "scheduler.json", []
         self._log = open(folder / "cluster.log", "ab")
         self._file.unlink(missing_ok=True)
@@ -95,7 +97,8 @@ class Cluster:
         raise AssertionError("no scheduler within a minute")
 
     def _started(self, program: str, *words: object) -> subprocess.Popen:
-        return subprocess.Popen([sys.executable, "-m", f"distributed.cli.{program}", *map(str, words)], stdout=self._log, stderr=self._log)
+        return subprocess.Popen([sys.executable, "-m", f"distributed.cli.{program}", *map(str, words)], stdout=self._log, stderr=self._log,
+                                env=self._environment)
 
     @property
     def on(self) -> str:
@@ -113,6 +116,12 @@ class Cluster:
         process = self.workers.pop(worker)
         process.kill()
         process.wait()
+
+    def replace_ended(self, most: int = 2) -> None:
+        """A new worker for each that has ended."""
+        self.workers = [worker for worker in self.workers if worker.poll() is None]
+        for _ in range(most - len(self.workers)):
+            self.add()
 
     def seconds(self) -> list[float]:
         """CPU time of the scheduler and of the workers so far."""

@@ -1,18 +1,20 @@
 """Rollouts on a Dask cluster of processes, of which some die, come and differ; more kills, and killed schedulers: cluster_kills.py."""
 import os
 import re
+import signal
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
-from rollout_studies import Cluster, Killer, contents, wait_for_workers, write_study
+from rollout_studies import SHORT_CHUNKS, Cluster, Killer, contents, records, wait_for_workers, write_study
 
 import handsim as hs
 from handsim import _rollouts
 from handsim._rollouts import PARTS
 
 try:
-    import dask
     import distributed
     import h5py  # noqa: F401
 except ImportError:
@@ -29,20 +31,38 @@ def whole(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def cluster():
-    # A task whose worker has died twice is given back: each death takes seconds, until its nanny has a new process.
-    # Dask of 2022 also closes the nanny of a worker that dies with a result that is asked for: the cluster makes another one.
-    with dask.config.set({"distributed.scheduler.allowed-failures": 1, "distributed.deploy.lost-worker-timeout": "10s"}), \
-            distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as made:
-        made.adapt(minimum=2, maximum=2)
+def cluster(tmp_path_factory):
+    # A task whose worker has died twice is given back. Workers have no nannies: those of Dask of 2022 may give up after some deaths, or begin a
+    # worker whose name the scheduler still has.
+    with Cluster(tmp_path_factory.mktemp("cluster"), 2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1") as made:
+        ended = threading.Event()
+
+        def keep_two() -> None:
+            while not ended.wait(0.1):
+                made.replace_ended()
+
+        keeper = threading.Thread(target=keep_two)
+        keeper.start()
         yield made
+        ended.set()
+        keeper.join()
 
 
 @pytest.fixture
 def client(cluster):
-    with distributed.Client(cluster, set_as_default=False) as made:
+    with distributed.Client(cluster.address, set_as_default=False) as made:
         wait_for_workers(made, 2)
         yield made
+
+
+class Proxy:
+    """A client that does something else with what is submitted."""
+
+    def __init__(self, client):
+        self._client = client
+
+    def __getattr__(self, name):
+        return getattr(self._client, name)
 
 
 # Oracle: one machine.
@@ -80,18 +100,16 @@ def test_workers_that_come_are_used(whole, tmp_path, monkeypatch):
 # Oracle: the table of one machine, but for that row; only a worker process can die so.
 def test_a_row_that_crashes_its_worker_is_a_row(client, tmp_path):
     file = write_study(tmp_path, count=3)
-    class Crashing:
-        """At row 4 the process of the worker ends."""
 
-        status, nthreads, scatter = "running", client.nthreads, client.scatter
+    class Crashing(Proxy):
+        """At row 4 the process of the worker ends."""
 
         def submit(self, call, *arguments, **more):
             return client.submit(call if len(arguments) == 1 else _dies_at_4, *arguments, **more)
 
-    hs.study.rollouts(file, client=Crashing(), out=tmp_path / "out")
+    hs.study.rollouts(file, client=Crashing(client), out=tmp_path / "out")
     rows = (tmp_path / "out/rollouts.csv").read_text().splitlines()
     assert [i - 1 for i, row in enumerate(rows) if "crashed" in row] == [4] and len(rows) == 7
-    # A nanny that is just starting a process does not end.
     wait_for_workers(client, 2)
 
 
@@ -101,11 +119,28 @@ def _dies_at_4(work, first, last):
     return _rollouts.rows_of(work, first, last)
 
 
+# Oracle: one machine. A chunk for which no worker is good enough stands for one that the scheduler has lost.
+def test_what_a_scheduler_has_lost_is_sent_again(whole, client, tmp_path, monkeypatch, capfd):
+    file, expected = whole
+    monkeypatch.setattr(_rollouts, "QUIET", 2)
+
+    class Losing(Proxy):
+        lost = False
+
+        def submit(self, call, *arguments, **more):
+            if len(arguments) > 1 and not self.lost:
+                self.lost = True
+                more["resources"] = {"nobody": 1}
+            return client.submit(call, *arguments, **more)
+
+    hs.study.rollouts(file, client=Losing(client), out=tmp_path)
+    assert "nothing has come for 2 s: what is in work is sent again" in capfd.readouterr().err
+    assert contents(tmp_path) == expected
+
+
 # Oracle: the worker's name, and what is other; no row is there.
 def test_a_worker_of_another_build_is_refused_by_name(whole, client, tmp_path):
-    class Other:
-        status, nthreads, scatter = "running", client.nthreads, client.scatter
-
+    class Other(Proxy):
         def submit(self, call, *arguments, **more):
             if len(arguments) == 1:
                 work = arguments[0]
@@ -113,8 +148,36 @@ def test_a_worker_of_another_build_is_refused_by_name(whole, client, tmp_path):
             return client.submit(call, *arguments, **{**more, **({"key": "other"} if "key" in more else {})})
 
     with pytest.raises(hs.Error, match=r"^worker tcp://127.0.0.1:\d+: got handsim .*, need handsim 0.0.1, commit 0123456, as where the study was begun"):
-        hs.study.rollouts(whole[0], client=Other(), out=tmp_path)
+        hs.study.rollouts(whole[0], client=Other(client), out=tmp_path)
     assert not (tmp_path / PARTS).exists()
+
+
+FAULT_AFTER_A_CHUNK = """
+import os, time
+from handsim import _rollouts
+add, _rollouts.SILENT = _rollouts.Parts.add, 3
+def then_fault(self, rows):
+    add(self, rows)
+    os.kill({process}, {fault})
+    print(time.monotonic(), flush=True)
+_rollouts.Parts.add = then_fault
+"""
+
+
+# Oracle: one machine, and a time limit. Dask's client alone waits for minutes for a scheduler that is killed or hangs.
+@pytest.mark.parametrize("fault", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_scheduler_that_is_gone_ends_the_study_soon(whole, tmp_path, fault):
+    file, expected = whole
+    command = ["rollouts", str(file), "--out", str(tmp_path / "out"), "--resume", "--on"]
+    with Cluster(tmp_path, 2) as cluster:
+        code = FAULT_AFTER_A_CHUNK.format(process=cluster.scheduler.pid, fault=int(fault)) + SHORT_CHUNKS
+        run = subprocess.run([sys.executable, "-c", code, *command, cluster.on], capture_output=True, text=True, timeout=200)
+        assert time.monotonic() - float(run.stdout.split()[0]) < 18
+    assert run.returncode == 1 and re.search(r"^what computes the rows has gone \(.+\); the same command with --resume goes on$", run.stderr, re.M)
+    assert records(tmp_path / "out") > 0
+    with Cluster(tmp_path, 1) as cluster:
+        subprocess.run([sys.executable, "-m", "handsim", *command, cluster.on], check=True)
+    assert contents(tmp_path / "out") == expected
 
 
 # Oracle: a worker that comes after the line; the table of one machine.
