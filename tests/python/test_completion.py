@@ -9,7 +9,7 @@ import pytest
 from handsim.__main__ import COMMANDS
 
 PROGRAM = os.environ.get("HANDSIM_PROGRAM", "")
-SHARED = ("export", "track")  # the program's, too
+SHARED = ("track",)  # the program's, too
 
 
 @pytest.mark.skipif(not PROGRAM, reason="the program is not in the path (HANDSIM_PROGRAM)")

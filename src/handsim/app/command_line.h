@@ -137,8 +137,7 @@ void add_motion_commands(CommandLine& line);
 /// For help and completion alone: these commands never reach CLI11.
 void add_other_commands(CommandLine& line);
 
-/// True for a command of the Python package or of the tests, for `export` in a format of the package, and for
-/// the page of a run.
+/// True for a command of the Python package or of the tests, and for the page of a run.
 bool is_other_command(int argc, const char* const* argv);
 /// Becomes the program of the command. @throws Error (input) without it
 [[noreturn]] void run_other_command(int argc, const char* const* argv);

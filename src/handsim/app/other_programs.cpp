@@ -14,7 +14,6 @@
 #include "handsim/app/commands.h"
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
-#include "handsim/output/export/export.h"
 
 namespace handsim::app {
 
@@ -26,10 +25,12 @@ constexpr const char* kHardCases = "stability";
 struct OtherCommand {
   const char *name, *help, *example;
   const char* place;    ///< what completion offers in place of an option: `scene`, `study` or nothing
-  const char* options;  ///< their long names, with blanks between
+  /// Their long names, with blanks between; after a sign what completion offers for their values: words,
+  /// a folder of shipped files, or `$`: what `handsim COMMAND --NAMEs` prints.
+  const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 11> kOtherCommands = {
+constexpr std::array<OtherCommand, 12> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -41,6 +42,13 @@ constexpr std::array<OtherCommand, 11> kOtherCommands = {
       "effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
       "out set engine repeats report json"},
+     {"export",
+      "A scene's model or motion, a finished run, or a person's hands, as a file for other programs, by --format",
+      "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", "scene",
+      "out format=$ time hands=skin|shapes|both fps set engine=ode|dae|articulated|auto person=config/persons "
+      "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
+      "hand-length-percentile model=handmodels side=right|left|both mount=fixed|hinge|universal|free muscles "
+      "quiet"},
      {"identify", "Fit numbers of a scene to a recording, with intervals",
       "handsim identify out/run --scene grasp_pinch --free objects.0.mass", "",
       "scene free columns deviation set out json"},
@@ -90,16 +98,13 @@ except ImportError as error:
 sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
-/// True where a command of this program is the package's: `export` in a format that the package writes, such
-/// as `glb`, `--format=glb` and `out/hand.glb`; `track` of a C3D file or for a convention; what writes the
-/// page of a run.
+/// True where a command of this program is the package's: `track` of a C3D file or for a convention; what writes
+/// the page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
   if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);
   const std::string word = lower_case(argument);
-  if (command == "track") return word == "c3d" || word == "--convention-from";
-  const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
-  return command == "export" && format != output::kFormats.end() && !format->write;
+  return command == "track" && (word == "c3d" || word == "--convention-from");
 }
 
 /// The interpreter that the package was built for, then the path's; or HANDSIM_PYTHON, parted by colons.
@@ -160,8 +165,19 @@ void add_other_commands(CommandLine& line) {
     CLI::App& sub = *line.app.add_subcommand(command.name, command.help);
     sub.footer(std::string("Example: ") + command.example);
     if (*command.place) add_input(sub, command.place, line.unread, "file");
-    for (const std::string_view name : split(command.options, ' '))
-      if (!name.empty()) sub.add_flag("--" + std::string(name));
+    for (const std::string_view option : split(command.options, ' ')) {
+      const std::string name = "--" + std::string(option.substr(0, option.find('=')));
+      const std::string words(option.substr(std::min(option.size(), option.find('=') + 1)));
+      if (option.empty()) continue;
+      if (name.size() == option.size() + 2)
+        sub.add_flag(name);
+      else if (words == "$")
+        sub.add_option(name, line.unread)->type_name(fmt::format("$(handsim {} {}s)", command.name, name));
+      else if (words.find('|') != std::string::npos)
+        sub.add_option(name, line.unread)->type_name(words);
+      else
+        add_input(sub, name, line.unread, "file", words);
+    }
   }
 }
 

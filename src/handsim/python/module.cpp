@@ -59,13 +59,13 @@ bool has_pictures() {
   }
 }
 
-/// `handsim COMMAND ...` in this process, the program's own export and track. @param page of a run
+/// `handsim COMMAND ...` in this process, the program's own track. @param page of a run
 /// @return its exit status
 int command_line(const std::vector<std::string>& words, const app::WritePage& page) {
   std::vector<const char*> argv = {"handsim"};
   for (const std::string& word : words) argv.push_back(word.c_str());
   // Of these commands a part is the package's, whose process this is.
-  constexpr std::array<std::string_view, 4> kShared = {"export", "grasp", "run", "track"};
+  constexpr std::array<std::string_view, 3> kShared = {"grasp", "run", "track"};
   const bool other = words.empty() || std::ranges::find(kShared, words[0]) == kShared.end();
   const auto more = other ? nullptr : &app::add_other_commands;
   return without_gil([&] {
