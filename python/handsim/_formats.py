@@ -25,8 +25,8 @@ class Format(NamedTuple):
     mark: bytes
     """What its beginning has."""
     writer: str
-    """Module and function: of a `_model.Model` to its text, where `of_model`; else of an `export.Job` to the file's content, and what it has,
-    in words."""
+    """Module and function: of a `_model.Model` to its text, where `of_model`; else of an `export.Job` to the file's content, and what it
+    has, in words."""
     of_model: bool = False
 
     @property

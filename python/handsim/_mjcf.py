@@ -1,16 +1,17 @@
-"""MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, contact pairs and surfaces, masses, an
-actuator on every axis, the start as keyframe ``initial``.
+"""MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, contact pairs and surfaces, masses,
+an actuator on every axis, the start as keyframe ``initial``.
 
 Body frames are the model's (origin at the centre of mass), angles are in radians, and all digits are written. Each joint axis becomes a
 joint named ``joint.axis``; a ball joint keeps its name; an actuator has the name of its joint. Joint limits need the effect joint_stops,
 joint stiffness and damping passive_tissue, gravity the effect gravity, friction the effect friction. Kinematic bodies are fixed at their
 start, driven ones are mocap bodies. Loops are closed by ``connect`` constraints, which are compliant in MuJoCo. Axes with a drive get a
-position actuator with its gains and torque limit (without integral), others a motor. Muscles and bands in effect become fixed tendons with
-the moment arms of the start, and actuators of the muscles' names with their isometric forces there.
+position actuator with its gains and torque limit (without integral), others a motor. Muscles and bands in effect become fixed tendons
+with the moment arms of the start, and actuators of the muscles' names with their isometric forces there.
 """
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ._model import Array, Axis, Joint, Model, Path, Shape, Touch, compose, inverse, posed, product, quaternion_of, turn_of, turned
 from ._xml import attribute, number, numbers, refuse
@@ -63,8 +64,8 @@ class _Writer:
         self._block("actuator", self.actuators)
         if self.positions:
             targets = f' ctrl="{" ".join(self.targets)}"' if self.actuators else ""
-            self.lines += ["  <keyframe>", f'    <key name="initial" qpos="{" ".join(self.positions)}" qvel="{" ".join(self.velocities)}"{targets}/>',
-                           "  </keyframe>"]
+            state = f'qpos="{" ".join(self.positions)}" qvel="{" ".join(self.velocities)}"'
+            self.lines += ["  <keyframe>", f'    <key name="initial" {state}{targets}/>', "  </keyframe>"]
         return "\n".join([*self.lines, "</mujoco>", ""])
 
     def _block(self, tag: str, lines: list[str]) -> None:
@@ -77,7 +78,8 @@ class _Writer:
     def _solver(self) -> str:
         """Friction as handsim has it: a round cone, no creep where surfaces stick. With servos: implicit dampers."""
         friction = self.model.rules and "friction" in self.model.effects
-        return (' cone="elliptic" impratio="1000" noslip_iterations="10"' if friction else "") + (' integrator="implicit"' if self.model.implicit else "")
+        return ((' cone="elliptic" impratio="1000" noslip_iterations="10"' if friction else "") +
+                (' integrator="implicit"' if self.model.implicit else ""))
 
     def _open(self, index: int, pose: Array, indent: str) -> None:
         body = self.model.bodies[index]
@@ -87,7 +89,8 @@ class _Writer:
         if np.linalg.det(axes) < 0:
             axes[:, 2] *= -1
         self.lines += [f'{indent}<body name="{self._name(index)}" pos="{numbers(pose[:3])}" quat="{numbers(pose[3:])}"{mocap}>',
-                       f'{indent}  <inertial pos="0 0 0" quat="{numbers(quaternion_of(axes))}" mass="{number(body.mass)}" diaginertia="{numbers(moments)}"/>']
+                       f'{indent}  <inertial pos="0 0 0" quat="{numbers(quaternion_of(axes))}" mass="{number(body.mass)}" '
+                       f'diaginertia="{numbers(moments)}"/>']
 
     def _close(self, index: int, indent: str) -> None:
         self._shapes(index, indent + "  ")
@@ -143,7 +146,8 @@ class _Writer:
             self.targets.append("0")
             return
         stiffness, limit = number(servo.stiffness), number(servo.limit)
-        self.actuators.append(f'    <general name="{name}" joint="{name}" gainprm="{stiffness}" biastype="affine" biasprm="{number(servo.feed)} '
+        self.actuators.append(f'    <general name="{name}" joint="{name}" gainprm="{stiffness}" biastype="affine" '
+                              f'biasprm="{number(servo.feed)} '
                               f'-{stiffness} -{number(servo.damping)}" forcelimited="true" forcerange="-{limit} {limit}"/>')
         self.targets.append(number(self.model.start.q[dof] + servo.error))
 
@@ -158,19 +162,23 @@ class _Writer:
         for shape in self.model.shapes:
             if shape.body == body:
                 self.lines.append(f'{indent}<geom name="{attribute(shape.name)}" {_form(shape)} pos="{numbers(shape.pose[:3])}" '
-                                  f'quat="{numbers(shape.pose[3:])}" contype="{1 << shape.group}" conaffinity="{self._affinity(shape.group)}"'
+                                  f'quat="{numbers(shape.pose[3:])}" contype="{1 << shape.group}" '
+                                  f'conaffinity="{self._affinity(shape.group)}"'
                                   f'{_friction(self.model, shape)} mass="0"/>')
 
     def _excluded(self) -> list[str]:
         """No contact between bodies that a joint connects."""
-        return [f'    <exclude body1="{self._name(joint.parent)}" body2="{self._name(joint.child)}"/>' for joint in self.model.joints if joint.parent]
+        return [f'    <exclude body1="{self._name(joint.parent)}" body2="{self._name(joint.child)}"/>'
+                for joint in self.model.joints if joint.parent]
 
     def _loops(self) -> list[str]:
         out = []
         for joint in self.model.joints:
             if joint.closes_loop:
                 # A hinge needs two points of its axis.
-                points = [joint.child_frame] + ([compose(joint.child_frame, posed(0.01 * joint.axes[0].axis))] if joint.kind == "hinge" else [])
+                points = [joint.child_frame]
+                if joint.kind == "hinge":
+                    points.append(compose(joint.child_frame, posed(0.01 * joint.axes[0].axis)))
                 out += [f'    <connect body1="{self._name(joint.child)}" body2="{self._name(joint.parent)}" anchor="{numbers(point[:3])}"/>'
                         for point in points]
         return out
@@ -185,7 +193,8 @@ class _Writer:
                 name = attribute(muscle.name)
                 out += _fixed(name, muscle.path, names, "")
                 self.actuators.append(
-                    f'    <general name="{name}" tendon="{name}" dyntype="muscle" dynprm="{numbers([muscle.activation_time, muscle.deactivation_time])}" '
+                    f'    <general name="{name}" tendon="{name}" dyntype="muscle" '
+                    f'dynprm="{numbers([muscle.activation_time, muscle.deactivation_time])}" '
                     f'gaintype="fixed" gainprm="{number(-muscle.isometric)}" biastype="affine" biasprm="{number(-muscle.passive)} 0 0" '
                     'ctrllimited="true" ctrlrange="0 1"/>')
                 self.targets.append("0")
@@ -197,23 +206,24 @@ class _Writer:
                     length -= arm * model.start.q[dof]
                 rest = number(band.rest + length + band.path.excursion)
                 # A band that goes slack is a limit there: MuJoCo's springs work both ways.
-                out += _fixed(attribute(band.name), band.path, names,
-                              f' stiffness="{number(band.stiffness)}" damping="{number(band.damping)}" springlength="{rest}"' if band.both_ways
-                              else f' limited="true" range="-1 {rest}"')
+                law = (f' stiffness="{number(band.stiffness)}" damping="{number(band.damping)}" springlength="{rest}"' if band.both_ways
+                       else f' limited="true" range="-1 {rest}"')
+                out += _fixed(attribute(band.name), band.path, names, law)
         return out
 
 
 def _fixed(name: str, path: Path, names: dict[int, str], attributes: str) -> list[str]:
     """A fixed tendon, whose length is the sum of coefficients times angles: coefficients are minus the arms."""
-    return [f'    <fixed name="{name}"{attributes}>', *(f'      <joint joint="{names[dof]}" coef="{number(-arm)}"/>' for dof, arm in zip(path.dofs, path.arms)),
-            "    </fixed>"]
+    arms = (f'      <joint joint="{names[dof]}" coef="{number(-arm)}"/>' for dof, arm in zip(path.dofs, path.arms))
+    return [f'    <fixed name="{name}"{attributes}>', *arms, "    </fixed>"]
 
 
 def _form(shape: Shape) -> str:
     """Type, and the attribute of its size."""
     if shape.kind == "convex_mesh":
         return f'type="mesh" mesh="{attribute(shape.name)}"'
-    size = {"box": 0.5 * shape.edges, "sphere": [shape.radius], "plane": [0, 0]}.get(shape.kind, [shape.radius, 0.5 * shape.length])
+    sizes: dict[str, ArrayLike] = {"box": 0.5 * shape.edges, "sphere": [shape.radius], "plane": [0, 0]}
+    size = sizes.get(shape.kind, [shape.radius, 0.5 * shape.length])
     return f'type="{shape.kind}" size="{numbers(size)}{f" {PLANE_SPACING:g}" if shape.kind == "plane" else ""}"'
 
 
@@ -230,16 +240,18 @@ def _combined_there(a: Shape, b: Shape, pair: Touch, friction: bool) -> bool:
     """Whether MuJoCo makes this of two surfaces by itself: it takes the greater coefficient of friction."""
     if pair.spring is not None:
         return False
-    return not friction or (pair.friction == max(a.friction, b.friction) and pair.rolling_friction == max(a.rolling_friction, b.rolling_friction)
+    return not friction or (pair.friction == max(a.friction, b.friction)
+                            and pair.rolling_friction == max(a.rolling_friction, b.rolling_friction)
                             and pair.spinning_friction == max(a.spinning_friction, b.spinning_friction))
 
 
-def _spring_damper(stiffness: float, damping: float, mobility: float, h: float) -> str:
+def _spring_damper(spring: list[float], mobility: float, h: float) -> str:
     """A spring-damper at the step's end, f = -(K (r + h v+) + c v+) for a gap r and its rate v+ after the step of length h.
 
     MuJoCo's contact is f = -(a + b v + k r) / R with the acceleration a = (v+ - v) / h, so b = 1 / h, R = 1 / (h (c + h K)) and k = K R. It
-    takes R from the impedance d, as (1 - d) / d times the mobility of the two bodies, and from ``solref`` d k and d b. Friction shares b: it
-    stops a slip within a step."""
+    takes R from the impedance d, as (1 - d) / d times the mobility of the two bodies, and from ``solref`` d k and d b. Friction shares b:
+    it stops a slip within a step."""
+    stiffness, damping = spring
     R = 1 / (h * (damping + h * stiffness))
     d = mobility / (mobility + R)
     return f' solref="{numbers([-d * stiffness * R, -d / h])}" solimp="{numbers([d, d])} 0.001"'
@@ -259,7 +271,7 @@ def _pairs(model: Model) -> list[str]:
             continue
         text = f'    <pair geom1="{attribute(a.name)}" geom2="{attribute(b.name)}"{_friction(model, pair)}'
         if pair.spring is not None and model.mobilities is not None:
-            text += _spring_damper(*pair.spring, model.mobilities[a.body] + model.mobilities[b.body], model.step)
+            text += _spring_damper(pair.spring, model.mobilities[a.body] + model.mobilities[b.body], model.step)
         out.append(text + "/>")
     return out
 

@@ -220,13 +220,19 @@ def _axis(of: dict[str, Any]) -> Axis:
                 *(of["tissue"] or (0.0, 0.0, 0.0)), of["tissue"] is not None)
 
 
+def _filled(kind: Any, of: dict[str, Any], **more: Any) -> Any:
+    """A tuple of the fields in the description, of which some are other objects here."""
+    return kind(**{**of, **more})
+
+
+def _arrays(of: dict[str, Any], *keys: str) -> dict[str, Any]:
+    return {key: np.array(of[key], float) for key in keys}
+
+
 def _shape(of: dict[str, Any]) -> Shape:
-    return Shape(**{**of, "pose": np.array(of["pose"]), "edges": np.array(of["edges"]), "corners": np.array(of["corners"], float).reshape(-1, 3),
-                    "faces": np.array(of["faces"], float).reshape(-1, 3)})
-
-
-def _pulled(kind: Any, of: dict[str, Any]) -> Any:
-    return kind(**{**of, "path": Path(**of["path"])})
+    shape: Shape = _filled(Shape, of, **_arrays(of, "pose", "edges"), corners=np.array(of["corners"], float).reshape(-1, 3),
+                           faces=np.array(of["faces"], float).reshape(-1, 3))
+    return shape
 
 
 class Model:
@@ -238,22 +244,23 @@ class Model:
         self.gravity: Array = np.array(of["gravity"])
         self.step: float = of["step"]
         self.effects = frozenset(of["effects"])
-        self.bodies = [Body(**{**each, "inertia": np.array(each["inertia"]), "zero": np.array(each["zero"])}) for each in of["bodies"]]
-        self.joints = [Joint(**{**each, "parent_frame": np.array(each["parent_frame"]), "child_frame": np.array(each["child_frame"]),
-                                "axes": [_axis(axis) for axis in each["axes"]]}) for each in of["joints"]]
+        self.bodies: list[Body] = [_filled(Body, each, **_arrays(each, "inertia", "zero")) for each in of["bodies"]]
+        self.joints: list[Joint] = [_filled(Joint, each, **_arrays(each, "parent_frame", "child_frame"),
+                                            axes=[_axis(axis) for axis in each["axes"]]) for each in of["joints"]]
         self.shapes, self.nails = ([_shape(each) for each in of[key]] for key in ("shapes", "nails"))
-        self.hands = [HandParts(**{**each, "wrist": np.array(each["wrist"]), "tips": [(tip, body, np.array(point)) for tip, body, point in each["tips"]]})
-                      for each in of["hands"]]
+        self.hands: list[HandParts] = [
+            _filled(HandParts, each, **_arrays(each, "wrist"), tips=[(tip, body, np.array(point)) for tip, body, point in each["tips"]])
+            for each in of["hands"]]
         self.markers = [(name, body, np.array(point)) for name, body, point in of["markers"]]
         self.drives = [Drive(each["body"], np.array(each["frame"]), each["times"], np.array(each["poses"])) for each in of["drives"]]
-        self.muscles: list[Muscle] = [_pulled(Muscle, each) for each in of["muscles"]]
-        self.bands: list[Band] = [_pulled(Band, each) for each in of["bands"]]
+        self.muscles: list[Muscle] = [_filled(Muscle, each, path=Path(**each["path"])) for each in of["muscles"]]
+        self.bands: list[Band] = [_filled(Band, each, path=Path(**each["path"])) for each in of["bands"]]
         self.curves: dict[str, float] = of["curves"]
         """Numbers of the muscles' curves: src/handsim/model/muscle_curves.h."""
         self.servos = {each["dof"]: Servo(**each) for each in of["servos"]}
         self.implicit: bool = of["implicit"]
         """Whether the drives act implicitly."""
-        self.start = Start(**{key: np.array(each) if key in ("poses", "velocities", "turning") else each for key, each in of["start"].items()})
+        self.start: Start = _filled(Start, of["start"], **_arrays(of["start"], "poses", "velocities", "turning"))
         self.groups: int = of["groups"]
         self.rules: list[tuple[int, int]] = of["rules"]
         """Groups of shapes that touch each other."""

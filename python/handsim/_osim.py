@@ -1,13 +1,13 @@
-"""The model format of OpenSim 4: bodies, joints with ranges, springs and dampers of tissue, muscles and bands, the points that motion capture
-follows as markers, spheres and planes as contact geometry, shapes to look at.
+"""The model format of OpenSim 4: bodies, joints with ranges, springs and dampers of tissue, muscles and bands, the points that motion
+capture follows as markers, spheres and planes as contact geometry, shapes to look at.
 
-Body frames are the model's, with all digits. Hinges, universal joints, sliders and ball joints become OpenSim's own, with one coordinate named
-``joint.axis`` for each axis, of the same sign. A free palm's coordinates ``right.palm.world.rx`` to ``.tz`` move its hand frame (an object's:
-its body) relative to the start, where they are zero; those of a driven palm are prescribed, sampled every 10 ms. A fixed body is welded to the
-ground. Ranges need the effect joint_stops, springs passive_tissue, gravity the effect gravity. Muscles in effect become RigidTendonMuscles
-along paths whose lengths are polynomials of the coordinates: with the model's moment arms within the range of their polynomials, its forces at
-rest, and its force by speed at full activation; activation is excitation, and elastic tendons are rigid. Left out: contact forces, stops as
-forces, motors, boxes, cylinders and meshes as contact geometry.
+Body frames are the model's, with all digits. Hinges, universal joints, sliders and ball joints become OpenSim's own, with one coordinate
+named ``joint.axis`` for each axis, of the same sign. A free palm's coordinates ``right.palm.world.rx`` to ``.tz`` move its hand frame (an
+object's: its body) relative to the start, where they are zero; those of a driven palm are prescribed, sampled every 10 ms. A fixed body
+is welded to the ground. Ranges need the effect joint_stops, springs passive_tissue, gravity the effect gravity. Muscles in effect become
+RigidTendonMuscles along paths whose lengths are polynomials of the coordinates: with the model's moment arms within the range of their
+polynomials, its forces at rest, and its force by speed at full activation; activation is excitation, and elastic tendons are rigid. Left
+out: contact forces, stops as forces, motors, boxes, cylinders and meshes as contact geometry.
 """
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ def xyz_angles(q: Array) -> Array:
 def _nearest_angles(q: Array, before: Array) -> Array:
     """The equivalent triple of angles nearest to that before: passes a right angle of the middle without a jump."""
     found = xyz_angles(q)
-    both = [each + 2 * math.pi * np.round((before - each) / (2 * math.pi)) for each in (found, np.array([found[0] + math.pi, math.pi - found[1], found[2] + math.pi]))]
+    other = np.array([found[0] + math.pi, math.pi - found[1], found[2] + math.pi])
+    both = [each + 2 * math.pi * np.round((before - each) / (2 * math.pi)) for each in (found, other)]
     return min(both, key=lambda each: float(np.linalg.norm(each - before)))
 
 
@@ -51,7 +52,8 @@ def _between(start: Array, end: Array) -> Array:
     normal, cosine = np.cross(a, b), float(a @ b)
     if cosine < -1 + 1e-4:
         # Near opposite directions 1 + cosine has lost its digits: half a turn, and what is left.
-        across = normal if np.linalg.norm(normal) > 1e-12 else np.array([-a[1], a[0], 0]) if abs(a[0]) + abs(a[1]) > 1e-9 else np.array([0, -a[2], a[1]])
+        beside = np.array([-a[1], a[0], 0]) if abs(a[0]) + abs(a[1]) > 1e-9 else np.array([0, -a[2], a[1]])
+        across = normal if np.linalg.norm(normal) > 1e-12 else beside
         half = np.array([0.0, *(across / np.linalg.norm(across))])
         return compose(posed(turn=_between(-a, b)), posed(turn=half))[3:]
     s = math.sqrt(2 * (1 + cosine))
@@ -63,8 +65,8 @@ def _place(location: str, pose: Array) -> str:
 
 
 class _Coordinate(NamedTuple):
-    """Of a joint, in the order of OpenSim's axes. Not clamped to its range: with bounds, OpenSim's inverse kinematics stops a millimetre from the
-    markers of a hand, 0.15 rad off."""
+    """Of a joint, in the order of OpenSim's axes. Not clamped to its range: with bounds, OpenSim's inverse kinematics stops a millimetre
+    from the markers of a hand, 0.15 rad off."""
 
     name: str
     value: float
@@ -76,7 +78,8 @@ class _Coordinate(NamedTuple):
 
     def text(self) -> str:
         moved = element("prescribed_function", self.prescribed) + element("prescribed", "true") if self.prescribed else ""
-        return (f'<Coordinate name="{attribute(self.name)}">{element("default_value", self.value)}{element("default_speed_value", self.speed)}'
+        return (f'<Coordinate name="{attribute(self.name)}">{element("default_value", self.value)}'
+                f'{element("default_speed_value", self.speed)}'
                 f'{element("range", numbers([self.low, self.high]))}{element("clamped", "false")}{moved}</Coordinate>')
 
 
@@ -93,7 +96,7 @@ class _Writer:
 
     def run(self) -> str:
         model = self.model
-        refuse([(joint.name, *words) for joint in model.joints for wrong, *words in (
+        refuse([(joint.name, got, need) for joint in model.joints for wrong, got, need in (
             (joint.closes_loop, "a loop", "a tree of joints, for OpenSim"),
             (joint.kind == "universal" and abs(joint.axes[0].axis @ joint.axes[1].axis) > PERPENDICULAR, "axes that are not perpendicular",
              "perpendicular axes, for OpenSim")) if wrong])
@@ -151,13 +154,15 @@ class _Writer:
         for joint in self.model.joints:
             self._own_joint(joint)
 
-    def _joint(self, kind: str, name: str, in_parent: Array, parent: int, in_child: Array, child: int, coordinates: Sequence[_Coordinate]) -> None:
+    def _joint(self, kind: str, name: str, in_parent: Array, parent: int, in_child: Array, child: int,
+               coordinates: Sequence[_Coordinate]) -> None:
         self.lines.append(f'<{kind} name="{attribute(name)}"><socket_parent_frame>parent_offset</socket_parent_frame>'
                           "<socket_child_frame>child_offset</socket_child_frame>")
         if coordinates:
             self.lines += ["<coordinates>", *(each.text() for each in coordinates), "</coordinates>"]
         self.lines.append("<frames>")
-        self.lines += [f'<PhysicalOffsetFrame name="{of}"><socket_parent>{self._path(body)}</socket_parent>{_place("translation", pose)}</PhysicalOffsetFrame>'
+        self.lines += [f'<PhysicalOffsetFrame name="{of}"><socket_parent>{self._path(body)}</socket_parent>'
+                       f'{_place("translation", pose)}</PhysicalOffsetFrame>'
                        for of, body, pose in (("parent_offset", parent, in_parent), ("child_offset", child, in_child))]
         self.lines.append(f"</frames></{kind}>")
 
@@ -185,8 +190,8 @@ class _Writer:
     def _own_joint(self, joint: Joint) -> None:
         if self.model.bodies[joint.child].fixed:
             return self._joint("WeldJoint", joint.name, joint.parent_frame, joint.parent, joint.child_frame, joint.child, [])
-        # OpenSim's joints turn about fixed axes of their frames: a pin about z, a universal joint about x and then y; a slider moves along x.
-        # At zero coordinates both frames coincide, in OpenSim and here.
+        # OpenSim's joints turn about fixed axes of their frames: a pin about z, a universal joint about x and then y; a slider moves
+        # along x. At zero coordinates both frames coincide, in OpenSim and here.
         turn = IDENTITY
         if joint.kind in ("hinge", "slider"):
             turn = posed(turn=_between(np.array([0.0, 0, 1] if joint.kind == "hinge" else [1.0, 0, 0]), joint.axes[0].axis))
@@ -202,11 +207,13 @@ class _Writer:
     def _coordinates(self, joint: Joint) -> list[_Coordinate]:
         q, u = (of[joint.first:joint.first + len(joint.slides)] for of in (self.model.start.q, self.model.start.u))
         if joint.spherical:
-            return [_Coordinate(f"{joint.name}.{axis}", angle, rate, -math.pi, math.pi) for axis, angle, rate in zip("xyz", xyz_angles(turn_of(q)), u)]
+            return [_Coordinate(f"{joint.name}.{axis}", angle, rate, -math.pi, math.pi)
+                    for axis, angle, rate in zip("xyz", xyz_angles(turn_of(q)), u)]
         out = []
         for i, axis in enumerate(joint.axes):
             far = FREE_TRAVEL if joint.slides[i] else math.pi
-            out.append(_Coordinate(f"{joint.name}.{axis.name}", q[i], u[i], *((axis.low, axis.high) if self.model.stopped(axis) else (-far, far))))
+            low, high = (axis.low, axis.high) if self.model.stopped(axis) else (-far, far)
+            out.append(_Coordinate(f"{joint.name}.{axis.name}", q[i], u[i], low, high))
         return out
 
     def _forces(self) -> None:
@@ -217,11 +224,13 @@ class _Writer:
             for axis in joint.axes:
                 if model.passive(axis) and not model.bodies[joint.child].fixed:
                     name = attribute(f"{joint.name}.{axis.name}")
-                    self.lines.append(f'<SpringGeneralizedForce name="{name}.tissue">{element("coordinate", name)}{element("stiffness", axis.stiffness)}'
+                    self.lines.append(f'<SpringGeneralizedForce name="{name}.tissue">{element("coordinate", name)}'
+                                      f'{element("stiffness", axis.stiffness)}'
                                       f'{element("rest_length", axis.rest)}{element("viscosity", axis.damping)}</SpringGeneralizedForce>')
 
     def _markers(self) -> None:
-        self.lines += [f'<Marker name="{attribute(name)}"><socket_parent_frame>{self._path(body)}</socket_parent_frame>{element("location", numbers(point))}</Marker>'
+        self.lines += [f'<Marker name="{attribute(name)}"><socket_parent_frame>{self._path(body)}</socket_parent_frame>'
+                       f'{element("location", numbers(point))}</Marker>'
                        for name, body, point in self.model.markers]
 
     def _contact_geometry(self) -> None:
@@ -253,8 +262,8 @@ def _prescribed(drive: Drive, start: Array) -> list[str]:
     return [f'<SimmSpline>{times}{element("y", numbers(values))}</SimmSpline>' for values in [*np.transpose(angles), *moved[:, :3].T]]
 
 
-# Muscles and bands in effect: each length is one polynomial of its coordinates, exact within its arms' range; OpenSim's arms are its derivatives.
-# Coordinates of welded joints stay at the start.
+# Muscles and bands in effect: each length is one polynomial of its coordinates, exact within its arms' range; OpenSim's arms are its
+# derivatives. Coordinates of welded joints stay at the start.
 
 Powers = tuple[int, ...]
 
@@ -295,7 +304,7 @@ def _all_powers(count: int, most: int) -> Iterator[Powers]:
 
 
 def _path_element(dofs: list[int], terms: dict[Powers, float], places: dict[int, str]) -> str:
-    order = max(map(sum, terms))
+    order = max(sum(powers) for powers in terms)
     factors = [terms.get(powers, 0.0) for powers in _all_powers(len(dofs), order)]
     return (f'<FunctionBasedPath name="path">{element("coordinate_paths", " ".join(places[dof] for dof in dofs))}<length_function>'
             f'<MultivariatePolynomialFunction>{element("coefficients", " ".join(map(number, factors)))}<dimension>{len(dofs)}</dimension>'
@@ -307,18 +316,22 @@ def _curves(of: dict[str, float]) -> str:
     shape, strain = of["passive_shape"], of["passive_strain"]
     scale, end = number(math.expm1(shape)), number(1 + strain)
     slope = number(shape / strain * math.exp(shape) / math.expm1(shape))
-    laws = {"active_force_length_curve": f"exp(-(x-1)^2/{number(of['active_width'])})*step(x-{number(of['shortest'])})*step({number(of['longest'])}-x)",
-            "passive_force_length_curve": f"step(x-1)*((exp({number(shape)}*(min(x,{end})-1)/{number(strain)})-1)/{scale}+{slope}*max(0,x-{end}))",
+    laws = {"active_force_length_curve": f"exp(-(x-1)^2/{number(of['active_width'])})*step(x-{number(of['shortest'])})"
+                                         f"*step({number(of['longest'])}-x)",
+            "passive_force_length_curve": f"step(x-1)*((exp({number(shape)}*(min(x,{end})-1)/{number(strain)})-1)/{scale}"
+                                          f"+{slope}*max(0,x-{end}))",
             "force_velocity_curve": f"(1+max(-1,min(x,0)))/(1-max(-1,min(x,0))/{number(of['speed_shape'])})"
                                     f"+(1+{number(of['steep'] * of['lengthening'])}*max(x,0))/(1+{number(of['steep'])}*max(x,0))-1"}
-    return "".join(f'<ExpressionBasedFunction name="{name}">{element("expression", law)}{element("variables", "x")}</ExpressionBasedFunction>'
-                   for name, law in laws.items())
+    return "".join(f'<ExpressionBasedFunction name="{name}">{element("expression", law)}{element("variables", "x")}'
+                   "</ExpressionBasedFunction>" for name, law in laws.items())
 
 
 def _muscle(muscle: Muscle, path: str, curves: str) -> str:
-    numbers_of = {"max_isometric_force": muscle.force, "optimal_fiber_length": muscle.fibre_length, "tendon_slack_length": muscle.slack_length,
+    numbers_of = {"max_isometric_force": muscle.force, "optimal_fiber_length": muscle.fibre_length,
+                  "tendon_slack_length": muscle.slack_length,
                   "pennation_angle_at_optimal": muscle.pennation, "max_contraction_velocity": muscle.max_speed}
-    return (f'<RigidTendonMuscle name="{attribute(muscle.name)}">{element("min_control", 0.0)}{element("max_control", muscle.excitable)}{path}'
+    return (f'<RigidTendonMuscle name="{attribute(muscle.name)}">{element("min_control", 0.0)}'
+            f'{element("max_control", muscle.excitable)}{path}'
             f'{"".join(element(tag, x) for tag, x in numbers_of.items())}{element("ignore_tendon_compliance", "true")}'
             f'{element("ignore_activation_dynamics", "true")}{curves}</RigidTendonMuscle>')
 
@@ -334,7 +347,8 @@ def _band(band: Band, path: str) -> str:
 def _pulls(model: Model) -> list[str]:
     """OpenSim has no path that depends on no coordinate: these are left out."""
     moves = {joint.first + i for joint in model.joints for i in range(len(joint.slides)) if not model.bodies[joint.child].fixed}
-    places = {joint.first + i: attribute(f"/jointset/{joint.name}/{joint.name}.{axis.name}") for joint in model.joints for i, axis in enumerate(joint.axes)}
+    places = {joint.first + i: attribute(f"/jointset/{joint.name}/{joint.name}.{axis.name}")
+              for joint in model.joints for i, axis in enumerate(joint.axes)}
     curves, out = _curves(model.curves), []
     for muscle in model.muscles if "muscles" in model.effects else ():
         dofs, terms = _length(muscle.path, muscle.length, model, moves)

@@ -108,11 +108,13 @@ class _Writer:
             name = f"{joint.name}.{axis.name}"
             to = child.name if i + 1 == len(joint.axes) else name + ".middle"
             if to != child.name:
-                self.lines += [f'  <link name="{attribute(to)}">', _inertial(IDENTITY, MIDDLE_MASS, MIDDLE_INERTIA * np.eye(3)), "  </link>"]
+                middle = _inertial(IDENTITY, MIDDLE_MASS, MIDDLE_INERTIA * np.eye(3))
+                self.lines += [f'  <link name="{attribute(to)}">', middle, "  </link>"]
             stopped, slides = model.stopped(axis), joint.slides[i]
             servo = model.servos.get(joint.first + i)
             far = 1e3 if slides else 2 * math.pi
-            range_of = f'lower="{number(axis.low if stopped else -far)}" upper="{number(axis.high if stopped else far)}" ' if stopped or slides else ""
+            low, high = (axis.low, axis.high) if stopped else (-far, far)
+            range_of = f'lower="{number(low)}" upper="{number(high)}" ' if stopped or slides else ""
             more = (f'<axis xyz="{numbers(axis.axis)}"/><limit {range_of}effort="{number(servo.limit if servo else UNLIMITED)}" '
                     f'velocity="{UNLIMITED:g}"/>')
             if model.passive(axis):

@@ -141,19 +141,21 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="handsim export", allow_abbrev=False, description=__doc__.partition("\n\n")[0] if __doc__ else None,
                      epilog="example: handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim")
-    parser.add_argument("source", nargs="?", help="scene file, name of a shipped scene, or folder of a finished run; without one: a person's hands")
+    parser.add_argument("source", nargs="?", help="scene file, name of a shipped scene, or folder of a finished run; "
+                        "without one: a person's hands")
     parser.add_argument("--out", help="the file; its ending says the format; default: out/NAME with the ending of --format")
     parser.add_argument("--format", help=f"default: by the file's ending, else {next(iter(FORMATS))}. " +
                         "; ".join(f"{name} ({of.endings_text}): {of.text}" for name, of in FORMATS.items()))
-    parser.add_argument("--time", help="the moment [s, or with a unit]; of glb and mcap the end of the motion; default: mjcf, obj and stl the start, "
-                        "others all")
+    parser.add_argument("--time", help="the moment [s, or with a unit]; of glb and mcap the end of the motion; default: mjcf, obj "
+                        "and stl the start, others all")
     parser.add_argument("--hands", help="what is seen of hands: skin (default), shapes or both (usda has both)")
     parser.add_argument("--fps", type=float, help="frames of an animation, or messages of a topic, in a second (60)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="overrides", help="overrides a key of the scene")
     parser.add_argument("--engine", help="ode, articulated, dae or auto")
     parser.add_argument("--person", help="person file, or the name of a shipped one, in place of a scene")
     for name, text in zip(PERSON, ("m, or with a unit: 1.75, \"175 cm\"", "kg", "male, female or unknown",
-                                   "years; without it a body of a child's size has a child's hand", "measured: wrist crease to middle fingertip [m]",
+                                   "years; without it a body of a child's size has a child's hand",
+                                   "measured: wrist crease to middle fingertip [m]",
                                    "measured: across the knuckles [m]", "measured: around the knuckles [m]", "measured [kg]",
                                    "among people of this stature, mass and sex, 0.01 to 99.99")):
         parser.add_argument(f"--{name.replace('_', '-')}", help=text)
@@ -172,7 +174,8 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     if unknown:
         raise input_error(unknown[0].partition("=")[0], "an unknown option" if unknown[0].startswith("-") else "a second scene",
                           "one of handsim export --help" if unknown[0].startswith("-") else "one")
-    for option, known in (("format", list(FORMATS)), ("hands", ["skin", "shapes", "both"]), ("engine", ["ode", "dae", "articulated", "auto"]),
+    for option, known in (("format", list(FORMATS)), ("hands", ["skin", "shapes", "both"]),
+                          ("engine", ["ode", "dae", "articulated", "auto"]),
                           ("side", ["right", "left", "both"]), ("mount", ["fixed", "hinge", "universal", "free"])):
         given = getattr(arguments, option)
         if given is not None and given not in known:
@@ -196,8 +199,8 @@ def _format(out: str, given: Optional[str]) -> Format:
     for of in known:
         if not ending or ending in of.endings:
             return of
-    raise input_error("--out", out, "a name that ends in " + ", ".join(of.endings_text + ("" if given else f" ({of.name})") for of in known) +
-                      (f" for --format {given}" if given else ""))
+    names = ", ".join(of.endings_text + ("" if given else f" ({of.name})") for of in known)
+    raise input_error("--out", out, f"a name that ends in {names}" + (f" for --format {given}" if given else ""))
 
 
 def _person_scene(arguments: argparse.Namespace, measures: dict[str, str]) -> Scene:
@@ -224,8 +227,8 @@ def _check_source(arguments: argparse.Namespace, of: Format, measures: dict[str,
     person = arguments.person is not None or bool(measures)
     if arguments.source is None:
         if not person:
-            raise input_error("scene", "nothing", f"a scene file, {'the folder of a run, ' if 'run' in of.of else ''}or a person: --person, or "
-                              "--stature, --mass and --sex")
+            folder = "the folder of a run, " if "run" in of.of else ""
+            raise input_error("scene", "nothing", f"a scene file, {folder}or a person: --person, or --stature, --mass and --sex")
         for option, given in (("--set", arguments.overrides and arguments.overrides[0]), ("--engine", arguments.engine)):
             if given:
                 raise input_error(option, given, "a scene, whose keys it overrides")
@@ -254,7 +257,8 @@ def _scene_of(arguments: argparse.Namespace, of: Format) -> tuple[Scene, Optiona
 
 def _check_time(time: Optional[float], end: float, of_run: bool) -> None:
     if time is not None and not 0 <= time <= end + 1e-9:
-        raise input_error("--time", f"{time:g} s", f"0 to {'the end of the motion at' if of_run else 'the scene' + chr(39) + 's duration of'} {end:g} s")
+        what = "the end of the motion at" if of_run else "the scene's duration of"
+        raise input_error("--time", f"{time:g} s", f"0 to {what} {end:g} s")
 
 
 def _motion(scene: Scene, run: Optional[tuple[Array, Array]], time: Optional[float], whole: bool, fps: float,
@@ -346,7 +350,8 @@ def _of_model(job: Job, of: Format) -> tuple[bytes, str]:
 
 def run(arguments: argparse.Namespace) -> str:
     """Writes the file. :returns: what it has"""
-    place = arguments.out or str(Path("out") / (Path(arguments.source or "export").resolve().stem + FORMATS[arguments.format or next(iter(FORMATS))].endings[0]))
+    own_name = Path(arguments.source or "export").resolve().stem
+    place = arguments.out or str(Path("out") / (own_name + FORMATS[arguments.format or next(iter(FORMATS))].endings[0]))
     of = _format(place, arguments.format)
     scene, motion = _scene_of(arguments, of)
     own = [] if motion is None else [Path(arguments.source) / "trajectory.csv"]
