@@ -16,10 +16,10 @@ using test::text_of;
 std::string completed(const std::string& words, int count) {
   const test::TemporaryFolder folder;
   const auto script = test::write(folder.path() / "handsim.bash", run_program({"completion", "bash"}).out);
-  const auto ask =
-      test::write(folder.path() / "ask.bash", "source '" + script.string() + "'\nCOMP_WORDS=(" + words +
-                                                  ")\nCOMP_CWORD=" + std::to_string(count) +
-                                                  "\nhandsim() { '" + test::kProgramFile + "' \"$@\"; }\n_handsim\necho \"${COMPREPLY[@]}\"\n");
+  const auto ask = test::write(folder.path() / "ask.bash",
+                               "source '" + script.string() + "'\nCOMP_WORDS=(" + words +
+                                   ")\nCOMP_CWORD=" + std::to_string(count) + "\nhandsim() { '" +
+                                   test::kProgramFile + "' \"$@\"; }\n_handsim\necho \"${COMPREPLY[@]}\"\n");
   const std::string out = folder.path() / "out";
   EXPECT_EQ(std::system(("bash '" + ask.string() + "' > '" + out + "' 2>&1").c_str()), 0) << text_of(out);
   std::string text = text_of(out);

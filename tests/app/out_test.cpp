@@ -9,9 +9,9 @@
 #include <chrono>
 
 #include "app/short_run.h"
-#include "support/written.h"
 #include "handsim/output/report/page.h"
 #include "handsim/simulation/simulation.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -303,7 +303,8 @@ TEST(Export, BeginsAtATimeOfTheRun) {
   simulation::Simulation run(scene, simulation::no_watchers);
   while (run.state().time < 0.0499) run.step();
   const output::Moment moment = output::moment_after(run.state(), run.controller());
-  const std::string expected = test::written("mjcf", scene.model, scene.spec.solver, &*scene.control, &moment);
+  const std::string expected =
+      test::written("mjcf", scene.model, scene.spec.solver, &*scene.control, &moment);
   EXPECT_EQ(text_of(out), expected);
   EXPECT_NE(expected, test::written("mjcf", scene.model, scene.spec.solver, &*scene.control));
 }

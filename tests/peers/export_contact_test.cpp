@@ -28,8 +28,8 @@ struct There {
   DataPointer data;
 
   explicit There(const scene::Scene& scene)
-      : model(mujoco::compile(
-            test::written("mjcf", scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr))),
+      : model(mujoco::compile(test::written("mjcf", scene.model, scene.spec.solver,
+                                            scene.control ? &*scene.control : nullptr))),
         data(mj_makeData(model.get())) {
     if (model->nkey > 0) mj_resetDataKeyframe(model.get(), data.get(), 0);
   }

@@ -54,8 +54,8 @@ std::string shipped_words(const CLI::Option& option) {
   return names.empty() ? "" : fmt::format("{} ", fmt::join(names, " "));
 }
 
-/// Calls `use` with each option that has a long name, and its words: of a type such as `right|left|both`, what
-/// the shell makes of `$(...)`, or names of shipped files.
+/// Calls `use` with each option that has a long name, and its words: of a type such as `right|left|both`,
+/// what the shell makes of `$(...)`, or names of shipped files.
 template <class Use>
 void each_option(const CLI::App& command, const Use& use) {
   for (const CLI::Option* option : command.get_options()) {

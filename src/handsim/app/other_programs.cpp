@@ -24,7 +24,7 @@ constexpr const char* kHardCases = "stability";
 
 struct OtherCommand {
   const char *name, *help, *example;
-  const char* place;    ///< what completion offers in place of an option: `scene`, `study` or nothing
+  const char* place;  ///< what completion offers in place of an option: `scene`, `study` or nothing
   /// Their long names, with blanks between; after a sign what completion offers for their values: words,
   /// a folder of shipped files, or `$`: what `handsim COMMAND --NAMEs` prints.
   const char* options;
@@ -43,9 +43,11 @@ constexpr std::array<OtherCommand, 12> kOtherCommands = {
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
       "out set engine repeats report json"},
      {"export",
-      "A scene's model or motion, a finished run, or a person's hands, as a file for other programs, by --format",
+      "A scene's model or motion, a finished run, or a person's hands, as a file for other programs, by "
+      "--format",
       "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", "scene",
-      "out format=$ time hands=skin|shapes|both fps set engine=ode|dae|articulated|auto person=config/persons "
+      "out format=$ time hands=skin|shapes|both fps set engine=ode|dae|articulated|auto "
+      "person=config/persons "
       "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
       "hand-length-percentile model=handmodels side=right|left|both mount=fixed|hinge|universal|free muscles "
       "quiet"},
@@ -98,8 +100,8 @@ except ImportError as error:
 sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
-/// True where a command of this program is the package's: `track` of a C3D file or for a convention; what writes
-/// the page of a run.
+/// True where a command of this program is the package's: `track` of a C3D file or for a convention; what
+/// writes the page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
   if (command == "run" || command == "grasp") return argument.substr(0, argument.find('=')) == "--report";
   argument.remove_prefix(argument.find_last_of(".=") + 1);

@@ -219,18 +219,17 @@ py::tuple person_hands(const app::HandArguments& of, const std::string& mount, b
 }  // namespace
 
 void bind_hand(py::module_& module) {
-  module.def("person_hands",
-             [](const std::optional<std::filesystem::path>& person,
-                const std::map<std::string, std::string>& measures,
-                const std::optional<std::filesystem::path>& model, const std::string& side,
-                const std::string& mount, bool muscles) {
-               app::HandArguments of;
-               of.person = person;
-               of.measures = measures;
-               of.model = model;
-               of.side = side;
-               return person_hands(of, mount, muscles);
-             });
+  module.def("person_hands", [](const std::optional<std::filesystem::path>& person,
+                                const std::map<std::string, std::string>& measures,
+                                const std::optional<std::filesystem::path>& model, const std::string& side,
+                                const std::string& mount, bool muscles) {
+    app::HandArguments of;
+    of.person = person;
+    of.measures = measures;
+    of.model = model;
+    of.side = side;
+    return person_hands(of, mount, muscles);
+  });
   module.def("hand_dimensions", &dimensions);
   module.def("hand_segments", &segments);
   module.def("hand_poses", &poses);

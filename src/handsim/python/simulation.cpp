@@ -384,8 +384,8 @@ void bind_simulation(py::module_& module) {
       .def("description", found([](const auto& of) {
              const scene::Scene& scene = of.scene();
              const output::Moment now = output::moment_after(of.state(), of.controller());
-             return output::description(scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr,
-                                        &now);
+             return output::description(scene.model, scene.spec.solver,
+                                        scene.control ? &*scene.control : nullptr, &now);
            }))
       .def("verdicts",
            [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); })

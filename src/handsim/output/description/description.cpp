@@ -5,8 +5,8 @@
 #include <map>
 #include <numeric>
 
-#include <nlohmann/json.hpp>
 #include <Eigen/Cholesky>
+#include <nlohmann/json.hpp>
 
 #include "handsim/engine/collision/pair_table.h"
 #include "handsim/model/kinematics.h"
@@ -46,7 +46,8 @@ Json each_of(const List& list, const Make& make) {
 Json axis_json(const model::JointAxis& axis) {
   Json out = {{"name", axis.name}, {"axis", numbers(axis.axis)}, {"stop", nullptr}, {"tissue", nullptr}};
   if (axis.stop) out["stop"] = std::array{axis.stop->low, axis.stop->high};
-  if (axis.tissue) out["tissue"] = std::array{axis.tissue->stiffness, axis.tissue->damping, axis.tissue->rest};
+  if (axis.tissue)
+    out["tissue"] = std::array{axis.tissue->stiffness, axis.tissue->damping, axis.tissue->rest};
   return out;
 }
 
@@ -127,15 +128,15 @@ Json hand_json(const model::HandIndex& hand) {
 
 Json path_json(const model::TendonPath& path, std::span<const double> q) {
   const model::PathState at = model::path_state(path, q);
-  return {{"dofs", each_of(path.arms, [](const model::MomentArm& arm) { return arm.dof; })},
-          {"polynomials", each_of(path.arms, [](const model::MomentArm& arm) { return arm.c; })},
-          {"products", each_of(path.products,
-                               [](const model::ArmProduct& each) {
-                                 return Json::array(
-                                     {each.a, each.b, each.power_a, each.power_b, each.factor});
-                               })},
-          {"excursion", at.excursion},
-          {"arms", std::vector(at.arm.begin(), at.arm.begin() + std::ssize(path.arms))}};
+  return {
+      {"dofs", each_of(path.arms, [](const model::MomentArm& arm) { return arm.dof; })},
+      {"polynomials", each_of(path.arms, [](const model::MomentArm& arm) { return arm.c; })},
+      {"products", each_of(path.products,
+                           [](const model::ArmProduct& each) {
+                             return Json::array({each.a, each.b, each.power_a, each.power_b, each.factor});
+                           })},
+      {"excursion", at.excursion},
+      {"arms", std::vector(at.arm.begin(), at.arm.begin() + std::ssize(path.arms))}};
 }
 
 Json muscle_json(const model::Muscle& muscle, std::span<const double> q) {
@@ -158,8 +159,9 @@ Json muscle_json(const model::Muscle& muscle, std::span<const double> q) {
 }
 
 Json band_json(const model::Band& band, std::span<const double> q) {
-  return {{"name", band.name},       {"path", path_json(band.path, q)}, {"stiffness", band.stiffness},
-          {"damping", band.damping}, {"rest", band.rest},               {"both_ways", band.both_ways}};
+  return {{"name", band.name},           {"path", path_json(band.path, q)},
+          {"stiffness", band.stiffness}, {"damping", band.damping},
+          {"rest", band.rest},           {"both_ways", band.both_ways}};
 }
 
 /// The motion in samples.
@@ -211,8 +213,8 @@ Json state_json(const model::State& state) {
           {"turning", each_of(state.bodies, [](const auto& body) { return numbers(body.w); })}};
 }
 
-/// The spring and damper in place of a pad's law: its secant at kLastingLoad of a press that lasts, and of this
-/// the shortest of the times in which it relaxes.
+/// The spring and damper in place of a pad's law: its secant at kLastingLoad of a press that lasts, and of
+/// this the shortest of the times in which it relaxes.
 model::Compliance straightened(const model::Compliance& pad) {
   if (!pad.law) return pad;
   const double stiffness = pad.secant(kLastingLoad);
@@ -240,8 +242,8 @@ Json surface_json(model::Material pair) {
   return out;
 }
 
-/// How fast a force at the centre of mass of each body accelerates it, the mean over three directions, at zero
-/// coordinates [1/kg]. Zero for the world and kinematic bodies.
+/// How fast a force at the centre of mass of each body accelerates it, the mean over three directions, at
+/// zero coordinates [1/kg]. Zero for the world and kinematic bodies.
 std::vector<double> mobilities(const model::Model& model) {
   const std::vector<double> zeros(as_index(model.dof_count()));
   const model::State state = model::state_at(model, zeros);
@@ -259,11 +261,13 @@ std::vector<double> mobilities(const model::Model& model) {
   return out;
 }
 
-/// Which groups meet; every two shapes that may touch, with their surface; mobilities where some surface gives way.
+/// Which groups meet; every two shapes that may touch, with their surface; mobilities where some surface
+/// gives way.
 void add_contact(const model::Model& model, Json& out) {
   out["groups"] = model.groups.size();
-  out["rules"] = each_of(model.contact_rules,
-                         [](const model::ContactRule& rule) { return std::array{rule.group_a, rule.group_b}; });
+  out["rules"] = each_of(model.contact_rules, [](const model::ContactRule& rule) {
+    return std::array{rule.group_a, rule.group_b};
+  });
   const engine::PairTable rules(model);
   std::vector<bool> immovable(model.bodies.size());
   for (std::size_t i = 0; i < immovable.size(); ++i)
@@ -307,8 +311,8 @@ Moment moment_after(const model::State& state, const control::Controller* contro
   return out;
 }
 
-std::string description(const model::Model& model, const engine::Settings& settings, const control::Plan* plan,
-                        const Moment* moment) {
+std::string description(const model::Model& model, const engine::Settings& settings,
+                        const control::Plan* plan, const Moment* moment) {
   const model::State start = moment ? moment->state : model::initial_state(model);
   using namespace model::hill;
   Json out = {

@@ -1,5 +1,5 @@
-// All of a model that files for other programs are made of, as one JSON text: python/handsim/_model.py names its
-// fields, and python/handsim has the writers.
+// All of a model that files for other programs are made of, as one JSON text: python/handsim/_model.py names
+// its fields, and python/handsim has the writers.
 #pragma once
 
 #include <string>
@@ -23,8 +23,8 @@ struct Moment {
 /// After a step. @param controller that commanded the step; null: none
 Moment moment_after(const model::State& state, const control::Controller* controller);
 
-/// The model: bodies, joints, shapes, hands, muscles, bands and driven bodies; which shapes may touch, and with
-/// what surface; what moves it: settings, drives, the state at the start.
+/// The model: bodies, joints, shapes, hands, muscles, bands and driven bodies; which shapes may touch, and
+/// with what surface; what moves it: settings, drives, the state at the start.
 ///
 /// Poses are x y z and a quaternion w x y z. Surfaces whose pads stiffen have the spring and the damper of a
 /// lasting press of `lasting_load`. Tendons have their excursion, and muscles their forces, at the start.
