@@ -92,10 +92,10 @@ def hand():
 
 
 def formats():
-    return table(["format", "ending", "for", "of", "written by"],
+    return table(["format", "ending", "for", "of", "needs"],
                  [[f"`{name}`", ", ".join(f"`{ending}`" for ending in endings), text.replace("--time", "`--time`"), of,
-                   "program" if by_program else "package" + (f", with {needs}" if needs else "")]
-                  for name, endings, text, of, needs, by_program in json.loads(study_text("formats", "formats"))])
+                   f"`{needs}`" if needs else ""]
+                  for name, endings, text, of, needs in json.loads(study_text("formats", "formats"))])
 
 
 def poses():

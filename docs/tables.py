@@ -172,8 +172,8 @@ def command_of(name, label, build):
     if name == "agreement":
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
     if name == "formats":
-        return [python_of(build), "-c", "import json; from handsim.export import FORMATS; "
-                "print(json.dumps([[of.name, of.endings, of.text, of.of, of.needs, of.by_program] for of in FORMATS.values()]))"]
+        return [python_of(build), "-c", "import json; from handsim._formats import FORMATS; "
+                "print(json.dumps([[of.name, of.endings, of.text, of.of, of.needs] for of in FORMATS.values()]))"]
     if name == "learning":
         return [python_of(build), "tests/peers/learning.py", "--minutes", "2", "--out", str(OUT / name)]
     if name == "tests":

@@ -9,6 +9,8 @@ namespace handsim::test {
 extern const char* const kSourceFolder;  ///< the checkout, without a slash at its end
 extern const char* const
     kProgramFile;  ///< the program handsim that this test starts; empty if it starts none
+extern const char* const kPythonProgram;  ///< that the package of this build is for; empty without it
+extern const char* const kPackageFolder;  ///< in which Python finds the package
 
 /// The path of a file of the checkout, e.g. `in_source("config/two_hands.yaml")`.
 inline std::string in_source(const std::string& relative) {

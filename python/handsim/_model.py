@@ -1,7 +1,9 @@
 """What a scene's model is made of: bodies, joints, shapes and the skins of hands; and triangles of shapes."""
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import json
+import math
+from typing import Any, NamedTuple, Optional
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,9 +34,12 @@ class Axis(NamedTuple):
     """The first in the frame of the parent, the second in that of the child; at zero both frames coincide."""
     low: float
     high: float
+    """Of the stop; infinite without one."""
     stiffness: float
     damping: float
     rest: float
+    """Of the tissue; zeros without one."""
+    has_tissue: bool
 
 
 class Joint(NamedTuple):
@@ -49,6 +54,8 @@ class Joint(NamedTuple):
     child_frame: Array
     axes: list[Axis]
     closes_loop: bool
+    first: int
+    """Its first coordinate."""
 
     @property
     def spherical(self) -> bool:
@@ -69,7 +76,11 @@ class Shape(NamedTuple):
     colour: list[float]
     """Linear red, green, blue."""
     friction: float
+    rolling_friction: float
+    spinning_friction: float
     restitution: float
+    group: int
+    """For the rules of contact."""
     corners: Array
     """Of a mesh, shape (n, 3)."""
     faces: Array
@@ -104,38 +115,190 @@ class Surface(NamedTuple):
     faces: NDArray[np.uint32]
 
 
-def _joint(of: Any) -> Joint:
-    name, kind, slides, parent, child, first, second, axes, loop = of
-    return Joint(name, kind, slides, parent, child, np.array(first), np.array(second),
-                 [Axis(word, axis.ravel(), *rest) for word, axis, *rest in axes], loop)
+class Touch(NamedTuple):
+    """The surface between two shapes that may touch."""
+
+    friction: float
+    rolling_friction: float
+    spinning_friction: float
+    """[m]"""
+    spring: Optional[list[float]]
+    """Stiffness [N/m] and damping [N s/m]; None: rigid."""
+    stiffens: bool
+    """Of pads that stiffen or spin by their area: all numbers are those of a lasting press of `Model.lasting_load`."""
 
 
-def _shape(of: Any) -> Shape:
-    fields: list[Any] = list(of)
-    fields[3], fields[6] = np.array(fields[3]), fields[6].ravel()
-    return Shape(*fields)
+class Path(NamedTuple):
+    """Of a tendon: its excursion is the sum of the polynomials' integrals and the products."""
+
+    dofs: list[int]
+    """Coordinates that it crosses."""
+    polynomials: list[list[float]]
+    """Moment arm about each, coefficients of rising powers."""
+    products: list[tuple[int, int, int, int, float]]
+    """Two places in `dofs`, the powers of both angles, and a factor."""
+    excursion: float
+    """At the start [m]."""
+    arms: list[float]
+    """At the start [m]."""
 
 
-def _hand(of: Any) -> HandParts:
-    name, bodies, palm, wrist, joints, tips = of
-    return HandParts(name, bodies, palm, np.array(wrist), joints, [(tip, body, point.ravel()) for tip, body, point in tips])
+class Muscle(NamedTuple):
+    name: str
+    path: Path
+    force: float
+    fibre_length: float
+    slack_length: float
+    length: float
+    """Of muscle and tendon at zero coordinates [m]."""
+    pennation: float
+    activation_time: float
+    deactivation_time: float
+    max_speed: float
+    """[optimal fibre lengths/s]"""
+    excitable: float
+    """Share of its excitation that reaches its fibres."""
+    elastic: bool
+    """Whether its tendon is."""
+    isometric: float
+    """Force that full activation adds at the start [N]."""
+    passive: float
+    """Force at the start without activation [N]."""
+
+
+class Band(NamedTuple):
+    """Its tension is stiffness (x - rest) + damping dx/dt, x less the excursion; slack ones only pull."""
+
+    name: str
+    path: Path
+    stiffness: float
+    damping: float
+    rest: float
+    both_ways: bool
+
+
+class Drive(NamedTuple):
+    """Of a fixed body that follows a motion."""
+
+    body: int
+    frame: Array
+    """The frame that the motion is of, in the body's."""
+    times: list[float]
+    poses: Array
+    """Shape (times, 7)."""
+
+
+class Servo(NamedTuple):
+    """A drive of a coordinate at the start: a spring and a damper to a target, with a torque limit."""
+
+    dof: int
+    stiffness: float
+    damping: float
+    error: float
+    """Target less coordinate."""
+    feed: float
+    """Torque added to them."""
+    limit: float
+
+
+class Start(NamedTuple):
+    """The state at the start."""
+
+    time: float
+    q: list[float]
+    u: list[float]
+    poses: Array
+    """Of all bodies, shape (bodies, 7)."""
+    velocities: Array
+    turning: Array
+    """Angular velocities, world axes."""
+
+
+def _axis(of: dict[str, Any]) -> Axis:
+    low, high = of["stop"] or (None, None)
+    return Axis(of["name"], np.array(of["axis"]), -math.inf if low is None else low, math.inf if high is None else high,
+                *(of["tissue"] or (0.0, 0.0, 0.0)), of["tissue"] is not None)
+
+
+def _filled(kind: Any, of: dict[str, Any], **more: Any) -> Any:
+    """A tuple of the fields in the description, of which some are other objects here."""
+    return kind(**{**of, **more})
+
+
+def _arrays(of: dict[str, Any], *keys: str) -> dict[str, Any]:
+    return {key: np.array(of[key], float) for key in keys}
+
+
+def _shape(of: dict[str, Any]) -> Shape:
+    shape: Shape = _filled(Shape, of, **_arrays(of, "pose", "edges"), corners=np.array(of["corners"], float).reshape(-1, 3),
+                           faces=np.array(of["faces"], float).reshape(-1, 3))
+    return shape
 
 
 class Model:
-    """All of a scene's model that files for other programs need."""
+    """All of a scene's model that files for other programs need: what src/handsim/output/description/description.h says."""
 
-    def __init__(self, scene: _core.Scene) -> None:
-        of: dict[str, Any] = _core.description(scene)
-        self.title = scene.title
-        self.gravity: Array = of["gravity"].ravel()
-        self.bodies = [Body(name, mass, inertia, np.array(zero), fixed) for name, mass, inertia, zero, fixed in of["bodies"]]
-        self.joints = [_joint(each) for each in of["joints"]]
+    def __init__(self, description: str, title: str = "") -> None:
+        of: dict[str, Any] = json.loads(description)
+        self.title = title
+        self.gravity: Array = np.array(of["gravity"])
+        self.step: float = of["step"]
+        self.effects = frozenset(of["effects"])
+        self.bodies: list[Body] = [_filled(Body, each, **_arrays(each, "inertia", "zero")) for each in of["bodies"]]
+        self.joints: list[Joint] = [_filled(Joint, each, **_arrays(each, "parent_frame", "child_frame"),
+                                            axes=[_axis(axis) for axis in each["axes"]]) for each in of["joints"]]
         self.shapes, self.nails = ([_shape(each) for each in of[key]] for key in ("shapes", "nails"))
-        self.hands = [_hand(each) for each in of["hands"]]
+        self.hands: list[HandParts] = [
+            _filled(HandParts, each, **_arrays(each, "wrist"), tips=[(tip, body, np.array(point)) for tip, body, point in each["tips"]])
+            for each in of["hands"]]
+        self.markers = [(name, body, np.array(point)) for name, body, point in of["markers"]]
+        self.drives = [Drive(each["body"], np.array(each["frame"]), each["times"], np.array(each["poses"])) for each in of["drives"]]
+        self.muscles: list[Muscle] = [_filled(Muscle, each, path=Path(**each["path"])) for each in of["muscles"]]
+        self.bands: list[Band] = [_filled(Band, each, path=Path(**each["path"])) for each in of["bands"]]
+        self.curves: dict[str, float] = of["curves"]
+        """Numbers of the muscles' curves: src/handsim/model/muscle_curves.h."""
+        self.servos = {each["dof"]: Servo(**each) for each in of["servos"]}
+        self.implicit: bool = of["implicit"]
+        """Whether the drives act implicitly."""
+        self.start: Start = _filled(Start, of["start"], **_arrays(of["start"], "poses", "velocities", "turning"))
+        self.groups: int = of["groups"]
+        self.rules: list[tuple[int, int]] = of["rules"]
+        """Groups of shapes that touch each other."""
+        self.pairs: list[tuple[int, int, int]] = of["pairs"]
+        """Two shapes that may touch, and the place of their surface in `touches`."""
+        self.touches = [Touch(**each) for each in of["surfaces"]]
+        self.lasting_load: float = of["lasting_load"]
+        """[N]"""
+        self.mobilities: Optional[list[float]] = of["mobilities"]
+        """How fast a force at the centre of mass of each body accelerates it, the mean over three directions, at zero coordinates [1/kg];
+        None without soft surfaces."""
 
     def parent(self, body: int) -> int:
         """The body that carries it; 0: the world."""
         return next((joint.parent for joint in self.joints if joint.child == body and not joint.closes_loop), 0)
+
+    def roots(self) -> list[int]:
+        """Bodies without a joint that holds them."""
+        held = {joint.child for joint in self.joints if not joint.closes_loop}
+        return [body for body in range(1, len(self.bodies)) if body not in held]
+
+    def drive(self, body: int) -> Optional[Drive]:
+        """That moves a fixed body; None where none does."""
+        if not self.bodies[body].fixed or "wrist_motion" not in self.effects:
+            return None
+        return next((drive for drive in self.drives if drive.body == body), None)
+
+    def stopped(self, axis: Axis) -> bool:
+        """Whether its limits act."""
+        return "joint_stops" in self.effects and math.isfinite(axis.low) and math.isfinite(axis.high)
+
+    def passive(self, axis: Axis) -> bool:
+        """Whether its tissue acts."""
+        return axis.has_tissue and "passive_tissue" in self.effects
+
+    def pull(self) -> Array:
+        """Gravity, where it acts."""
+        return self.gravity if "gravity" in self.effects else np.zeros(3)
 
 
 def skins_of(scene: _core.Scene) -> list[SkinParts]:
@@ -143,6 +306,39 @@ def skins_of(scene: _core.Scene) -> list[SkinParts]:
 
 
 # Poses are rows of x y z and a quaternion w x y z.
+
+IDENTITY = np.array([0.0, 0, 0, 1, 0, 0, 0])
+
+
+def posed(place: ArrayLike = (0, 0, 0), turn: ArrayLike = (1, 0, 0, 0)) -> Array:
+    """A pose of its place and its quaternion."""
+    return np.concatenate([np.asarray(place, float), np.asarray(turn, float)])
+
+
+def quaternion_of(axes: Array) -> Array:
+    """Of a rotation matrix."""
+    trace = np.trace(axes)
+    if trace > 0:
+        s = 2 * math.sqrt(trace + 1)
+        v = [axes[2, 1] - axes[1, 2], axes[0, 2] - axes[2, 0], axes[1, 0] - axes[0, 1]]
+        return np.array([s / 4, *(x / s for x in v)])
+    i = int(np.argmax(np.diag(axes)))
+    j, k = (i + 1) % 3, (i + 2) % 3
+    s = 2 * math.sqrt(axes[i, i] - axes[j, j] - axes[k, k] + 1)
+    out = np.zeros(4)
+    out[0], out[1 + i] = (axes[k, j] - axes[j, k]) / s, s / 4
+    out[1 + j], out[1 + k] = (axes[j, i] + axes[i, j]) / s, (axes[k, i] + axes[i, k]) / s
+    return out
+
+
+def turn_of(rotation_vector: ArrayLike) -> Array:
+    """The quaternion of a rotation vector [rad]."""
+    r = np.asarray(rotation_vector, float)
+    angle = float(np.linalg.norm(r))
+    if angle < 1e-12:
+        near = np.array([1.0, *(0.5 * r)])
+        return np.asarray(near / np.linalg.norm(near))
+    return np.array([math.cos(angle / 2), *(math.sin(angle / 2) / angle * r)])
 
 
 def product(a: ArrayLike, b: ArrayLike) -> Array:

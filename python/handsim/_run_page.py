@@ -158,7 +158,7 @@ class _Run:
         if len(self.rows) == 0:
             raise input_error(str(table), "no rows", "a run that has started")
         self.times: Array = np.ascontiguousarray(self.rows[:, 0])
-        self.model = Model(self.core)
+        self.model = Model(_core.description(self.core), self.core.title)
         self.drawn: dict[str, Any] = _core.drawn(self.core)
         self.dofs = len(self.core.coordinates())
         self.recorded = self.rows[:, 1 + 2 * self.dofs:].reshape(len(self.rows), -1, 7)

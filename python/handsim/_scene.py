@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Fault, flags, input_error, real, whole
 from ._files import check_target, write_file
+from ._formats import FORMATS
 from ._model import Model
 from ._overrides import Overrides, Source, json_text, override_list
 from ._pictures import Camera, Picture, contact_sheet, html_picture
@@ -63,7 +64,7 @@ class Scene:
 
     @cached_property
     def _model(self) -> Model:
-        return Model(self._core)
+        return Model(_core.description(self._core), self.title)
 
     @property
     def title(self) -> str:
@@ -243,11 +244,15 @@ class Scene:
         return _core.draw(self._core, list(frames), size, view, camera)
 
     def to_format(self, format: str) -> str:
-        """The model as text of a format that the program writes, by its name for ``handsim export --format``.
+        """The model as text of a format without a motion, by its name for ``handsim export --format``.
 
         :raises Error: of kind input for another name, and for what the format cannot express
         """
-        return self._core.to_format(format)
+        known = [name for name, of in FORMATS.items() if of.of_model]
+        if format not in known:
+            raise input_error("format", format, _core.need_word(str(format), known))
+        text: str = FORMATS[format].write(self._model)
+        return text
 
     def to_mjcf(self) -> str:
         """The model as MJCF, MuJoCo's format. :raises Error: of kind input for what MJCF cannot express"""

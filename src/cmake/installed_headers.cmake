@@ -3,7 +3,7 @@ set(HANDSIM_PUBLIC_HEADERS
     core/error.h model/energy.h model/kinematics.h model/markers.h model/model.h model/newton_euler.h model/state.h hand/build.h
     control/controller.h engine/engine.h
     scene/compile/scene.h simulation/simulation.h simulation/watch/standard_watchers.h simulation/run/run.h environment/batch.h
-    output/export/export.h output/render/draw_list.h output/render/renderer.h)
+    output/render/draw_list.h output/render/renderer.h)
 
 function(handsim_installed_headers out)
   set(open ${HANDSIM_PUBLIC_HEADERS})

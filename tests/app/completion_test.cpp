@@ -16,10 +16,10 @@ using test::text_of;
 std::string completed(const std::string& words, int count) {
   const test::TemporaryFolder folder;
   const auto script = test::write(folder.path() / "handsim.bash", run_program({"completion", "bash"}).out);
-  const auto ask =
-      test::write(folder.path() / "ask.bash", "source '" + script.string() + "'\nCOMP_WORDS=(" + words +
-                                                  ")\nCOMP_CWORD=" + std::to_string(count) +
-                                                  "\n_handsim\necho \"${COMPREPLY[@]}\"\n");
+  const auto ask = test::write(folder.path() / "ask.bash",
+                               "source '" + script.string() + "'\nCOMP_WORDS=(" + words +
+                                   ")\nCOMP_CWORD=" + std::to_string(count) + "\nhandsim() { '" +
+                                   test::kProgramFile + "' \"$@\"; }\n_handsim\necho \"${COMPREPLY[@]}\"\n");
   const std::string out = folder.path() / "out";
   EXPECT_EQ(std::system(("bash '" + ask.string() + "' > '" + out + "' 2>&1").c_str()), 0) << text_of(out);
   std::string text = text_of(out);
@@ -31,7 +31,11 @@ TEST(Completion, InBashGivesCommandsOptionsAndWords) {
   EXPECT_EQ(completed("handsim eff", 1), "effects");
   EXPECT_EQ(completed("handsim run scene.yaml --fra", 3), "--frames");
   EXPECT_EQ(completed("handsim hand --side l", 3), "left");
-  EXPECT_EQ(completed("handsim export scene.yaml --format ''", 4), "mjcf urdf osim glb usda obj stl mcap");
+  EXPECT_EQ(completed("handsim export scene.yaml --mount u", 4), "universal");
+  // The package's own words.
+  if (!std::string_view(HANDSIM_PYTHON_PROGRAM).empty()) {
+    EXPECT_EQ(completed("handsim export scene.yaml --format ''", 4), "mjcf urdf osim glb usda obj stl mcap");
+  }
   // A file of the user is left to the shell.
   EXPECT_EQ(completed("handsim run two_hands --from-snapshot ''", 4), "");
 }

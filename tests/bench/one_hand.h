@@ -2,7 +2,6 @@
 #pragma once
 
 #ifdef HANDSIM_WITH_MUJOCO
-#include "handsim/output/export/export.h"
 #include "peers/mujoco_model.h"
 #endif
 
@@ -13,6 +12,7 @@
 #include "handsim/model/actuation.h"
 #include "handsim/scene/compile/scene.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::bench {
 
@@ -56,7 +56,7 @@ struct Other {
 
 inline Other in_mujoco(const model::Model& model, const engine::Settings& settings) {
   Other out;
-  out.model = mujoco::compile(output::to_mjcf(model, settings));
+  out.model = mujoco::compile(test::written("mjcf", model, settings));
   out.data.reset(mj_makeData(out.model.get()));
   return out;
 }

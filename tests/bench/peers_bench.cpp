@@ -11,6 +11,7 @@
 #include "bench/paired.h"
 #ifdef HANDSIM_WITH_PINOCCHIO
 #include "bench/pinocchio_calls.h"
+#include "support/written.h"
 #endif
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/environment/batch.h"
@@ -33,7 +34,7 @@ engine::Settings smooth(const scene::Scene& scene) {
 /// that is exported of it there (the yardstick).
 void hand_to_engine(benchmark::State& state) {
   const Load load = one_hand();
-  const std::string text = output::to_mjcf(load.scene.model, load.scene.spec.solver);
+  const std::string text = test::written("mjcf", load.scene.model, load.scene.spec.solver);
   compare(
       state, 1, [] {},
       [&] {
@@ -77,7 +78,7 @@ struct DeleteBatch {
 /// MuJoCo's batch of a scene's hand at the start, with position actuators of the controller's gains.
 std::unique_ptr<mjBatch, DeleteBatch> in_mujoco_batch(const scene::Scene& scene, bool self_contact) {
   const auto model = mujoco::compile(
-      output::to_mjcf(scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr));
+      test::written("mjcf", scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr));
   if (!self_contact) model->opt.disableflags |= mjDSBL_CONTACT;
   mjBatchConfig config;
   mjb_defaultConfig(&config);

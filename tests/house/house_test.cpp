@@ -99,7 +99,7 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"libqhull", "core/qhull"},
       {"ida/", "engine/dae/"},
       {"CLI/", "app/"},
-      {"nlohmann/", "(simulation|study|app)/|core/schema"},
+      {"nlohmann/", "(simulation|study|app)/|core/schema|output/description/"},
       {"Random123/", "environment/draws"},
       {"mujoco/", "none"},
   };

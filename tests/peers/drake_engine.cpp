@@ -1,4 +1,5 @@
 #include "peers/drake_engine.h"
+#include "support/written.h"
 
 #include <fcntl.h>
 #include <sys/wait.h>
@@ -14,7 +15,6 @@
 #include <nlohmann/json.hpp>
 
 #include "handsim/engine/checks.h"
-#include "handsim/output/export/export.h"
 
 namespace handsim::peers {
 
@@ -245,7 +245,7 @@ class DrakeEngine final : public OtherEngine {
     }
     for (const model::Shape& shape : model_.shapes) shapes.push_back(shape.name);
     const Vec3 g = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
-    return {{"mjcf", output::to_mjcf(model_, settings_)},
+    return {{"mjcf", test::written("mjcf", model_, settings_)},
             {"step", settings_.step},
             {"approximation", options_.approximation},
             {"hydroelastic", options_.modulus > 0},

@@ -8,9 +8,9 @@
 #include "handsim/engine/collision/pair_table.h"
 #include "handsim/engine/engine.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/output/export/export.h"
 #include "mujoco_model.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -28,8 +28,8 @@ struct There {
   DataPointer data;
 
   explicit There(const scene::Scene& scene)
-      : model(mujoco::compile(
-            output::to_mjcf(scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr))),
+      : model(mujoco::compile(test::written("mjcf", scene.model, scene.spec.solver,
+                                            scene.control ? &*scene.control : nullptr))),
         data(mj_makeData(model.get())) {
     if (model->nkey > 0) mj_resetDataKeyframe(model.get(), data.get(), 0);
   }

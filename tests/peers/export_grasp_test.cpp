@@ -3,10 +3,10 @@
 
 #include <cstdio>
 
-#include "handsim/output/export/export.h"
 #include "handsim/simulation/simulation.h"
 #include "peers/mujoco_model.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -21,9 +21,9 @@ TEST_P(ExportedGrasps, StayInTheHand) {
   simulation::Simulation run(scene, simulation::no_watchers);
   const scene::GraspPlan& grasp = scene.plans.grasps.front();
   while (run.state().time < grasp.phase("hold")->start + 1) run.step();
-  const output::Keyframe moment = output::keyframe_after(run.state(), run.controller());
+  const output::Moment moment = output::moment_after(run.state(), run.controller());
   const auto model =
-      mujoco::compile(output::to_mjcf(scene.model, scene.spec.solver, &*scene.control, &moment));
+      mujoco::compile(test::written("mjcf", scene.model, scene.spec.solver, &*scene.control, &moment));
   const std::unique_ptr<mjData, mujoco::Free> data(mj_makeData(model.get()));
   mj_resetDataKeyframe(model.get(), data.get(), 0);
   const int body = mj_name2id(model.get(), mjOBJ_BODY, grasp.object.c_str());

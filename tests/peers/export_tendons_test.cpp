@@ -9,8 +9,8 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
-#include "handsim/output/export/export.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -30,7 +30,7 @@ Loaded load() {
                                      "middle_pip: 1.1, thumb_mcp: 0.4, wrist: [0.3, -0.1]}"});
   const TemporaryFolder folder;
   const std::string path = (folder.path() / "hand.xml").string();
-  std::ofstream(path) << output::to_mjcf(out.scene.model, out.scene.spec.solver);
+  std::ofstream(path) << test::written("mjcf", out.scene.model, out.scene.spec.solver);
   char error[1000] = {};
   out.model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
   EXPECT_STREQ(error, "");

@@ -10,8 +10,8 @@
 
 #include "handsim/engine/articulated/dynamics/joint_space.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/output/export/export.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -91,7 +91,7 @@ double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
 // Oracle: MuJoCo. Bound: 1e-9 relative, at 1000 random states.
 TEST_P(InMujoco, TheSameDynamicsComeOut) {
   const scene::Scene scene = hand(GetParam().first, GetParam().second);
-  const OwnedModel other = load(output::to_mjcf(scene.model, scene.spec.solver), "hand.xml");
+  const OwnedModel other = load(test::written("mjcf", scene.model, scene.spec.solver), "hand.xml");
   ASSERT_TRUE(other);
   const OwnedData data(mj_makeData(other.get()));
   other->opt.disableflags |= mjDSBL_CONSTRAINT;
@@ -194,7 +194,7 @@ double total_mass(const model::Model& model) {
 TEST(Export, EveryShippedSceneLoadsAsMjcf) {
   for (const char* name : {"two_hands", "dropped_hand", "resting_hand", "pose_tracking", "prototype_poses"}) {
     const scene::Scene scene = shipped_scene(name);
-    const OwnedModel other = load(output::to_mjcf(scene.model, scene.spec.solver), "scene.xml");
+    const OwnedModel other = load(test::written("mjcf", scene.model, scene.spec.solver), "scene.xml");
     ASSERT_TRUE(other) << name;
     EXPECT_EQ(other->nbody, static_cast<int>(scene.model.bodies.size()));
     EXPECT_EQ(other->ngeom, static_cast<int>(scene.model.shapes.size()));
@@ -234,7 +234,7 @@ TEST(Export, ConvexMeshesAreWhatTheyAreInMujoco) {
       "ground: {friction: 0.5}\nduration: 1\n",
       source("tests/data/meshes/scene.yaml").string()));
   warnings = 0;
-  const OwnedModel other = load(output::to_mjcf(scene.model, scene.spec.solver), "meshes.xml");
+  const OwnedModel other = load(test::written("mjcf", scene.model, scene.spec.solver), "meshes.xml");
   ASSERT_TRUE(other);
   EXPECT_EQ(warnings, 0);
   const OwnedData data(mj_makeData(other.get()));
@@ -278,7 +278,7 @@ TEST(Export, HandsLoadAsUrdf) {
   for (const char* name : {"two_hands", "dropped_hand", "pose_tracking"}) {
     const scene::Scene scene = shipped_scene(name);
     // Old versions of MuJoCo count the touching parts at the start, and warn of more than 100.
-    std::string text = output::to_urdf(scene.model, scene.spec.solver);
+    std::string text = test::written("urdf", scene.model, scene.spec.solver);
     text.insert(text.find('>', text.find("<robot")) + 1, "<mujoco><size nconmax=\"1000\"/></mujoco>");
     const OwnedModel other = load(text, "scene.urdf");
     ASSERT_TRUE(other) << name;
@@ -300,7 +300,7 @@ TEST(Export, HandsLoadAsUrdf) {
 
 TEST(Export, SaysWhatAFormatCannot) {
   const scene::Scene scene = shipped_scene("slider_crank_iftomm");
-  EXPECT_THROW(output::to_urdf(scene.model, scene.spec.solver), Error);
+  EXPECT_THROW(test::written("urdf", scene.model, scene.spec.solver), Error);
 }
 
 }  // namespace

@@ -5,8 +5,8 @@
 #include <mutex>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/output/export/export.h"
 #include "peers/mujoco_model.h"
+#include "support/written.h"
 
 namespace handsim::peers {
 
@@ -39,7 +39,7 @@ class MujocoEngine final : public OtherEngine {
     {
       static std::mutex one_at_a_time;
       const std::lock_guard lock(one_at_a_time);
-      model_there_ = mujoco::compile(output::to_mjcf(model, settings));
+      model_there_ = mujoco::compile(test::written("mjcf", model, settings));
     }
     choose(options);
     if (options.stiff) stiffen();

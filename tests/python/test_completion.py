@@ -9,11 +9,10 @@ import pytest
 from handsim.__main__ import COMMANDS
 
 PROGRAM = os.environ.get("HANDSIM_PROGRAM", "")
-SHARED = ("export",)  # the program's, too
 
 
 @pytest.mark.skipif(not PROGRAM, reason="the program is not in the path (HANDSIM_PROGRAM)")
-@pytest.mark.parametrize("command", [name for name in COMMANDS if name not in SHARED])
+@pytest.mark.parametrize("command", list(COMMANDS))
 def test_completion_offers_the_options_of_the_help(command):
     text = subprocess.run([sys.executable, "-m", "handsim", command, "--help"], capture_output=True, text=True, check=True).stdout
     script = subprocess.run([PROGRAM, "completion", "bash"], capture_output=True, text=True, check=True).stdout

@@ -200,5 +200,5 @@ def test_without_out_a_file_is_named_after_what_it_shows(tmp_path, monkeypatch, 
     (tmp_path / "balls.yaml").write_text(json.dumps(BALLS))
     assert export.main(["balls.yaml", "--format", "stl"]) == 0
     assert export.main(["--stature", "1.75", "--mass", "70", "--sex", "male", "--side", "right", "--format", "obj", "--hands", "shapes"]) == 0
-    assert sorted(each.name for each in (tmp_path / "out").iterdir()) == ["balls.stl", "hand.obj"]
+    assert sorted(each.name for each in (tmp_path / "out").iterdir()) == ["balls.stl", "export.obj"]
     assert export.main(["balls.yaml", "--format", "stl", "--out", "balls.obj"]) == 2 and "a name that ends in .stl" in capsys.readouterr().err

@@ -54,15 +54,17 @@ std::string shipped_words(const CLI::Option& option) {
   return names.empty() ? "" : fmt::format("{} ", fmt::join(names, " "));
 }
 
-/// Calls `use` with each option that has a long name, and its words, of a type such as `right|left|both`, or
-/// names of shipped files.
+/// Calls `use` with each option that has a long name, and its words: of a type such as `right|left|both`,
+/// what the shell makes of `$(...)`, or names of shipped files.
 template <class Use>
 void each_option(const CLI::App& command, const Use& use) {
   for (const CLI::Option* option : command.get_options()) {
     if (option->get_lnames().empty()) continue;
-    const std::vector<std::string> words = CLI::detail::split(option->get_type_name(), '|');
+    const std::string type = option->get_type_name();
+    const std::vector<std::string> words = CLI::detail::split(type, '|');
     use(*option, option->get_lnames().front(),
-        words.size() > 1 ? fmt::format("{}", fmt::join(words, " ")) : shipped_words(*option));
+        words.size() > 1 || type.starts_with('$') ? fmt::format("{}", fmt::join(words, " "))
+                                                  : shipped_words(*option));
   }
 }
 

@@ -46,8 +46,6 @@ std::string check_path(const std::string& text);
 /// Restricts an option to words. @param bars the words with | between them, also for help and completion.
 void add_words(CLI::Option* option, const std::string& bars);
 
-constexpr const char* kSides = "right|left|both";
-
 /// Adds an option whose text `parse` reads; it returns nothing for an invalid text.
 template <class Target, class Parse>
 void add_parsed(CLI::App& command, const std::string& name, Target& target, Parse parse,
@@ -124,8 +122,7 @@ void add_scene_commands(CommandLine& line);
 /// For help and completion alone: these commands never reach CLI11.
 void add_other_commands(CommandLine& line);
 
-/// True for a command of the Python package or of the tests, for `export` in a format of the package, and for
-/// the page of a run.
+/// True for a command of the Python package or of the tests, and for the page of a run.
 bool is_other_command(int argc, const char* const* argv);
 /// Becomes the program of the command. @throws Error (input) without it
 [[noreturn]] void run_other_command(int argc, const char* const* argv);

@@ -106,23 +106,8 @@ int render_command(const RenderArguments& arguments);
 /// @param job what Job of python/handsim/_rollouts_command.py has. @throws Error (input) without the package
 [[noreturn]] void run_drawn(const study::Json& job);
 
-struct ExportArguments {
-  std::optional<std::filesystem::path> scene;
-  HandArguments hands;               ///< without a scene; `side` is empty if it was not given
-  std::optional<std::string> mount;  ///< of these hands; absent: fixed
-  bool muscles = false;              ///< of these hands, with the bands between their joints
-  std::filesystem::path out;
-  std::optional<std::string> format;  ///< of output::kFormats; absent: by the ending of `out`, else the first
-  std::optional<double> time;         ///< of the scene's run, at which the file begins [s]; absent: 0
-  std::vector<std::string> overrides;
-};
-int export_command(const ExportArguments& arguments);
-
 /// A line for each of the ten deepest overlaps of shapes at the start, deepest first, and how many others.
 std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps);
-
-/// Extension of a file's name in lower case: `.png`; may be empty.
-std::string ending_of(const std::filesystem::path& path);
 
 /// Makes the folder `out` of default_out() for a file in it. @throws Error (input) if it cannot be made
 void make_default_folder(const std::filesystem::path& file);

@@ -14,7 +14,6 @@
 #include "handsim/app/commands.h"
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
-#include "handsim/output/export/export.h"
 
 namespace handsim::app {
 
@@ -26,12 +25,12 @@ constexpr const char* kHardCases = "stability";
 struct OtherCommand {
   const char *name, *help, *example;
   const char* place;  ///< what completion offers in place of an option: `scene`, `study` or nothing
-  /// Their long names, with blanks between; after = the words that one takes, with | between, or the folder
-  /// of shipped files that it takes.
+  /// Their long names, with blanks between; after a sign what completion offers for their values: words,
+  /// a folder of shipped files, or `$`: what `handsim COMMAND --NAMEs` prints.
   const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 15> kOtherCommands = {
+constexpr std::array<OtherCommand, 16> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -43,6 +42,15 @@ constexpr std::array<OtherCommand, 15> kOtherCommands = {
       "effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", "scene",
       "out set engine repeats report json"},
+     {"export",
+      "A scene's model or motion, a finished run, or a person's hands, as a file for other programs, by "
+      "--format",
+      "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", "scene",
+      "out format=$ time hands=skin|shapes|both fps set engine=ode|dae|articulated|auto "
+      "person=config/persons "
+      "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
+      "hand-length-percentile model=handmodels side=right|left|both mount=fixed|hinge|universal|free muscles "
+      "quiet"},
      {"grasp",
       "Run grasp and climb scenes: table of what was held, how firmly, the least friction that holds, and "
       "the "
@@ -116,14 +124,9 @@ except ImportError as error:
 sys.argv[0] = "handsim"
 sys.exit(main()))py";
 
-/// True where a command of this program is the package's: `export` in a format that the package writes, such
-/// as `glb`, `--format=glb` and `out/hand.glb`; what writes the page of a run.
+/// True where a command of this program is the package's: what writes the page of a run.
 bool is_for_package(std::string_view command, std::string_view argument) {
-  if (command == "run") return argument.substr(0, argument.find('=')) == "--report";
-  argument.remove_prefix(argument.find_last_of(".=") + 1);
-  const std::string word = lower_case(argument);
-  const auto format = std::ranges::find(output::kFormats, word, &output::Format::name);
-  return command == "export" && format != output::kFormats.end() && !format->write;
+  return command == "run" && argument.substr(0, argument.find('=')) == "--report";
 }
 
 /// The interpreter that the package was built for, then the path's; or HANDSIM_PYTHON, parted by colons.
@@ -185,15 +188,17 @@ void add_other_commands(CommandLine& line) {
     sub.footer(std::string("Example: ") + command.example);
     if (*command.place) add_input(sub, command.place, line.unread, "file");
     for (const std::string_view option : split(command.options, ' ')) {
-      const std::size_t cut = std::min(option.find('='), option.size());
-      const std::string name = "--" + std::string(option.substr(0, cut));
-      const std::string words(option.substr(std::min(cut + 1, option.size())));
-      if (words.find('|') != std::string::npos)
-        sub.add_option(name)->type_name(words);
-      else if (!words.empty())
-        add_input(sub, name, line.unread, "file", words);
-      else if (!option.empty())
+      const std::string name = "--" + std::string(option.substr(0, option.find('=')));
+      const std::string words(option.substr(std::min(option.size(), option.find('=') + 1)));
+      if (option.empty()) continue;
+      if (name.size() == option.size() + 2)
         sub.add_flag(name);
+      else if (words == "$")
+        sub.add_option(name, line.unread)->type_name(fmt::format("$(handsim {} {}s)", command.name, name));
+      else if (words.find('|') != std::string::npos)
+        sub.add_option(name, line.unread)->type_name(words);
+      else
+        add_input(sub, name, line.unread, "file", words);
     }
   }
 }

@@ -5,12 +5,14 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/progress.h"
+#include "handsim/core/text.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/collision/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/pulleys.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
 #include "handsim/simulation/run/pictures.h"
@@ -22,6 +24,11 @@
 namespace handsim::app {
 
 namespace {
+
+/// Makes the folder `out` of default_out() for a file in it. @throws Error (input) if it cannot be made
+void make_default_folder(const std::filesystem::path& file) {
+  if (file.parent_path() == "out") output::make_folder("out");
+}
 
 /// Prints the worst joint in one line.
 void print_tracking(const simulation::RunResult& result) {
@@ -269,7 +276,7 @@ int run_scene_command(const RunArguments& arguments) {
 
 int render_command(const RenderArguments& arguments) {
   output::require_pictures();
-  if (arguments.out && ending_of(*arguments.out) != ".png")
+  if (arguments.out && lower_case(arguments.out->extension().string()) != ".png")
     throw input_error("--out", arguments.out->string(), "a name that ends in .png");
   const auto& video = arguments.video;
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);

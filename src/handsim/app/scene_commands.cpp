@@ -8,33 +8,11 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
-#include "handsim/output/export/export.h"
 #include "handsim/simulation/watch/state_hash.h"
 
 namespace handsim::app {
 
 namespace {
-
-void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
-  add_input(hand, "--person", arguments->person, "person file (in place of --stature, --mass, --sex)",
-            "config/persons");
-  const auto measure = [&](const char* name, const char* key, const char* help) {
-    return hand.add_option_function<std::string>(
-        name, [arguments, key](const std::string& value) { arguments->measures[key] = value; }, help);
-  };
-  measure("--stature", "stature", "m, or with a unit: 1.75, \"175 cm\"");
-  measure("--mass", "mass", "kg");
-  measure("--sex", "sex", "of the person")->type_name("male|female|unknown");
-  measure("--age", "age", "years; without it a body of a child's size has a child's hand");
-  measure("--hand-length", "hand_length", "measured: wrist crease to middle fingertip [m]");
-  measure("--hand-breadth", "hand_breadth", "measured: across the knuckles [m]");
-  measure("--hand-circumference", "hand_circumference", "measured: around the knuckles [m]");
-  measure("--hand-mass", "hand_mass", "measured [kg]");
-  measure("--hand-length-percentile", "hand_length_percentile",
-          "among people of this stature, mass and sex, 0.01 to 99.99");
-  add_input(hand, "--model", arguments->model, "hand model file (default: the anatomical hand)",
-            "handmodels");
-}
 
 void add_check(CommandLine& line) {
   const auto arguments = std::make_shared<CheckArguments>();
@@ -120,45 +98,6 @@ void add_render(CommandLine& line) {
   });
 }
 
-void add_export(CommandLine& line) {
-  const auto arguments = std::make_shared<ExportArguments>();
-  std::string words, texts, endings, package;
-  for (const output::Format& format : output::kFormats) {
-    words += fmt::format("{}{}", words.empty() ? "" : "|", format.name);
-    texts += fmt::format("{}{}: {}", texts.empty() ? "" : "; ", format.name, format.text);
-    endings += fmt::format("{}{}", endings.empty() ? "" : ", ", format.endings_text());
-    if (!format.write) package += fmt::format("{}{}", package.empty() ? "" : ", ", format.name);
-  }
-  CLI::App& command =
-      line.add("export", "A scene's model, or a person's hands, as a file for other programs, by --format",
-               "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim",
-               export_command, arguments);
-  add_input(command, "scene", arguments->scene, "scene file (without one: the hands of a person)");
-  add_words(command.add_option(
-                "--format", arguments->format,
-                fmt::format(
-                    "default: by the file's ending, else {}. {}. By the Python package, with options of its "
-                    "own (python3 -m handsim export --help): {}",
-                    output::kFormats[0].name, texts, package)),
-            words);
-  command
-      .add_option("--out", arguments->out, "file to write, which ends in " + endings + " (default: out/NAME)")
-      ->check(check_path);
-  command.parse_complete_callback([arguments, &command] {
-    const std::string name = arguments->format.value_or(std::string(output::kFormats[0].name));
-    const auto format = std::ranges::find(output::kFormats, name, &output::Format::name);
-    if (arguments->out.empty()) arguments->out = default_out(command, std::string(format->endings[0]));
-  });
-  add_person(command, {arguments, &arguments->hands});
-  add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
-  add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
-            "fixed|hinge|universal|free");
-  command.add_flag("--muscles", arguments->muscles, "with the muscles of a person's hands");
-  add_time(command, "--time", arguments->time,
-           "simulated time at which a MJCF file of a scene begins (default 0)");
-  add_overrides(command, arguments->overrides);
-}
-
 }  // namespace
 
 void add_drawing(CLI::App& command, std::optional<simulation::VideoSpec>& video,
@@ -189,7 +128,7 @@ void add_drawing(CLI::App& command, std::optional<simulation::VideoSpec>& video,
 }
 
 void add_scene_commands(CommandLine& line) {
-  for (const auto add : {add_check, add_run, add_render, add_export, add_schema}) add(line);
+  for (const auto add : {add_check, add_run, add_render, add_schema}) add(line);
 }
 
 }  // namespace handsim::app

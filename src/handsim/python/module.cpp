@@ -59,15 +59,13 @@ bool has_pictures() {
   }
 }
 
-/// `handsim COMMAND ...` in this process, the program's own export. @param page of a run
+/// `handsim COMMAND ...` in this process. @param page of a run
 /// @return its exit status
 int command_line(const std::vector<std::string>& words, const app::WritePage& page) {
   std::vector<const char*> argv = {"handsim"};
   for (const std::string& word : words) argv.push_back(word.c_str());
-  // Of these commands a part is the package's, whose process this is.
-    constexpr std::array<std::string_view, 2> kShared = {"export", "run"};
-  const bool other = words.empty() || std::ranges::find(kShared, words[0]) == kShared.end();
-  const auto more = other ? nullptr : &app::add_other_commands;
+  // A part of run is the package's, whose process this is.
+  const auto more = !words.empty() && words[0] == "run" ? nullptr : &app::add_other_commands;
   return without_gil([&] {
     return app::finish_output(app::run_command_line(static_cast<int>(argv.size()), argv.data(), more, page));
   });

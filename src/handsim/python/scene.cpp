@@ -1,11 +1,11 @@
 #include <map>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
 #include "handsim/core/yaml.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/muscles.h"
-#include "handsim/output/export/export.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
@@ -54,31 +54,6 @@ std::vector<std::string> driven_wrists(const SceneHandle& of) {
   std::vector<std::string> out;
   for (const auto& drive : of.scene->model.drives)
     out.push_back(of.scene->model.bodies[as_index(drive.body)].name);
-  return out;
-}
-
-/// The model in a format that the program writes, by its name.
-std::string to_format(const SceneHandle& of, const std::string& format) {
-  std::vector<std::string> known;
-  for (const output::Format& each : output::kFormats) {
-    if (!each.write) continue;
-    if (each.name == format)
-      return each.write(
-          {of.scene->model, of.scene->spec.solver, of.scene->control ? &*of.scene->control : nullptr});
-    known.emplace_back(each.name);
-  }
-  throw input_error("format", format, need_word(format, known));
-}
-
-/// The fields of Format in _formats.py.
-py::list formats() {
-  py::list out;
-  for (const output::Format& each : output::kFormats) {
-    std::vector<std::string_view> endings = {each.endings.begin(), each.endings.end()};
-    std::erase(endings, "");
-    out.append(py::make_tuple(each.name, endings, each.text, each.of, each.needs, each.file,
-                              py::bytes(std::string(each.mark)), each.write != nullptr));
-  }
   return out;
 }
 
@@ -158,8 +133,10 @@ py::dict standalone(const SceneHandle& of) {
 }  // namespace
 
 void bind_scene(py::module_& module) {
-  module.def("formats", &formats);
   module.def("parse_quantity", &parse_any_quantity);
+  module.def("parse_time", [](const std::string& text) { return parse_quantity(text, Dimension::time); });
+  module.def("need_word", &need_word);
+  module.def("find_input", &find_input);
   auto bound = bind_class<SceneHandle>(module, "Scene");
   bound.def_static("load", &load)
       .def_static("parse", &parse)
@@ -175,8 +152,7 @@ void bind_scene(py::module_& module) {
       .def("standalone", &standalone)
       .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })
       .def("hands", [](const SceneHandle& of) { return names(of.scene->model.hands); })
-      .def("coordinates", [](const SceneHandle& of) { return output::coordinate_names(of.scene->model); })
-      .def("to_format", &to_format);
+      .def("coordinates", [](const SceneHandle& of) { return output::coordinate_names(of.scene->model); });
   const auto property = [&](const char* name, auto find) {
     bound.def_property_readonly(name, [find](const SceneHandle& of) { return find(*of.scene); });
   };

@@ -9,6 +9,7 @@
 
 #include "handsim/engine/collision/taxels.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/output/description/description.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/derivatives.h"
@@ -380,6 +381,12 @@ void bind_simulation(py::module_& module) {
              self.guarded([&] { self.environment().reset(motion.motion); });
            })
       .def("frame", found([](const auto& of) { return Frame{simulation::picture_state(of.engine())}; }))
+      .def("description", found([](const auto& of) {
+             const scene::Scene& scene = of.scene();
+             const output::Moment now = output::moment_after(of.state(), of.controller());
+             return output::description(scene.model, scene.spec.solver,
+                                        scene.control ? &*scene.control : nullptr, &now);
+           }))
       .def("verdicts",
            [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); })
       .def_property_readonly("time", found([](const auto& of) { return of.state().time; }))

@@ -10,8 +10,8 @@
 #include "handsim/engine/collision/pair_table.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/markers.h"
-#include "handsim/output/export/export.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -113,7 +113,7 @@ struct MjcfBodies {
 };
 
 TEST_P(Exports, MjcfPutsBodiesWhereTheModelHasThem) {
-  const auto document = parse(output::to_mjcf(model_, scene_.spec.solver));
+  const auto document = parse(test::written("mjcf", model_, scene_.spec.solver));
   std::mt19937 random(3);
   for (int sample = 0; sample < 20; ++sample) {
     const std::vector<double> q = drawn_coordinates(model_, random);
@@ -132,7 +132,7 @@ TEST_P(Exports, MjcfPutsBodiesWhereTheModelHasThem) {
 }
 
 TEST_P(Exports, MjcfHasTheModelsMassesRangesTissueAndStart) {
-  const auto document = parse(output::to_mjcf(model_, scene_.spec.solver));
+  const auto document = parse(test::written("mjcf", model_, scene_.spec.solver));
   for (const auto& found : document.select_nodes("//body")) {
     const model::Body& expected = model_.bodies[body(name(found.node()))];
     const pugi::xml_node inertial = found.node().child("inertial");
@@ -161,7 +161,7 @@ TEST_P(Exports, MjcfHasTheModelsMassesRangesTissueAndStart) {
 }
 
 TEST_P(Exports, MjcfLetsTheSameShapesTouch) {
-  const auto document = parse(output::to_mjcf(model_, scene_.spec.solver));
+  const auto document = parse(test::written("mjcf", model_, scene_.spec.solver));
   int meeting = 0;
   std::map<std::string, std::pair<unsigned, unsigned>> bits;
   for (const auto& found : document.select_nodes("//geom"))
@@ -191,7 +191,7 @@ Pose origin(const pugi::xml_node& node) {
 /// URDF: a joint's origin is its pose in the parent link, and it rotates about its axis; the link has the
 /// joint's frame, the body that of `inertial`.
 TEST_P(Exports, UrdfPutsBodiesWhereTheModelHasThem) {
-  const auto document = parse(output::to_urdf(model_, scene_.spec.solver));
+  const auto document = parse(test::written("urdf", model_, scene_.spec.solver));
   const pugi::xml_node robot = document.child("robot");
   std::mt19937 random(4);
   for (int sample = 0; sample < 20; ++sample) {
@@ -224,7 +224,7 @@ TEST_P(Exports, UrdfPutsBodiesWhereTheModelHasThem) {
 }
 
 TEST_P(Exports, UrdfHasTheModelsRangesAndShapes) {
-  const auto document = parse(output::to_urdf(model_, scene_.spec.solver));
+  const auto document = parse(test::written("urdf", model_, scene_.spec.solver));
   const pugi::xml_node robot = document.child("robot");
   std::size_t axes = 0, collisions = 0;
   for (const pugi::xml_node& joint : robot.children("joint")) {
@@ -247,7 +247,7 @@ TEST_P(Exports, UrdfHasTheModelsRangesAndShapes) {
 TEST(Urdf, EffortIsTheTorqueLimitOfTheDrive) {
   const scene::Scene scene = shipped_scene("every_pose");
   ASSERT_TRUE(scene.control);
-  const auto document = parse(output::to_urdf(scene.model, scene.spec.solver, &*scene.control));
+  const auto document = parse(test::written("urdf", scene.model, scene.spec.solver, &*scene.control));
   std::map<std::string, double> efforts;
   for (const pugi::xml_node& joint : document.child("robot").children("joint"))
     if (joint.child("axis")) efforts[name(joint)] = joint.child("limit").attribute("effort").as_double();
@@ -257,7 +257,7 @@ TEST(Urdf, EffortIsTheTorqueLimitOfTheDrive) {
     efforts.erase(axis.name);
   }
   for (const auto& [joint, effort] : efforts) EXPECT_EQ(effort, 1000) << joint;
-  const auto undriven = parse(output::to_urdf(scene.model, scene.spec.solver));
+  const auto undriven = parse(test::written("urdf", scene.model, scene.spec.solver));
   EXPECT_EQ(undriven.select_node("//limit").node().attribute("effort").as_double(), 1000);
 }
 
@@ -265,7 +265,7 @@ TEST(Urdf, EffortIsTheTorqueLimitOfTheDrive) {
 TEST(Mjcf, WithoutTheEffectOfFrictionEveryContactIsSmooth) {
   const scene::Scene scene =
       scene::without_effect(shipped_scene("object_collection"), model::Effect::friction);
-  const auto document = parse(output::to_mjcf(scene.model, scene.spec.solver));
+  const auto document = parse(test::written("mjcf", scene.model, scene.spec.solver));
   int geoms = 0;
   for (const auto& found : document.select_nodes("//geom | //pair")) {
     ++geoms;

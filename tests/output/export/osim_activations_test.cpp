@@ -5,10 +5,10 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
-#include "handsim/output/export/export.h"
 #include "handsim/output/table/table_files.h"
 #include "handsim/study/inverse/inverse.h"
 #include "output/export/opensim.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -108,7 +108,7 @@ Apart compare(double seconds, bool passive) {
   const TemporaryFolder folder;
   const Movement motion(scene.model, seconds);
   motion.write(folder.path() / "motion.sto");
-  std::ofstream(folder.path() / "model.osim") << output::to_osim(scene.model, scene.spec.solver);
+  std::ofstream(folder.path() / "model.osim") << test::written("osim", scene.model, scene.spec.solver);
   const json loads = motion.write_loads(folder.path() / "loads.csv");
   study::InverseInput input;
   input.motion = folder.path() / "motion.sto";

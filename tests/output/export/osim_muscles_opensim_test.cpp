@@ -5,8 +5,8 @@
 #include <random>
 
 #include "handsim/model/muscle_curves.h"
-#include "handsim/output/export/export.h"
 #include "output/export/opensim.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -48,7 +48,7 @@ scene::Scene hand(const std::string& effects) {
 
 json ask(const model::Model& model, const engine::Settings& settings, const std::vector<Sample>& samples) {
   const TemporaryFolder folder;
-  std::ofstream(folder.path() / "model.osim") << output::to_osim(model, settings);
+  std::ofstream(folder.path() / "model.osim") << test::written("osim", model, settings);
   json question = {{"names", coordinate_names(model)},
                    {"samples", json::array()},
                    {"times", json::array()},

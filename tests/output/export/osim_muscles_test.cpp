@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/output/export/export.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -132,7 +132,7 @@ scene::Scene hand() {
 
 pugi::xml_document exported(const scene::Scene& scene) {
   pugi::xml_document out;
-  EXPECT_TRUE(out.load_string(output::to_osim(scene.model, scene.spec.solver).c_str()));
+  EXPECT_TRUE(out.load_string(test::written("osim", scene.model, scene.spec.solver).c_str()));
   return out;
 }
 

@@ -9,9 +9,9 @@
 #include "handsim/engine/articulated/dynamics/joint_space.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/markers.h"
-#include "handsim/output/export/export.h"
 #include "output/export/opensim.h"
 #include "scene_files.h"
+#include "support/written.h"
 
 namespace handsim::test {
 namespace {
@@ -105,7 +105,7 @@ void write_trc(const fs::path& path, const model::Model& model, const Motion& mo
 
 json ask(const scene::Scene& scene, const Motion& motion, int samples, const std::vector<double>& times) {
   const TemporaryFolder folder;
-  std::ofstream(folder.path() / "model.osim") << output::to_osim(scene.model, scene.spec.solver);
+  std::ofstream(folder.path() / "model.osim") << test::written("osim", scene.model, scene.spec.solver);
   if (samples > 0) write_trc(folder.path() / "markers.trc", scene.model, motion);
   json question = {
       {"names", motion.names}, {"samples", json::array()}, {"times", times}, {"kinematics", samples > 0}};
@@ -347,7 +347,7 @@ TEST(OpenSim, HasBallJoints) {
 
 TEST(OpenSim, RefusesLoops) {
   const scene::Scene scene = shipped_scene("slider_crank_iftomm");
-  EXPECT_THROW(output::to_osim(scene.model, scene.spec.solver), Error);
+  EXPECT_THROW(test::written("osim", scene.model, scene.spec.solver), Error);
 }
 
 }  // namespace
