@@ -109,9 +109,6 @@ int render_command(const RenderArguments& arguments);
 /// A line for each of the ten deepest overlaps of shapes at the start, deepest first, and how many others.
 std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps);
 
-/// Makes the folder `out` of default_out() for a file in it. @throws Error (input) if it cannot be made
-void make_default_folder(const std::filesystem::path& file);
-
 /// Sets what the page of a run shows beside its poses: contacts, where an effect of contact is on.
 void record_contacts(scene::Scene& scene);
 
