@@ -255,29 +255,170 @@ def test_gymnasiums_own_check_passes(name):
     env.close()
 
 
+# Oracle: gymnasium's own vector of single environments: the same bits, the same infos with their masks, the same resets, and a
+# limit of steps that gymnasium's TimeLimit counts alone.
 @needs_gymnasium
-def test_vectors_have_gymnasiums_shapes_and_autoreset():
+@pytest.mark.parametrize("name", ["Reach", "Hold", "Reorient"])
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_vectors_are_gymnasiums_vectors_of_single_environments(name, mode):
     import gymnasium
     from gymnasium.vector import AutoresetMode, VectorEnv
 
-    env = gymnasium.make_vec("handsim/Hold-v0", num_envs=3, vectorization_mode="vector_entry_point")
-    assert isinstance(env.unwrapped, VectorEnv) and env.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
-    observation, info = env.reset(seed=1)
-    first = observation.copy()
-    assert observation.dtype == np.float32 and observation in env.observation_space and info == {}
-    for step in range(100):
+    ours = gymnasium.make_vec(f"handsim/{name}-v0", 3, max_episode_steps=30, autoreset_mode=mode, threads=1)
+    theirs = gymnasium.make_vec(f"handsim/{name}-v0", 3, max_episode_steps=30, vectorization_mode="sync",
+                                vector_kwargs={"autoreset_mode": AutoresetMode(mode)})
+    assert isinstance(ours.unwrapped, VectorEnv) and ours.episodes.task.max_steps == 30
+    assert ours.metadata["autoreset_mode"] is AutoresetMode(mode)
+    assert np.array_equal(ours.reset(seed=4)[0], theirs.reset(seed=4)[0])
+    random, ended = np.random.default_rng(0), np.zeros(3, int)
+    for _ in range(70):
+        action = random.uniform(-1, 1, (3, 20)).astype(np.float32)
+        (*mine, info), (*others, other) = ours.step(action), theirs.step(action)
+        for a, b in zip(mine, others):
+            assert np.array_equal(a, b)
+        ended += mine[2] | mine[3]
+        same_info(info, other)
+    assert ended.min() >= 2
+
+
+def same_info(info, other):
+    assert set(info) == set(other)
+    for key, value in info.items():
+        if isinstance(value, dict):
+            same_info(value, other[key])
+        elif key == "final_obs":
+            assert all(a is b is None or np.array_equal(a, b) for a, b in zip(value, other[key]))
+        else:
+            assert value.dtype == other[key].dtype and np.array_equal(value, other[key]), key
+
+
+# Oracle: a seed of its own makes an environment, whatever the others have; None goes on.
+@needs_gymnasium
+def test_seeds_are_each_environments_own():
+    env = hs.gym.make_vec("reach", 3)
+    first = env.reset(seed=[5, 6, 5])[0]
+    assert np.array_equal(first[0], first[2]) and not np.array_equal(first[0], first[1])
+    assert np.array_equal(env.reset(seed=5)[0][:2], first[:2])
+    kept = env.reset(seed=[None, 6, None])[0]
+    assert np.array_equal(kept[1], first[1]) and not np.array_equal(kept[0], first[0])
+    for wrong, said in (([1, 2], "seed: got 2 seeds, need a seed for each of 3"), (-1, "seed: got -1"), (["a", 1, 2], "seed: got 'a'")):
+        with pytest.raises(hs.Error, match=said):
+            env.reset(seed=wrong)
+
+
+# Oracle: a run without resets: what SAME_STEP gives as the last observation of an episode is what DISABLED shows.
+@needs_gymnasium
+def test_the_last_observation_is_that_of_a_run_without_resets():
+    same, disabled = (hs.gym.make_vec("hold", 3, autoreset_mode=mode) for mode in ("SameStep", "Disabled"))
+    first = same.reset(seed=1)[0].copy()
+    disabled.reset(seed=1)
+    for _ in range(100):
         # Environment 0 opens its hand, the others squeeze.
         action = np.full((3, 20), 0.6, np.float32) * [[0], [1], [1]]
-        observation, reward, terminated, truncated, info = env.step(action)
-        assert reward.shape == terminated.shape == truncated.shape == (3,)
+        observation, _, terminated, _, info = same.step(action)
+        last, _, also, _, all_info = disabled.step(action)
+        assert np.array_equal(terminated, also)
         if terminated[0]:
             break
-    assert step < 99 and not terminated[1:].any()
-    # The can has moved by 50 mm in the last observation, and is back in the next.
-    assert info["_final_obs"].tolist() == [True, False, False]
-    assert np.linalg.norm(info["final_obs"][0, -13:-10]) > 0.05
-    assert observation[0] == pytest.approx(first[0], abs=1e-6)
-    env.close()
+    assert info["_final_obs"].tolist() == [True, False, False] and np.array_equal(info["final_obs"][0], last[0])
+    assert np.linalg.norm(info["final_obs"][0][-13:-10]) > 0.05 and observation[0] == pytest.approx(first[0], abs=1e-6)
+    # The dropped can is no success, and said so once, in the info of the old episode.
+    assert info["_is_success"].tolist() == [False, True, True] and info["final_info"]["_is_success"].tolist() == [True, False, False]
+    assert all_info["is_success"].tolist() == [False, True, True] and info["final_info"]["shift_m"][0] > 0.05
+    assert sum(all_info["reward_terms"][term] for term in ("shift", "action")) == pytest.approx(disabled.episodes.task.reward(disabled.episodes.batch, action))
+
+
+# Oracle: gymnasium's wrappers, unchanged: what they count is what the environments did.
+@needs_gymnasium
+def test_gymnasiums_vector_wrappers_run_unchanged(tmp_path):
+    from gymnasium.wrappers import vector
+
+    env = hs.gym.make_vec("reach", 4, max_episode_steps=10, render_mode="rgb_array" if hs.has_pictures else None)
+    if hs.has_pictures and __import__("importlib.util").util.find_spec("moviepy"):
+        env = vector.RecordVideo(env, str(tmp_path), episode_trigger=lambda k: k == 0, video_aspect_ratio=(1, 1))
+    wrapped = vector.NormalizeReward(vector.NormalizeObservation(vector.RecordEpisodeStatistics(env)))
+    wrapped.reset(seed=1)
+    for step in range(1, 23):
+        observation, *_, truncated, info = wrapped.step(wrapped.action_space.sample())
+        assert ("episode" in info) == truncated.any() == (step in (10, 21))
+    assert info == {} or observation.shape == wrapped.observation_space.shape
+    assert list(wrapped.get_wrapper_attr("length_queue") if hasattr(wrapped, "get_wrapper_attr") else wrapped.env.env.length_queue) == [10] * 8
+    wrapped.close()
+    if hs.has_pictures and __import__("importlib.util").util.find_spec("moviepy"):
+        assert (tmp_path / "rl-video-episode-0.mp4").stat().st_size > 1000
+
+
+# Oracle: the environment itself.
+@needs_gymnasium
+@pytest.mark.parametrize("name", ["hold", "reach"])
+def test_a_pickled_environment_goes_the_same_way(name):
+    import pickle
+
+    import gymnasium
+
+    for env in (hs.gym.make_vec(name, 2, max_episode_steps=7), hs.gym.HandEnv(name, max_episode_steps=7),
+                gymnasium.make(f"handsim/{name.title()}-v0", max_episode_steps=7)):
+        again = pickle.loads(pickle.dumps(env))
+        actions = np.random.default_rng(1).uniform(-1, 1, (9, *env.action_space.shape)).astype(np.float32)
+        ways = []
+        for each in (env, again):
+            way = [each.reset(seed=3)[0]]
+            for action in actions:
+                observation, reward, terminated, truncated, _ = each.step(action)
+                way.append(np.hstack([np.ravel(observation), np.ravel(reward), np.ravel(terminated), np.ravel(truncated)]))
+            ways.append(np.concatenate([np.ravel(part) for part in way]))
+        assert np.array_equal(*ways) and 1 in ways[0]
+
+
+@needs_gymnasium
+@pytest.mark.parametrize("options, said", [
+    ({"render_mode": "human"}, "render_mode: got human, need rgb_array, or None"), ({"autoreset_mode": "Never"}, "autoreset_mode: got Never, need one of gymnasium's"),
+    ({"rendered": 3}, "rendered: got 3, need a whole number, 1 to 2"), ({"max_episode_steps": 0}, "max_episode_steps: got 0"),
+    ({"persons": 2}, "persons: got 2, need options of hold: drive, disturbance"), ({"driv": "muscles"}, "driv: got 'muscles'")])
+def test_wrong_options_of_an_environment_are_refused_with_their_names(options, said):
+    with pytest.raises(hs.Error, match=said):
+        hs.gym.make_vec("hold", 2, **options)
+
+
+# Oracle: stable-baselines3's own vector of single environments, and its learner.
+@pytest.mark.parametrize("name", ["Reach", "Hold"])
+def test_stable_baselines_vectors_are_those_of_single_environments(name):
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: its vectors are not tested")
+    import gymnasium
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    ours = hs.gym.sb3_vec(name.lower(), 3, max_episode_steps=20)
+    theirs = DummyVecEnv([lambda: gymnasium.make(f"handsim/{name}-v0", max_episode_steps=20)] * 3)
+    for env in (ours, theirs):
+        env.seed(4)
+    assert np.array_equal(ours.reset(), theirs.reset())
+    random, ended = np.random.default_rng(0), 0
+    for _ in range(45):
+        action = random.uniform(-1, 1, (3, 20)).astype(np.float32)
+        (*mine, infos), (*others, other) = ours.step(action), theirs.step(action)
+        for a, b in zip(mine, others):
+            assert a.dtype == b.dtype and np.array_equal(a, b)
+        for a, b in zip(infos, other):
+            assert {*a} - {"episode"} == {*b} and a["TimeLimit.truncated"] == b["TimeLimit.truncated"] and a["is_success"] == b["is_success"]
+            assert ("terminal_observation" in a) == ("episode" in a) and a["reward_terms"] == b["reward_terms"]
+            if "terminal_observation" in a:
+                assert np.array_equal(a["terminal_observation"], b["terminal_observation"])
+                ended += 1
+    assert ended >= 6
+    ours.set_attr("max_steps", 5)
+    assert ours.get_attr("max_steps") == [5] * 3 and ours.env_method("succeeded", ours.unwrapped.env.episodes.batch, indices=[0])[0].shape == (3,)
+    with pytest.raises(hs.Error, match="indices: got 0"):
+        ours.set_attr("max_steps", 5, indices=0)
+    with pytest.raises(hs.Error, match="autoreset_mode: got NextStep"):
+        hs.gym.sb3_vec("hold", 1, autoreset_mode="NextStep")
+
+
+def test_stable_baselines_learns():
+    sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: its learners are not tested")
+    __import__("torch").set_num_threads(1)
+    model = sb3.PPO("MlpPolicy", hs.gym.sb3_vec("pose", 8, max_episode_steps=16), n_steps=32, batch_size=64, seed=1, device="cpu")
+    model.learn(512)
+    assert model.num_timesteps == 512 and len(model.ep_info_buffer) == 32 and len(model.ep_success_buffer) == 32
 
 
 # Oracle: every episode ends after five steps, and in gymnasium's NEXT_STEP the sixth step begins the next one.
@@ -292,7 +433,7 @@ def test_vectors_in_gymnasiums_other_modes_of_reset(two_hands, mode):
     zeros = np.zeros(env.action_space.shape, np.float32)
     for step in range(1, 12):
         observation, reward, terminated, truncated, info = env.step(zeros)
-        assert not terminated.any() and info == {}
+        assert not terminated.any() and info.get("_failed", np.zeros(3, bool)).all() == (mode == "Disabled" or step != 6)
         if mode == "NextStep":
             assert truncated.tolist() == [step in (5, 11)] * 3 and reward.tolist() == [step != 6] * 3
             assert np.array_equal(observation, first) == (step == 6)
@@ -302,8 +443,6 @@ def test_vectors_in_gymnasiums_other_modes_of_reset(two_hands, mode):
             if truncated[0]:
                 again = env.reset(options={"reset_mask": np.array([True, False, False])})[0]
                 assert np.array_equal(again[0], first[0]) and not np.array_equal(again[1], first[1])
-    with pytest.raises(ValueError):
-        hs.gym.HandVectorEnv("pose", 1, autoreset_mode="Never")
 
 
 @needs_gymnasium

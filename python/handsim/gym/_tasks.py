@@ -1,6 +1,7 @@
 """Tasks: what an environment for learning does with a scene. Needs numpy only."""
 from __future__ import annotations
 
+import inspect
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
@@ -67,13 +68,29 @@ class Task:
         """Shape (n, numbers)."""
         return batch.observation
 
-    def reward(self, batch: Batch, action: Array) -> Array:
-        """Shape (n,)."""
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        """Parts of the reward by name, each of shape (n,)."""
         raise NotImplementedError
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        """Shape (n,): the sum of `terms`, which stay in `rewarded`. A task that replaces this needs no terms."""
+        self.rewarded = self.terms(batch, action)
+        return np.asarray(sum(self.rewarded.values()))
+
+    rewarded: Mapping[str, Array] = {}
+    """Terms of the last reward."""
 
     def terminated(self, batch: Batch) -> Mask:
         """Shape (n,): episodes that are decided."""
         return np.zeros(len(batch), bool)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        """Shape (n,): episodes that are a success if they end now; None: the task has no success."""
+        return None
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        """Distances and other numbers of `info`, by name with unit, each of shape (n,)."""
+        return {}
 
 
 class SceneTask(Task):
@@ -230,6 +247,8 @@ class _Goal(HandTask):
     five steps in a row with a distance below ``near``; it is truncated after ``max_steps``."""
 
     near: float
+    unit: str
+    """Name of the distance in `info`."""
     bonus = 10.0
     """Reward of success."""
     steady = 5
@@ -260,15 +279,21 @@ class _Goal(HandTask):
     def observation(self, batch: Batch) -> Array:
         return self._with(batch, self._missing(batch))
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         distance = self.distance(batch)
         self._near = np.where(distance < self.near, self._near + 1, 0)
         effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
-        return np.asarray(self.bonus * (self._near >= self.steady) + (distance < self.near) - distance / self.near / 5
-                          - effort)
+        return {"success": self.bonus * (self._near >= self.steady), "near": 1.0 * (distance < self.near),
+                "distance": -distance / self.near / 5, "effort": -effort}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(self._near >= self.steady)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return self.terminated(batch)
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {self.unit: self.distance(batch)}
 
 
 _PALM_SIDE = {"axis": [1, 0, 0], "angle": "90 deg"}
@@ -284,7 +309,7 @@ class Pose(_Goal):
     """
 
     max_steps = 100
-    near = 0.1
+    near, unit = 0.1, "distance_rad"
     """[rad]"""
 
     def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
@@ -309,7 +334,7 @@ class Reach(_Goal):
     """
 
     max_steps = 100
-    near = 0.0125
+    near, unit = 0.0125, "distance_m"
     """[m]"""
     observe = ("q", "u", "fingertips")
 
@@ -364,6 +389,9 @@ class _InHand(HandTask):
         """Of the object's centre from its place at the start [m], shape (n, 3)."""
         return np.asarray(batch["objects"][:, :3] - self._start_place)
 
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {"shift_m": np.linalg.norm(self._shift(batch), axis=1)}
+
     def observation(self, batch: Batch) -> Array:
         out = batch.observation.copy()
         first = len(batch.columns) - 13
@@ -401,6 +429,8 @@ class Hold(_InHand):
     opened = 0.3
     """Extension of an action of 0 [rad]."""
     force_steps = 5
+    forces = 20
+    """Drawn for each episode; a longer one has them again."""
 
     def __init__(self, *, drive: str = "targets", disturbance: float = 1) -> None:
         """
@@ -428,22 +458,31 @@ class Hold(_InHand):
         self._body = self.scene.objects[0]
         weight = 9.80665 * self.scene.masses[self.scene.bodies.index(self._body)]
         self._largest = real("disturbance", disturbance) * weight
-        self._force, self._age = np.empty((0, 3)), 0
+        self._forces, self._age = np.empty((0, 0, 3)), np.empty(0, int)
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        super().begin(batch, mask, random)
+        if len(self._forces) != len(batch):
+            self._forces, self._age = np.zeros((len(batch), self.forces, 3)), np.zeros(len(batch), int)
+        direction = random.normal(size=(int(mask.sum()), self.forces, 3))
+        direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+        self._forces[mask] = self._largest * random.random((len(direction), self.forces, 1)) * direction
+        self._age[mask] = 0
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
-        if len(self._force) != len(batch) or self._age % self.force_steps == 0:
-            direction = random.normal(size=(len(batch), 3))
-            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-            self._force = self._largest * random.random((len(batch), 1)) * direction
+        force = self._forces[np.arange(len(batch)), self._age // self.force_steps % self.forces]
         self._age += 1
-        return {**super().drive(batch, action, random), "forces": {self._body: self._force}}
+        return {**super().drive(batch, action, random), "forces": {self._body: force}}
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         shift = np.linalg.norm(self._shift(batch), axis=1)
-        return np.asarray(1 - np.minimum(1, shift / self.dropped) - 0.05 * np.square(action).mean(axis=1))
+        return {"shift": 1 - np.minimum(1, shift / self.dropped), "action": -0.05 * np.square(action).mean(axis=1)}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.dropped)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return ~self.terminated(batch)
 
 
 class _InPalm(_InHand):
@@ -491,9 +530,9 @@ class Turn(_InPalm):
     def __init__(self, *, drive: str = "targets") -> None:
         super().__init__("a hand turns a ball", drive, name="ball", file=str(data_path() / "config/objects/tennis_ball.yaml"))
 
-    def reward(self, batch: Batch, action: Array) -> Array:
-        turned = batch["objects"][:, 12] * self.scene.step * self.substeps
-        return np.asarray(turned - 0.002 * np.square(action).mean(axis=1) - 5.0 * self.terminated(batch))
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        return {"turned": batch["objects"][:, 12] * self.scene.step * self.substeps,
+                "action": -0.002 * np.square(action).mean(axis=1), "lost": -5.0 * self.terminated(batch)}
 
     def terminated(self, batch: Batch) -> Mask:
         return self._lost(batch)
@@ -548,14 +587,20 @@ class Reorient(_InPalm):
     def observation(self, batch: Batch) -> Array:
         return np.concatenate((super().observation(batch), self.missing(batch)), axis=1)
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         angle = np.linalg.norm(self.missing(batch), axis=1)
         self._near = np.where(angle < self.near, self._near + 1, 0)
-        return np.asarray((angle < self.near) - angle - 0.002 * _mean_square(action)
-                          + 10.0 * (self._near >= self.steady) - 5.0 * self._lost(batch))
+        return {"near": 1.0 * (angle < self.near), "angle": -angle, "action": -0.002 * _mean_square(action),
+                "success": 10.0 * (self._near >= self.steady), "lost": -5.0 * self._lost(batch)}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray((self._near >= self.steady) | self._lost(batch))
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return np.asarray((self._near >= self.steady) & ~self._lost(batch))
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {**super().measures(batch), "distance_rad": np.linalg.norm(self.missing(batch), axis=1)}
 
 
 class PenTwirl(Reorient):
@@ -682,16 +727,23 @@ class KeyTurn(HandTask):
     def observation(self, batch: Batch) -> Array:
         return self._with(batch, self._apart(batch), self._sides(batch))
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         angle, held = batch.q[:, -1], self.held(batch)
         self._beyond = np.where((angle > self.turned) & held, self._beyond + 1, 0)
         worth = 10 * angle * np.where(held, 1, self.loose) + 2 * self._beyond
         gained, self._before = worth - self._before, worth
         effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
-        return np.asarray(gained - 0.5 * self._distances(batch).mean(axis=1) - effort + 10.0 * (self._beyond >= self.steady))
+        return {"gained": gained, "distance": -0.5 * self._distances(batch).mean(axis=1), "effort": -effort,
+                "success": 10.0 * (self._beyond >= self.steady)}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(self._beyond >= self.steady)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return self.terminated(batch)
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {"angle_rad": batch.q[:, -1].copy(), "distance_m": 0.1 * self._distances(batch).mean(axis=1)}
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -712,45 +764,94 @@ TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": H
 
 
 def task_of(task: Union[Task, str], **options: Any) -> Task:
-    """A ready task by name, or the task itself."""
+    """A ready task by name, or the task itself. :raises Error: of kind input for a task or an option that there is not"""
     if isinstance(task, Task):
+        if options:
+            raise input_error("options", ", ".join(options), "none beside a Task, which has its own")
         return task
-    if task not in TASKS:
+    if not isinstance(task, str) or task not in TASKS:
         raise input_error("task", task, f"one of {', '.join(TASKS)}, or a Task")
+    known = list(inspect.signature(TASKS[task]).parameters)
+    for name in options:
+        if name not in known:
+            raise input_error(name, repr(options[name]), f"options of {task}: {', '.join(known)}")
     return TASKS[task](**options)
 
 
-class Episodes:
-    """A task on a batch: episodes without gymnasium. `reset` and `step` as there; nothing is reset by itself."""
+Seeds = Union[int, Sequence[Optional[int]]]
 
-    def __init__(self, task: Union[Task, str], n: int, *, seed: int = 0, threads: int = 0) -> None:
+
+class Episodes:
+    """A task on a batch: episodes without gymnasium. `reset` and `step` as there; nothing is reset by itself.
+
+    Environment i draws all its episodes from seed + i, or from the i-th of a list of seeds, alone: it is the same in a batch
+    of any size.
+    """
+
+    def __init__(self, task: Union[Task, str], n: int, *, seed: Seeds = 0, threads: int = 0) -> None:
         self.task = task_of(task)
-        self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, seed=seed,
-                           threads=threads)
-        self.random = np.random.default_rng(seed_of(seed))
+        self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, threads=threads)
+        self.random = np.random.default_rng(0)
+        """Of `Task.drive`."""
+        self._randoms = [self.random] * n
         self.steps = np.zeros(n, int)
         """Of each environment's episode."""
         self.given: dict[str, Any] = {}
         """To `Batch.step` by the last step."""
         self.task.person = np.zeros(n, int)
         self._start = self.task.start()
-        self.reset()
+        self.reset(seed=seed)
 
-    def reset(self, mask: Optional[Mask] = None, *, seed: Optional[int] = None) -> Array:
-        """New episodes for the environments of the mask. :returns: the observation, shape (n, numbers)"""
+    def _seed(self, seed: Seeds) -> None:
+        n = len(self.batch)
+        if isinstance(seed, (list, tuple, np.ndarray)):
+            if len(seed) != n:
+                raise input_error("seed", f"{len(seed)} seeds", f"a seed for each of {n} environments, or one")
+            seeds = [None if each is None else seed_of(each) for each in seed]
+        else:
+            seeds = [(seed_of(seed) + i) % 2**64 for i in range(n)]
+        for i, each in enumerate(seeds):
+            if each is not None:
+                self._randoms[i] = np.random.default_rng(each)
+        self.random = np.random.default_rng([each or 0 for each in seeds])
+
+    def reset(self, mask: Optional[Mask] = None, *, seed: Optional[Seeds] = None) -> Array:
+        """New episodes for the environments of the mask.
+
+        :param seed: of environment 0, and one more for each that follows; or a list with one of each, None: it goes on
+        :returns: the observation, shape (n, numbers)
+        """
+        n = len(self.batch)
         if seed is not None:
-            self.random = np.random.default_rng(seed_of(seed))
-        chosen = np.ones(len(self.batch), bool) if mask is None else np.asarray(mask)
-        if chosen.shape != (len(self.batch),) or chosen.dtype != bool:
-            raise input_error("mask", f"shape {chosen.shape}, dtype {chosen.dtype}", f"shape ({len(self.batch)},), dtype bool")
-        if self.task.people:
-            for i in np.flatnonzero(chosen):
-                self.task.person[i] = k = int(self.random.integers(len(self.task.people)))
+            self._seed(seed)
+        chosen = np.ones(n, bool) if mask is None else np.asarray(mask)
+        if chosen.shape != (n,) or chosen.dtype != bool:
+            raise input_error("mask", f"shape {chosen.shape}, dtype {chosen.dtype}", f"shape ({n},), dtype bool")
+        seeds, rows = np.zeros(n, np.uint64), np.flatnonzero(chosen)
+        for i in rows:
+            seeds[i] = self._randoms[i].integers(2**63)
+            if self.task.people:
+                self.task.person[i] = k = int(self._randoms[i].integers(len(self.task.people)))
                 self.batch.replace(i, self.task.people[k])
-        self.batch.reset(chosen, seed=seed, to=self._start)
+        self.batch.reset(chosen, seeds=seeds, to=self._start)
         self.steps[chosen] = 0
-        self.task.begin(self.batch, chosen, self.random)
+        for i in rows:
+            one = np.zeros(n, bool)
+            one[i] = True
+            self.task.begin(self.batch, one, self._randoms[i])
         return self.task.observation(self.batch)
+
+    def info(self) -> dict[str, Any]:
+        """Of the last step, each of shape (n,): ``failed``, ``is_success`` (of a task that has one), the task's `measures`
+        and, as a dictionary, ``reward_terms``."""
+        success = self.task.succeeded(self.batch)
+        out: dict[str, Any] = {"failed": self.batch.failed.copy()}
+        if success is not None:
+            out["is_success"] = success & ~self.batch.failed
+        out.update(self.task.measures(self.batch))
+        if self.task.rewarded:
+            out["reward_terms"] = {name: np.where(self.batch.failed, 0, term) for name, term in self.task.rewarded.items()}
+        return out
 
     def _checked(self, action: ArrayLike) -> Array:
         shape = (len(self.batch), self.task.actions)
