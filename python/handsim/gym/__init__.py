@@ -36,7 +36,7 @@ def make_vec(task: Union[Task, Scene, str], n: int, *, reward: Optional[BatchFun
     :param threads: 0: one for each core
     :param autoreset_mode: gymnasium's AutoresetMode, or its word: ``NextStep``, ``SameStep``, ``Disabled``
     :param max_episode_steps: in place of the task's
-    :param options: of a ready task (`Hold`), or of `SceneTask`: observe, randomise, substeps, max_steps, torque, start
+    :param options: of a ready task (`Hold`), or of `SceneTask`: observe, vary, variants, substeps, max_steps, torque, start
     :raises ImportError: without gymnasium
     :raises Error: of kind input for a scene without a reward or a wrong option, or as `Batch`
     """

@@ -2,6 +2,8 @@
 from __future__ import annotations
 
 import inspect
+from os import PathLike
+from pathlib import Path
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
@@ -14,6 +16,7 @@ from .._hand import draw_persons
 from .._scene import Scene, load
 from .._shipped import data_path
 from .._simulation import Simulation
+from ._vary import Vary, drawn_by, scene_values
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,17 +48,21 @@ class Task:
     observe: Sequence[str] = ("q", "u")
     """Parts of the batch's observation."""
     randomise: Mapping[str, Sequence[Any]] = {}
-    """As in `Batch`: drawn at the start of each episode."""
+    """As in `Batch`, drawn at the start of each episode: a part of what `vary` says."""
     actions: int
     """Numbers of an action."""
     people: Sequence[Scene] = ()
-    """The scene with other persons, one of whom is drawn for each episode; without any, all are of `scene`."""
+    """Scenes with other persons and numbers, one of which is drawn for each episode; without any, all are of `scene`."""
     person: NDArray[np.int_]
     """Of each environment's episode: index among `people`."""
 
     def start(self) -> Optional[Motion]:
         """The motion that episodes begin with; None: the scene's start."""
         return None
+
+    def start_of(self, person: int) -> Optional[Motion]:
+        """The same for one of `people`."""
+        return self.start()
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         """Called after the reset of the environments of the mask: draws goals."""
@@ -102,16 +109,28 @@ class SceneTask(Task):
 
     def __init__(self, scene: Union[Scene, str], reward: BatchFunction, *,
                  terminated: Optional[BatchFunction] = None, observe: Sequence[str] = ("q", "u"),
-                 randomise: Mapping[str, Sequence[Any]] = {}, substeps: int = 10, max_steps: int = 100,
+                 vary: Vary = None, variants: int = 16, substeps: int = 10, max_steps: int = 100,
                  torque: float = 0.1, start: Optional[Motion] = None) -> None:
         """
         :param reward: called with the `Batch` after each step, returns shape (n,)
         :param terminated: the same, returns shape (n,) of dtype bool
+        :param vary: as `HandTask`
+        :param variants: as `HandTask`
         :param torque: of an action of 1 [N m], in a scene without control
         :param start: a motion of the scene that episodes begin with
         """
+        drawn = drawn_by(vary)
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        self.observe, self.randomise = observe, randomise
+        if drawn.scenes:
+            if self.scene._origin is None or start is not None:
+                raise input_error("vary", ", ".join(drawn.scenes), "keys of a scene that `load` made, without a start")
+            source, words = self.scene._origin
+            own = dict(word.partition("=")[::2] for word in words)
+            random = np.random.default_rng(0)
+            self.people = [load(source, {**own, **scene_values(drawn.scenes, random)})
+                           for _ in range(whole("variants", variants, 1, MOST_PERSONS))]
+            self.scene = self.people[0]
+        self.observe, self.randomise = observe, drawn.episodes
         self.substeps, self.max_steps = substeps, max_steps
         self._reward, self._terminated, self._start = reward, terminated, start
         self._torque = torque
@@ -155,13 +174,17 @@ class HandTask(Task):
     torque = 0.3
     """Of an action of 1 [N m]."""
 
-    def __init__(self, title: str, rotation: dict[str, Any], drive: str, *, hands: int = 1, persons: int = 0,
+    def __init__(self, title: str, rotation: dict[str, Any], drive: str, *, hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
                  place: Sequence[float] = (0, 0, 0.2), **scene: Any) -> None:
         """
         :param rotation: of the wrist, as in a scene
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param hands: 1: the right one; 2: both, 0.3 m apart
         :param persons: drawn from a survey (`draw_persons`), one of them anew for each episode; 0: the median man
+        :param vary: keys of the scene, as ``--set`` takes them, each with a value or a way of a study of rollouts: ``uniform``,
+            ``log_uniform``, ``normal`` (with ``mean`` and ``sd``) or ``choice``. gravity, mass and friction of objects, and a batch's gains,
+            torque_limits and q are drawn anew for each episode; all others make scenes, one of which each episode has
+        :param variants: number of these scenes, without persons
         :param place: of the wrist, or of the middle between both [m]
         :param scene: keys of the scene
         """
@@ -180,6 +203,9 @@ class HandTask(Task):
         x, y, z = place
         sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
 
+        drawn, random = drawn_by(vary), np.random.default_rng(0)
+        self.randomise = drawn.episodes
+
         def made(person: Any) -> Scene:
             return load({
                 "title": title,
@@ -187,10 +213,13 @@ class HandTask(Task):
                            "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": rotation}}
                           for side, across in list(sides.items())[:hands]],
                 **(motors if drive == "targets" else {}), "effects": effects,
-                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene})
+                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, scene_values(drawn.scenes, random))
 
-        self.people = [made(person) for person in draw_persons(persons)] if whole("persons", persons, 0, MOST_PERSONS) else []
-        self.scene = self.people[0] if persons else made(who)
+        people = draw_persons(persons) if whole("persons", persons, 0, MOST_PERSONS) else []
+        if drawn.scenes and not people:
+            people = [who] * whole("variants", variants, 1, MOST_PERSONS)
+        self.people = [made(person) for person in people]
+        self.scene = self.people[0] if people else made(who)
         self.substeps = round(0.02 / self.scene.step)
         of_hands = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
         self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(of_hands)
@@ -312,9 +341,9 @@ class Pose(_Goal):
     near, unit = 0.1, "distance_rad"
     """[rad]"""
 
-    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16) -> None:
         """As `HandTask`."""
-        super().__init__("a hand takes a pose", _PALM_SIDE, drive, hands=hands, persons=persons, pictures=_VIEWS.get(hands, {}))
+        super().__init__("a hand takes a pose", _PALM_SIDE, drive, hands=hands, persons=persons, vary=vary, variants=variants, pictures=_VIEWS.get(hands, {}))
         held, person = self._held(["q"])
         self._prepare(held["q"], person)
 
@@ -338,10 +367,10 @@ class Reach(_Goal):
     """[m]"""
     observe = ("q", "u", "fingertips")
 
-    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16) -> None:
         """As `HandTask`."""
-        super().__init__("fingertips reach their places", _PALM_SIDE, drive, hands=hands, persons=persons,
-                         pictures=_VIEWS.get(hands, {}))
+        super().__init__("fingertips reach their places", _PALM_SIDE, drive, hands=hands, persons=persons, vary=vary,
+                         variants=variants, pictures=_VIEWS.get(hands, {}))
         held, person = self._held(["fingertips"])
         self._prepare(self._places(held["fingertips"]), person)
 
@@ -363,31 +392,38 @@ class _InHand(HandTask):
     span = 0.6
     """Change of a target by an action of 1 [rad]."""
 
-    def _begin_as(self, settled: Simulation) -> None:
-        """Episodes begin as a simulation by targets stands; by torques and muscles at rest in its posture."""
-        simulation = settled
+    def _begin_as(self, settled: Sequence[Simulation]) -> None:
+        """Episodes begin as simulations by targets stand, one of each of `people`; by torques and muscles at rest in their
+        postures."""
+        begun = list(settled)
         if self.driven == "targets":
-            self.scene, self._driven = settled.scene, settled.scene.axis_coordinates
+            self.people = [each.scene for each in settled] if self.people else []
+            self.scene, self._driven = settled[0].scene, settled[0].scene.axis_coordinates
             self._low, self._high = self.scene.limits[self._driven].T
-            self._middle = settled.q[self._driven].copy()
+            self._middle = np.array([each.q[self._driven] for each in settled])
             self.actions = len(self._driven)
         else:
-            simulation = Simulation(self.scene)
-            simulation.reset(q=settled.q, objects=_seen(settled, "objects")[:, :7])
-        self._motion = simulation.motion()
-        self._start_place = simulation.bodies.position[self.scene.bodies.index(self.scene.objects[0])].copy()
+            for k, (scene, of) in enumerate(zip(self.people or [self.scene], settled)):
+                begun[k] = Simulation(scene)
+                begun[k].reset(q=of.q, objects=_seen(of, "objects")[:, :7])
+        self._motions = [each.motion() for each in begun]
+        body = self.scene.bodies.index(self.scene.objects[0])
+        self._start_place = np.array([each.bodies.position[body] for each in begun])
 
     def start(self) -> Optional[Motion]:
-        return self._motion
+        return self._motions[0]
+
+    def start_of(self, person: int) -> Optional[Motion]:
+        return self._motions[person]
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
         if self.driven != "targets":
             return super().drive(batch, action, random)
-        return {"targets": np.clip(self._middle + self.span * action, self._low, self._high)}
+        return {"targets": np.clip(self._middle[self.person] + self.span * action, self._low, self._high)}
 
     def _shift(self, batch: Batch) -> Array:
         """Of the object's centre from its place at the start [m], shape (n, 3)."""
-        return np.asarray(batch["objects"][:, :3] - self._start_place)
+        return np.asarray(batch["objects"][:, :3] - self._start_place[self.person])
 
     def measures(self, batch: Batch) -> dict[str, Array]:
         return {"shift_m": np.linalg.norm(self._shift(batch), axis=1)}
@@ -404,6 +440,21 @@ def _seen(simulation: Simulation, part: str) -> Array:
     batch = Batch(simulation.scene, 1, observe=[part])
     batch.reset(to=simulation.motion())
     return batch[part]
+
+
+Object = Union[str, "PathLike[str]", Mapping[str, Any], None]
+
+
+def _object_keys(given: Any) -> dict[str, Any]:
+    """Keys of a scene's object. A file or mesh is looked for from the working folder; a word without a folder is a shipped one's name."""
+    if isinstance(given, Mapping):
+        return {"name": "object", **given}
+    if not isinstance(given, (str, PathLike)):
+        raise input_error("object", repr(given), "the name of a shipped one, a file, or keys of a scene's object")
+    path = Path(given)
+    if path.suffix.lower() in (".obj", ".stl"):
+        return {"name": path.stem, "shape": "convex_mesh", "mesh": str(path.absolute()), "mass": "60 g"}
+    return {"name": path.stem, "file": str(path.absolute() if path.exists() else path)}
 
 
 _TOUCHED: dict[str, Any] = {"effects": ["gravity", "object_contact", "friction", "joint_stops", "passive_tissue"],
@@ -452,7 +503,7 @@ class Hold(_InHand):
                              "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"),
                                             "spinning_friction": 0}],
                              "rules": [{"between": ["hands", "objects"], "material": "pad"}]})
-        self._begin_as(held)
+        self._begin_as([held])
         if drive == "targets":
             self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
         self._body = self.scene.objects[0]
@@ -494,18 +545,40 @@ class _InPalm(_InHand):
     bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
     """Flexion of thumb and fingers at the start [rad]."""
 
-    def __init__(self, title: str, drive: str, **thing: Any) -> None:
+    thing: Mapping[str, Any]
+    """The object, where no other is asked for."""
+
+    def __init__(self, title: str, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
+                 variants: int = 16) -> None:
+        """
+        :param object: in place of the task's own: a shipped one's name, a file of an object, an OBJ or STL file of a convex mesh
+            in metres (60 g), or keys of a scene's object
+        :raises Error: of kind input for an object that does not lie in the hand
+        """
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
         rotation = {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}
-        scene: dict[str, Any] = {**_TOUCHED, "objects": [{"position": [0, 0.11, 0.23], **thing}], "pictures": {
+        given: dict[str, Any] = {"persons": persons, "vary": vary, "variants": variants, **_TOUCHED, "objects": [
+            {"position": [0, 0.11, 0.23], **(self.thing if object is None else _object_keys(object))}], "pictures": {
             "size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18], "field_of_view": "22 deg"}}}
-        settled = Simulation(HandTask(title, rotation, "targets", **scene).scene)
-        targets = np.array([self._angle(name) for name in settled.scene.axes])
-        settled.step(targets=targets, substeps=round(1.0 / settled.scene.step))
-        super().__init__(title, rotation, drive, **scene)
+        by_targets = HandTask(title, rotation, "targets", **given)
+        settled = [self._settled(scene) for scene in by_targets.people or [by_targets.scene]]
+        super().__init__(title, rotation, drive, **given)
         self._begin_as(settled)
         if drive == "targets":
-            self._middle = targets
+            self._middle = np.array([self._bent(scene) for scene in self.people or [self.scene]])
+
+    def _bent(self, scene: Scene) -> Array:
+        return np.array([self._angle(name) for name in scene.axes])
+
+    def _settled(self, scene: Scene) -> Simulation:
+        """After a second in which the object comes to rest."""
+        out, body = Simulation(scene), scene.bodies.index(scene.objects[0])
+        first = out.bodies.position[body].copy()
+        out.step(targets=self._bent(scene), substeps=round(1.0 / scene.step))
+        if np.linalg.norm(out.bodies.position[body] - first) > 2 * self.lost:
+            raise input_error("object", f"{scene.objects[0]}, which falls from the hand within a second",
+                              "one that lies in the bent fingers; its `position` says where it begins")
+        return out
 
     def _angle(self, axis: str) -> float:
         _, joint, kind = axis.split(".")
@@ -526,9 +599,12 @@ class Turn(_InPalm):
     """
 
     max_steps = 200
+    thing = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml")}
 
-    def __init__(self, *, drive: str = "targets") -> None:
-        super().__init__("a hand turns a ball", drive, name="ball", file=str(data_path() / "config/objects/tennis_ball.yaml"))
+    def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
+                 variants: int = 16) -> None:
+        """As `HandTask`; ``object``: a shipped one's name, a file, a mesh, or keys of a scene's object."""
+        super().__init__("a hand turns a ball", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
 
     def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         return {"turned": batch["objects"][:, 12] * self.scene.step * self.substeps,
@@ -556,24 +632,30 @@ class Reorient(_InPalm):
     steady = 5
     thing: Mapping[str, Any] = {"name": "die", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
 
-    def __init__(self, *, drive: str = "targets") -> None:
-        super().__init__("a hand turns a die", drive, **self.thing)
+    def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
+                 variants: int = 16) -> None:
+        """As `Turn`."""
+        super().__init__("a hand turns a die", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
         self._goal, self._near = np.empty((0, 4)), np.empty(0, int)
-        first = Simulation(self.scene)
-        first.reset(self._motion)
-        self._first = first.bodies.quaternion[self.scene.bodies.index(self.scene.objects[0])]
+        body, first = self.scene.bodies.index(self.scene.objects[0]), []
+        for scene, motion in zip(self.people or [self.scene], self._motions):
+            simulation = Simulation(scene)
+            simulation.reset(motion)
+            first.append(simulation.bodies.quaternion[body])
+        self._first = np.array(first)
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         if len(self._goal) != len(batch):
             self._goal, self._near = np.zeros((len(batch), 4)), np.zeros(len(batch), int)
-        axis = self._across(random.normal(size=(int(mask.sum()), 3)))
+        first = self._first[self.person[mask]]
+        axis = self._across(random.normal(size=(len(first), 3)), first)
         half = 0.5 * self.turned * random.uniform(0.3, 1, (len(axis), 1))
         turn = np.hstack([np.cos(half), np.sin(half) * axis / np.linalg.norm(axis, axis=1, keepdims=True)])
-        self._goal[mask] = _product(turn, np.broadcast_to(self._first, turn.shape))
+        self._goal[mask] = _product(turn, first)
         self._near[mask] = 0
 
-    def _across(self, axes: Array) -> Array:
-        """The part of axes of rotation that counts."""
+    def _across(self, axes: Array, first: Array) -> Array:
+        """The part of axes of rotation that counts, of objects that begin with these orientations."""
         return axes
 
     def missing(self, batch: Batch) -> Array:
@@ -609,8 +691,8 @@ class PenTwirl(Reorient):
     thing = {"name": "pen", "file": str(data_path() / "config/objects/large_marker.yaml"),
              "rotation": {"axis": [0, 1, 0], "angle": "90 deg"}}
 
-    def _across(self, axes: Array) -> Array:
-        own = _axis(self._first[np.newaxis])
+    def _across(self, axes: Array, first: Array) -> Array:
+        own = _axis(first)
         return np.asarray(axes - np.sum(axes * own, axis=1, keepdims=True) * own)
 
     def missing(self, batch: Batch) -> Array:
@@ -799,7 +881,6 @@ class Episodes:
         self.given: dict[str, Any] = {}
         """To `Batch.step` by the last step."""
         self.task.person = np.zeros(n, int)
-        self._start = self.task.start()
         self.reset(seed=seed)
 
     def _seed(self, seed: Seeds) -> None:
@@ -833,7 +914,8 @@ class Episodes:
             if self.task.people:
                 self.task.person[i] = k = int(self._randoms[i].integers(len(self.task.people)))
                 self.batch.replace(i, self.task.people[k])
-        self.batch.reset(chosen, seeds=seeds, to=self._start)
+        for k in np.unique(self.task.person[chosen]) if self.task.people else [0]:
+            self.batch.reset(chosen & (self.task.person == k), seeds=seeds, to=self.task.start_of(int(k)))
         self.steps[chosen] = 0
         for i in rows:
             one = np.zeros(n, bool)
