@@ -601,3 +601,85 @@ def test_rays_workers_learn_on_vectors(tmp_path):
     assert run.returncode == 0 and lines[-1].startswith("2 workers of 4 hands"), run.stderr[-2000:]
     steps = [int(line.split()[0]) for line in lines if "steps a second" in line]
     assert len(steps) == 2 and steps[0] >= 256 and steps[1] >= steps[0] + 256
+
+
+# Oracle: a scene of each person, in which the object has come to rest: it stays where it is, whoever holds it.
+@pytest.mark.parametrize("name, drive", [("turn", "targets"), ("reorient", "targets"), ("pen_twirl", "torques")])
+def test_objects_lie_in_every_persons_hand(name, drive):
+    task = TASKS[name](drive=drive, persons=4)
+    episodes = Episodes(task, 24, seed=1)
+    assert set(task.person) == {0, 1, 2, 3}
+    start = episodes.batch["objects"][:, :3].copy()
+    places = [start[list(task.person).index(k)] for k in range(4)]
+    assert min(np.linalg.norm(a - b) for i, a in enumerate(places) for b in places[:i]) > 1e-4
+    assert np.abs(task._shift(episodes.batch)).max() < 1e-12
+    if drive == "targets":
+        for _ in range(10):
+            *_, terminated, _ = episodes.step(np.zeros((24, task.actions)))
+        assert not terminated.any() and np.abs(episodes.batch["objects"][:, :3] - start).max() < 2e-3
+
+
+# Oracle: the mass that the object's own volume or file has.
+def test_an_object_of_ones_own(tmp_path):
+    corners = [(x, y, z) for x in (-.02, .02) for y in (-.02, .02) for z in (-.02, .02)]
+    faces = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    mesh = tmp_path / "cube.obj"
+    mesh.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {' '.join(map(str, face))}\n" for face in faces))
+    for given, name, mass in (("golf_ball", "golf_ball", 0.0459), (str(mesh), "cube", 0.06), (mesh, "cube", 0.06),
+                              ({"shape": "sphere", "radius": "20 mm", "mass": "30 g"}, "object", 0.03)):
+        episodes = Episodes(TASKS["turn"](object=given), 2)
+        scene = episodes.task.scene
+        assert scene.objects == [name] and scene.masses[scene.bodies.index(name)] == pytest.approx(mass, rel=0.02)
+        for _ in range(5):
+            *_, terminated, _ = episodes.step(np.zeros((2, 20)))
+        assert not terminated.any()
+    with pytest.raises(hs.Error, match="object: got object, which falls from the hand"):
+        TASKS["turn"](object={"shape": "sphere", "radius": "20 mm", "mass": "30 g", "position": [0.3, 0.11, 0.23]})
+    with pytest.raises(hs.Error, match='objects.0.file: got "nope"'):
+        TASKS["turn"](object="nope")
+
+
+# Oracles: bounds of each draw; what a batch draws anew is another in each episode, what makes scenes is one of these.
+def test_tasks_draw_numbers_by_the_scenes_keys():
+    task = TASKS["turn"](variants=3, vary={"objects.0.mass": {"uniform": ["40 g", "80 g"]}, "objects.0.friction": {"log_uniform": [0.4, 1.2]},
+                                           "hands.0.tissue.damping": {"choice": [1, 2]}, "objects.0.position": [0, 0.112, 0.23]})
+    episodes = Episodes(task, 64, seed=1)
+    mass, friction = (episodes.batch.get(f"objects.0.{key}")[:, 0].copy() for key in ("mass", "friction"))
+    assert mass.min() > 0.04 and mass.max() < 0.08 and np.ptp(mass) > 0.03 and len(set(mass)) == 64
+    assert friction.min() > 0.4 and friction.max() < 1.2 and len(task.people) == 3 and set(task.person) == {0, 1, 2}
+    episodes.reset(seed=2)
+    assert not np.any(mass == episodes.batch.get("objects.0.mass")[:, 0])
+    same = Episodes(task, 3, seed=2)
+    assert np.array_equal(same.batch.get("objects.0.mass")[:, 0], episodes.batch.get("objects.0.mass")[:3, 0])
+
+
+@pytest.mark.parametrize("vary, said", [
+    ({"objects.0.mass": {"uniform": [1]}}, r"vary.objects.0.mass.uniform: got \[1\], need \[low, high\]"),
+    ({"objects.0.mass": {"uniform": [2, 1]}}, "vary.objects.0.mass.uniform: got .* need the lower end first"),
+    ({"objects.0.mass": {"log_uniform": [0, 1]}}, "need the lower end first, above 0"),
+    ({"objects.0.mass": {"around": [1, 2]}}, "vary.objects.0.mass: got .* need one of uniform, log_uniform, normal, choice"),
+    ({"q": {"normal": {"mean": 0, "sd": -1}}}, "vary.q.normal.sd: got -1, need 0 or more"), ({"q": {"normal": 1}}, "vary.q.normal: got 1"),
+    ({"objects.0.mass": {"uniform": ["a", 1]}}, "vary.objects.0.mass.uniform.0: got 'a', need a finite number"),
+    ({"objects.0.radios": {"choice": [1]}}, "objects.0.radios"), (5, "vary: got 5, need a mapping")])
+def test_wrong_draws_are_refused_with_their_keys(vary, said):
+    with pytest.raises(hs.Error, match=said):
+        Episodes(TASKS["turn"](vary=vary), 1)
+
+
+def test_a_scene_of_ones_own_draws_too(two_hands):
+    task = SceneTask("two_hands", lambda batch: np.zeros(len(batch)), variants=2, vary={"gravity": {"normal": {"mean": 0, "sd": 1}},
+                                                                                       "hands.0.person": {"choice": ["child", "median_man"]}})
+    episodes = Episodes(task, 8, seed=1)
+    assert len({tuple(row) for row in episodes.batch.get("gravity")}) == 8 and len(task.people) == 2
+    episodes.step(np.zeros((8, task.actions)))
+
+
+# Oracle: what is left without a success, and with one.
+@pytest.mark.parametrize("name", TASKS)
+def test_infos_have_success_distances_and_terms_of_the_reward(name):
+    episodes = Episodes(name, 3, seed=1)
+    _, reward, *_ = episodes.step(np.full((3, episodes.task.actions), 0.1))
+    info = episodes.info()
+    assert sum(info["reward_terms"].values()) == pytest.approx(reward) and not info["failed"].any()
+    assert ("is_success" in info) == (name != "turn") and any(key.endswith(("_m", "_rad")) for key in info)
+    assert all(np.shape(value) == (3,) for value in [*info["reward_terms"].values(), *(each for key, each in info.items() if key != "reward_terms")])
