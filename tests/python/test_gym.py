@@ -374,7 +374,7 @@ def test_a_pickled_environment_goes_the_same_way(name):
 @pytest.mark.parametrize("options, said", [
     ({"render_mode": "human"}, "render_mode: got human, need rgb_array, or None"), ({"autoreset_mode": "Never"}, "autoreset_mode: got Never, need one of gymnasium's"),
     ({"rendered": 3}, "rendered: got 3, need a whole number, 1 to 2"), ({"max_episode_steps": 0}, "max_episode_steps: got 0"),
-    ({"persons": 2}, "persons: got 2, need options of hold: drive, disturbance"), ({"driv": "muscles"}, "driv: got 'muscles'")])
+    ({"person": 2}, "person: got 2, need options of hold: drive, disturbance"), ({"driv": "muscles"}, "driv: got 'muscles'")])
 def test_wrong_options_of_an_environment_are_refused_with_their_names(options, said):
     with pytest.raises(hs.Error, match=said):
         hs.gym.make_vec("hold", 2, **options)
@@ -619,6 +619,25 @@ def test_objects_lie_in_every_persons_hand(name, drive):
         assert not terminated.any() and np.abs(episodes.batch["objects"][:, :3] - start).max() < 2e-3
 
 
+# Oracle: gravity: each person's opened hand drops the can, and holds it by squeezing, with each of the drawn pads.
+@pytest.mark.parametrize("drive", ["targets", "torques"])
+def test_persons_hold_the_can_by_their_own_grasps(drive):
+    task = TASKS["hold"](drive=drive, persons=3, disturbance=0, vary={"contacts.materials.0.friction": {"uniform": [0.7, 1.0]}})
+    episodes = Episodes(task, 12, seed=1)
+    assert set(task.person) == {0, 1, 2} and len({scene.masses.sum() for scene in task.people}) == 3
+    assert np.abs(task._shift(episodes.batch)).max() < 1e-12 and np.ptp(task._start_place, axis=0).max() > 1e-4
+    if drive == "targets":
+        squeeze = 0.6 * np.array([name.endswith("flexion") for name in task.scene.axes])
+        for _ in range(30):
+            *_, terminated, _ = episodes.step(np.tile(squeeze, (12, 1)))
+        assert not terminated.any()
+    dropped = np.zeros(12, bool)
+    for _ in range(60):
+        *_, terminated, _ = episodes.step(np.zeros((12, task.actions)))
+        dropped |= terminated
+    assert dropped.all()
+
+
 # Oracle: the mass that the object's own volume or file has.
 def test_an_object_of_ones_own(tmp_path):
     corners = [(x, y, z) for x in (-.02, .02) for y in (-.02, .02) for z in (-.02, .02)]
@@ -683,3 +702,34 @@ def test_infos_have_success_distances_and_terms_of_the_reward(name):
     assert sum(info["reward_terms"].values()) == pytest.approx(reward) and not info["failed"].any()
     assert ("is_success" in info) == (name != "turn") and any(key.endswith(("_m", "_rad")) for key in info)
     assert all(np.shape(value) == (3,) for value in [*info["reward_terms"].values(), *(each for key, each in info.items() if key != "reward_terms")])
+
+
+# Oracles: gymnasium's own check; the reward of the step is that of its goals, and moves with a goal that is put where the fingers are.
+@needs_gymnasium
+def test_goals_stand_by_themselves():
+    import gymnasium
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*precision lowered.*")
+        check_env(gymnasium.make("handsim/Reach-v0", goals=True).unwrapped, skip_render_check=True)
+    env = hs.gym.make_vec("reach", 4, goals=True, autoreset_mode="SameStep", max_episode_steps=5)
+    env.reset(seed=1)
+    for step in range(5):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    assert truncated.all() and not terminated.any() and {*info["final_obs"][0]} == {"observation", "achieved_goal", "desired_goal"}
+    last = {key: np.stack([each[key] for each in info["final_obs"]]) for key in info["final_obs"][0]}
+    assert np.array_equal(env.compute_reward(last["achieved_goal"], last["desired_goal"], {}), reward) and np.all(reward == -1)
+    assert np.all(env.compute_reward(last["achieved_goal"], last["achieved_goal"], {}) == 0)
+    with pytest.raises(hs.Error, match="goals: got 1, need True or False"):
+        Reach(goals=1)
+
+
+def test_hindsight_experience_replay_runs():
+    sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: its replay of goals is not tested")
+    __import__("torch").set_num_threads(1)
+    model = sb3.SAC("MultiInputPolicy", hs.gym.sb3_vec("reach", 4, goals=True, max_episode_steps=10), replay_buffer_class=sb3.HerReplayBuffer,
+                    learning_starts=60, batch_size=16, policy_kwargs={"net_arch": [16]}, device="cpu")
+    model.learn(120)
+    # Goals that were given afterwards are reached by some of their episodes' steps.
+    assert model.replay_buffer.sample(256).rewards.max() == 0 and model.num_timesteps == 120

@@ -5,7 +5,7 @@ from typing import Any, Optional, Sequence, Union
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict, Space
 from gymnasium.utils import EzPickle
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -16,19 +16,35 @@ from .._errors import flag, input_error, whole
 from .._pictures import Picture
 from ._tasks import TASKS, Episodes, Task, task_of
 
-Observation = NDArray[np.float32]
+Observation = Union[NDArray[np.float32], dict[str, NDArray[np.float32]]]
 LARGEST = 1e6
 """Bound of the numbers of an observation: an engine stops before a speed is so large."""
 
 
-def _spaces(episodes: Episodes) -> tuple[Box, Box]:
-    numbers = episodes.task.observation(episodes.batch).shape[1]
-    return (Box(-LARGEST, LARGEST, (numbers,), np.float32),
-            Box(-1, 1, (episodes.task.actions,), np.float32))
+def _box(numbers: int) -> Box:
+    return Box(-LARGEST, LARGEST, (numbers,), np.float32)
 
 
-def _observation(array: NDArray[np.float64]) -> Observation:
-    return np.asarray(array, dtype=np.float32)
+def _spaces(episodes: Episodes) -> tuple[Space, Box]:
+    numbers, goal = episodes.task.observation(episodes.batch).shape[1], episodes.task.goal_numbers
+    space = _box(numbers) if not goal else Dict({"observation": _box(numbers - 2 * goal), "achieved_goal": _box(goal),
+                                                 "desired_goal": _box(goal)})
+    return space, Box(-1, 1, (episodes.task.actions,), np.float32)
+
+
+def _observation(task: Task, array: NDArray[np.float64]) -> Observation:
+    flat, goal = np.asarray(array, dtype=np.float32), task.goal_numbers
+    if not goal:
+        return flat
+    return {"observation": flat[:, :-2 * goal].copy(), "achieved_goal": flat[:, -2 * goal:-goal].copy(),
+            "desired_goal": flat[:, -goal:].copy()}
+
+
+def row_of(observation: Observation, i: int) -> Observation:
+    """A copy of one environment's."""
+    if isinstance(observation, dict):
+        return {key: value[i].copy() for key, value in observation.items()}
+    return observation[i].copy()
 
 
 def _fps(task: Task) -> int:
@@ -122,16 +138,16 @@ class HandVectorEnv(VectorEnv, EzPickle):  # type: ignore[misc]  # without gymna
         :param options: ``{"reset_mask": array}`` of shape (n,), dtype bool: only these
         """
         mask = (options or {}).get("reset_mask")
-        observation = _observation(self.episodes.reset(mask, seed=seed))
+        observation = _observation(self.episodes.task, self.episodes.reset(mask, seed=seed))
         self._ended[True if mask is None else mask] = False
         return observation, {}
 
     def step(self, actions: Any) -> tuple[Observation, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_],
                                           dict[str, Any]]:
         last, reward, terminated, truncated = self.episodes.step(actions)
-        observation, all_info, begun = _observation(last), self.episodes.info(), self._ended
+        observation, all_info, begun = _observation(self.episodes.task, last), self.episodes.info(), self._ended
         if begun.any():
-            observation = _observation(self.episodes.reset(begun))
+            observation = _observation(self.episodes.task, self.episodes.reset(begun))
             reward[begun], terminated[begun], truncated[begun] = 0, False, False
         ended = terminated | truncated
         if self.autoreset_mode == AutoresetMode.SAME_STEP and ended.any():
@@ -139,8 +155,8 @@ class HandVectorEnv(VectorEnv, EzPickle):  # type: ignore[misc]  # without gymna
             info.update(final_obs=np.full(self.num_envs, None, object), _final_obs=ended, final_info=_masked(all_info, ended),
                         _final_info=ended.copy())
             for i in np.flatnonzero(ended):
-                info["final_obs"][i] = observation[i].copy()
-            observation = _observation(self.episodes.reset(ended))
+                info["final_obs"][i] = row_of(observation, i)
+            observation = _observation(self.episodes.task, self.episodes.reset(ended))
         else:
             info = _masked(all_info, ~begun)
         self._ended = ended.copy() if self.autoreset_mode == AutoresetMode.NEXT_STEP else np.zeros(self.num_envs, bool)
@@ -151,6 +167,10 @@ class HandVectorEnv(VectorEnv, EzPickle):  # type: ignore[misc]  # without gymna
         if self.render_mode is None:
             return None
         return tuple(self.episodes.batch.draw(i) for i in range(self.rendered))
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """By goals alone, of a task with ``goals=True``: as gymnasium_robotics' GoalEnv, for hindsight experience replay."""
+        return self.episodes.task.goal_reward(np.asarray(achieved_goal), np.asarray(desired_goal))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Nothing is held but memory."""
@@ -176,13 +196,17 @@ class HandEnv(gymnasium.Env, EzPickle):  # type: ignore[misc]  # without gymnasi
     def reset(self, *, seed: Optional[int] = None,
               options: Optional[dict[str, Any]] = None) -> tuple[Observation, dict[str, Any]]:
         super().reset(seed=seed)
-        return _observation(self.episodes.reset(seed=seed))[0], {}
+        return row_of(_observation(self.episodes.task, self.episodes.reset(seed=seed)), 0), {}
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         last, reward, terminated, truncated = self.episodes.step([action])
         info = {key: {name: float(term[0]) for name, term in value.items()} if isinstance(value, dict) else value[0].item()
                 for key, value in self.episodes.info().items()}
-        return _observation(last)[0], float(reward[0]), bool(terminated[0]), self._truncates and bool(truncated[0]), info
+        return row_of(_observation(self.episodes.task, last), 0), float(reward[0]), bool(terminated[0]), self._truncates and bool(truncated[0]), info
+
+    def compute_reward(self, achieved_goal: Any, desired_goal: Any, info: Any) -> Any:
+        """By goals alone, of a task with ``goals=True``: as gymnasium_robotics' GoalEnv, for hindsight experience replay."""
+        return self.episodes.task.goal_reward(np.asarray(achieved_goal), np.asarray(desired_goal))
 
     def render(self) -> Optional[Picture]:
         return None if self.render_mode is None else self.episodes.batch.draw()

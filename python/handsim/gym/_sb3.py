@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from .._errors import input_error
 from .._pictures import Picture
-from ._envs import HandVectorEnv
+from ._envs import HandVectorEnv, Observation, row_of
 
 Indices = Union[int, Iterable[int], None]
 
@@ -31,7 +31,7 @@ class HandVecEnv(VecEnv):  # type: ignore[misc]  # without the package's types, 
         self._actions: Any = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
-    def reset(self) -> NDArray[np.float32]:
+    def reset(self) -> Observation:
         observation, _ = self.env.reset(seed=self._seeds)
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
@@ -41,14 +41,14 @@ class HandVecEnv(VecEnv):  # type: ignore[misc]  # without the package's types, 
     def step_async(self, actions: Any) -> None:
         self._actions = actions
 
-    def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    def step_wait(self) -> tuple[Observation, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         observation, reward, terminated, truncated, _ = self.env.step(self._actions)
         infos, ended = _rows(self.env.episodes.info(), self.num_envs), terminated | truncated
         for i, info in enumerate(infos):
             info["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
         if ended.any():
             for i in np.flatnonzero(ended):
-                infos[i]["terminal_observation"] = observation[i].copy()
+                infos[i]["terminal_observation"] = row_of(observation, i)
                 self.reset_infos[i] = {}
             observation, _ = self.env.reset(options={"reset_mask": ended})
         return observation, reward.astype(np.float32), ended, infos

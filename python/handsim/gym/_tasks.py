@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._batch import Batch
 from .._core import Motion
-from .._errors import input_error, real, seed_of, whole
+from .._errors import flag, input_error, real, seed_of, whole
 from .._hand import draw_persons
 from .._scene import Scene, load
 from .._shipped import data_path
@@ -51,6 +51,8 @@ class Task:
     """As in `Batch`, drawn at the start of each episode: a part of what `vary` says."""
     actions: int
     """Numbers of an action."""
+    goal_numbers = 0
+    """Of a task whose goals stand by themselves: the observation ends with so many of what is achieved and of the goal."""
     people: Sequence[Scene] = ()
     """Scenes with other persons and numbers, one of which is drawn for each episode; without any, all are of `scene`."""
     person: NDArray[np.int_]
@@ -94,6 +96,10 @@ class Task:
     def succeeded(self, batch: Batch) -> Optional[Mask]:
         """Shape (n,): episodes that are a success if they end now; None: the task has no success."""
         return None
+
+    def goal_reward(self, achieved: Array, goal: Array) -> Array:
+        """Reward by what is achieved and a goal alone, each of shape (..., goal_numbers): for goals that are given afterwards."""
+        raise NotImplementedError
 
     def measures(self, batch: Batch) -> dict[str, Array]:
         """Distances and other numbers of `info`, by name with unit, each of shape (n,)."""
@@ -174,10 +180,10 @@ class HandTask(Task):
     torque = 0.3
     """Of an action of 1 [N m]."""
 
-    def __init__(self, title: str, rotation: dict[str, Any], drive: str, *, hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
-                 place: Sequence[float] = (0, 0, 0.2), **scene: Any) -> None:
+    def __init__(self, title: str, rotation: Union[dict[str, Any], Sequence[dict[str, Any]]], drive: str, *, hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
+                 place: Any = (0, 0, 0.2), **scene: Any) -> None:
         """
-        :param rotation: of the wrist, as in a scene
+        :param rotation: of the wrist, as in a scene; or a list with one for each of `people`, as ``place`` then is
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param hands: 1: the right one; 2: both, 0.3 m apart
         :param persons: drawn from a survey (`draw_persons`), one of them anew for each episode; 0: the median man
@@ -200,17 +206,19 @@ class HandTask(Task):
         tissue = {} if drive == "muscles" else {"tissue": {"stiffness": 0, "damping": 1}}
         self.driven = drive
         model, who = str(data / "handmodels/anatomical.yaml"), str(data / "config/persons/median_man.yaml")
-        x, y, z = place
-        sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
+        turned = [rotation] if isinstance(rotation, Mapping) else list(rotation)
+        places = [place] if isinstance(rotation, Mapping) else list(place)
 
         drawn, random = drawn_by(vary), np.random.default_rng(0)
         self.randomise = drawn.episodes
 
-        def made(person: Any) -> Scene:
+        def made(k: int, person: Any) -> Scene:
+            x, y, z = places[k % len(places)]
+            sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
             return load({
                 "title": title,
                 "hands": [{"model": model, "person": person, "side": side, **tissue,
-                           "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": rotation}}
+                           "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": turned[k % len(turned)]}}
                           for side, across in list(sides.items())[:hands]],
                 **(motors if drive == "targets" else {}), "effects": effects,
                 "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, scene_values(drawn.scenes, random))
@@ -218,8 +226,8 @@ class HandTask(Task):
         people = draw_persons(persons) if whole("persons", persons, 0, MOST_PERSONS) else []
         if drawn.scenes and not people:
             people = [who] * whole("variants", variants, 1, MOST_PERSONS)
-        self.people = [made(person) for person in people]
-        self.scene = self.people[0] if people else made(who)
+        self.people = [made(k, person) for k, person in enumerate(people)]
+        self.scene = self.people[0] if people else made(0, who)
         self.substeps = round(0.02 / self.scene.step)
         of_hands = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
         self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(of_hands)
@@ -367,12 +375,20 @@ class Reach(_Goal):
     """[m]"""
     observe = ("q", "u", "fingertips")
 
-    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16) -> None:
-        """As `HandTask`."""
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
+                 goals: bool = False) -> None:
+        """
+        As `HandTask`.
+
+        :param goals: the observation is a dictionary with the fingertips (``achieved_goal``) and their places (``desired_goal``)
+            [m]; the reward is 0 within 12.5 mm, else -1, and episodes end by their limit alone
+        """
         super().__init__("fingertips reach their places", _PALM_SIDE, drive, hands=hands, persons=persons, vary=vary,
                          variants=variants, pictures=_VIEWS.get(hands, {}))
         held, person = self._held(["fingertips"])
         self._prepare(self._places(held["fingertips"]), person)
+        if flag("goals", goals):
+            self.goal_numbers = self._goal.shape[1]
 
     @staticmethod
     def _places(tips: Array) -> Array:
@@ -383,6 +399,26 @@ class Reach(_Goal):
 
     def distance(self, batch: Batch) -> Array:
         return np.asarray(0.1 * np.linalg.norm(self._missing(batch).reshape(len(batch), -1, 3), axis=2).mean(axis=1))
+
+    def observation(self, batch: Batch) -> Array:
+        if not self.goal_numbers:
+            return super().observation(batch)
+        return self._with(batch, self._places(batch["fingertips"]), self._goal)
+
+    def goal_reward(self, achieved: Array, goal: Array) -> Array:
+        apart = np.float32(goal) - np.float32(achieved)
+        distance = np.linalg.norm(apart.reshape(*apart.shape[:-1], -1, 3), axis=-1).mean(axis=-1)
+        return np.where(distance < self.near, 0.0, -1.0)
+
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        if not self.goal_numbers:
+            return super().terms(batch, action)
+        return {"goal": self.goal_reward(self._places(batch["fingertips"]), self._goal)}
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        if not self.goal_numbers:
+            return super().succeeded(batch)
+        return self.goal_reward(self._places(batch["fingertips"]), self._goal) == 0
 
 
 class _InHand(HandTask):
@@ -483,27 +519,41 @@ class Hold(_InHand):
     forces = 20
     """Drawn for each episode; a longer one has them again."""
 
-    def __init__(self, *, drive: str = "targets", disturbance: float = 1) -> None:
+    def __init__(self, *, drive: str = "targets", disturbance: float = 1, persons: int = 0, vary: Vary = None,
+                 variants: int = 16) -> None:
         """
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param disturbance: largest force over the can's weight
+        :param persons: each begins with a grasp of their own; as `HandTask`
+        :param vary: as `HandTask`; contacts.materials.0 is the pad of fingers and can
+        :raises Error: of kind input for one whose hand does not hold the can
         """
         pictures = {"size": [480, 480], "camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
                                                    "field_of_view": "29 deg"}}
-        held = Simulation(load("grasp_power_can", {
-            "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms",
-            **{f"pictures.{key}": value for key, value in pictures.items()}}, engine="articulated"))
-        held.step(substeps=round(2.4 / held.scene.step))
-        wrist = _seen(held, "wrists")[0]
-        turn = 2 * np.arccos(np.clip(wrist[3], -1, 1))
-        super().__init__(held.scene.title, {"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(turn)},
-                         drive, place=wrist[:3].tolist(), pictures=pictures, **_TOUCHED, objects=[
-                             {"name": held.scene.objects[0], "position": [0, 0, 1],
+        drawn, random = drawn_by(vary), np.random.default_rng(0)
+        people: list[dict[str, Any]] = [{"hands.0.person": each} for each in draw_persons(persons)] if whole("persons", persons, 0, MOST_PERSONS) else []
+        count = len(people) or (whole("variants", variants, 1, MOST_PERSONS) if drawn.scenes else 1)
+        held = []
+        for k in range(count):
+            one = Simulation(load("grasp_power_can", {
+                "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms",
+                **{f"pictures.{key}": value for key, value in pictures.items()}, **(people[k] if people else {}),
+                **scene_values(drawn.scenes, random)}, engine="articulated"))
+            one.step(substeps=round(2.4 / one.scene.step))
+            if len(one.contacts) == 0:
+                raise input_error("vary", f"hand {k}, which does not hold the can", "hands, pads and cans that a grasp holds")
+            held.append(one)
+        wrists = [_seen(one, "wrists")[0] for one in held]
+        turns = [{"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(2 * np.arccos(np.clip(wrist[3], -1, 1)))}
+                 for wrist in wrists]
+        super().__init__(held[0].scene.title, turns, drive, place=[wrist[:3].tolist() for wrist in wrists], persons=persons, vary=vary,
+                         variants=variants, pictures=pictures, **_TOUCHED, objects=[
+                             {"name": held[0].scene.objects[0], "position": [0, 0, 1],
                               "file": str(data_path() / "config/objects/tomato_soup_can.yaml")}], contacts={
                              "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"),
                                             "spinning_friction": 0}],
                              "rules": [{"between": ["hands", "objects"], "material": "pad"}]})
-        self._begin_as([held])
+        self._begin_as(held)
         if drive == "targets":
             self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
         self._body = self.scene.objects[0]
