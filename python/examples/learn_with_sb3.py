@@ -8,10 +8,11 @@ from stable_baselines3 import SAC
 import handsim as hs
 
 torch.set_num_threads(1)
-env = hs.gym.sb3_vec("hold", 16)
-model = SAC("MlpPolicy", env, learning_starts=1000, train_freq=1, gradient_steps=4, seed=1)
+env = hs.gym.sb3_vec("hold", 8)
+model = SAC("MlpPolicy", env, learning_starts=500, gradient_steps=8, batch_size=64, gamma=0.95, policy_kwargs={"net_arch": [64, 64]}, seed=1)
 start = time.perf_counter()
-while time.perf_counter() - start < 240:
-    model.learn(4000, reset_num_timesteps=False)
-    kept = [bool(each) for each in model.ep_success_buffer]
-    print(f"{time.perf_counter() - start:.0f} s, {model.num_timesteps} steps: {sum(kept) / max(1, len(kept)):.0%} of the last {len(kept)} cans kept", flush=True)
+for _ in range(4):
+    model.learn(2000, reset_num_timesteps=False)
+    kept = list(model.ep_success_buffer)[-16:]
+    print(f"{time.perf_counter() - start:.0f} s, {model.num_timesteps} steps: {sum(kept) / len(kept):.0%} of the last {len(kept)} episodes end with the can in the hand", flush=True)
+model.save("hold")

@@ -16,7 +16,7 @@ actor, critic = (nn.Sequential(nn.Linear(numbers, 64), nn.Tanh(), nn.Linear(64, 
 optimiser, deviation = torch.optim.Adam([*actor.parameters(), *critic.parameters()], 1e-3), 0.3
 x, begun, start = torch.as_tensor(env.reset(seed=1)[0]), torch.zeros(n, dtype=bool), time.perf_counter()
 won = ended = 0
-for update in range(80):
+for update in range(160):
     rows = []
     for _ in range(horizon):
         with torch.no_grad():
@@ -44,6 +44,6 @@ for update in range(80):
             loss.backward()
             nn.utils.clip_grad_norm_([*actor.parameters(), *critic.parameters()], 0.5)
             optimiser.step()
-    if update % 8 == 7:
+    if update % 16 == 15:
         print(f"{time.perf_counter() - start:.0f} s, {(update + 1) * n * horizon} steps: {won / max(1, ended):.0%} of the ended episodes were a success", flush=True)
         won = ended = 0

@@ -44,7 +44,7 @@ def row_of(observation: Observation, i: int) -> Observation:
     """A copy of one environment's."""
     if isinstance(observation, dict):
         return {key: value[i].copy() for key, value in observation.items()}
-    return observation[i].copy()
+    return np.array(observation[i])
 
 
 def _fps(task: Task) -> int:

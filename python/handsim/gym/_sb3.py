@@ -33,7 +33,7 @@ class HandVecEnv(VecEnv):  # type: ignore[misc]  # without the package's types, 
 
     def reset(self) -> Observation:
         observation, _ = self.env.reset(seed=self._seeds)
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
         return observation

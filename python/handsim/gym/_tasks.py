@@ -223,7 +223,7 @@ class HandTask(Task):
                 **(motors if drive == "targets" else {}), "effects": effects,
                 "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, scene_values(drawn.scenes, random))
 
-        people = draw_persons(persons) if whole("persons", persons, 0, MOST_PERSONS) else []
+        people: list[Any] = list(draw_persons(persons)) if whole("persons", persons, 0, MOST_PERSONS) else []
         if drawn.scenes and not people:
             people = [who] * whole("variants", variants, 1, MOST_PERSONS)
         self.people = [made(k, person) for k, person in enumerate(people)]
@@ -418,7 +418,7 @@ class Reach(_Goal):
     def succeeded(self, batch: Batch) -> Optional[Mask]:
         if not self.goal_numbers:
             return super().succeeded(batch)
-        return self.goal_reward(self._places(batch["fingertips"]), self._goal) == 0
+        return np.asarray(self.goal_reward(self._places(batch["fingertips"]), self._goal) == 0)
 
 
 class _InHand(HandTask):

@@ -1,8 +1,9 @@
 // Arrays of numbers between numpy and the library. A wrong shape or dtype is an Error that says both.
 //
-// The module serves numpy 1 and 2 with any pybind11 from 2.10 on, Debian's. One before 2.12 takes the size of a dtype's items
-// from the place where numpy 1 has it. So arrays are made as `py::array_t<T>` of a shape, whose size is T's, and neither of a
-// number alone nor as `py::array` of a dtype; nothing here asks for `itemsize` or `nbytes` of a dtype or of a `py::array`.
+// The module serves numpy 1 and 2 with any pybind11 from 2.10 on, Debian's. One before 2.12 takes the size of
+// a dtype's items from the place where numpy 1 has it. So arrays are made as `py::array_t<T>` of a shape,
+// whose size is T's, and neither of a number alone nor as `py::array` of a dtype; nothing here asks for
+// `itemsize` or `nbytes` of a dtype or of a `py::array`.
 #pragma once
 
 #include <cstdint>

@@ -185,7 +185,8 @@ class BatchHandle {
 
 py::array observations(const py::object& self) {
   const Batch& batch = self.cast<const BatchHandle&>().batch();
-  return view_of(self, {static_cast<py::ssize_t>(batch.size()), static_cast<py::ssize_t>(batch.observation_size())},
+  return view_of(self,
+                 {static_cast<py::ssize_t>(batch.size()), static_cast<py::ssize_t>(batch.observation_size())},
                  batch.observations().data());
 }
 
