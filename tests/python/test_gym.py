@@ -255,29 +255,170 @@ def test_gymnasiums_own_check_passes(name):
     env.close()
 
 
+# Oracle: gymnasium's own vector of single environments: the same bits, the same infos with their masks, the same resets, and a
+# limit of steps that gymnasium's TimeLimit counts alone.
 @needs_gymnasium
-def test_vectors_have_gymnasiums_shapes_and_autoreset():
+@pytest.mark.parametrize("name", ["Reach", "Hold", "Reorient"])
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_vectors_are_gymnasiums_vectors_of_single_environments(name, mode):
     import gymnasium
     from gymnasium.vector import AutoresetMode, VectorEnv
 
-    env = gymnasium.make_vec("handsim/Hold-v0", num_envs=3, vectorization_mode="vector_entry_point")
-    assert isinstance(env.unwrapped, VectorEnv) and env.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
-    observation, info = env.reset(seed=1)
-    first = observation.copy()
-    assert observation.dtype == np.float32 and observation in env.observation_space and info == {}
-    for step in range(100):
+    ours = gymnasium.make_vec(f"handsim/{name}-v0", 3, max_episode_steps=30, autoreset_mode=mode, threads=1)
+    theirs = gymnasium.make_vec(f"handsim/{name}-v0", 3, max_episode_steps=30, vectorization_mode="sync",
+                                vector_kwargs={"autoreset_mode": AutoresetMode(mode)})
+    assert isinstance(ours.unwrapped, VectorEnv) and ours.episodes.task.max_steps == 30
+    assert ours.metadata["autoreset_mode"] is AutoresetMode(mode)
+    assert np.array_equal(ours.reset(seed=4)[0], theirs.reset(seed=4)[0])
+    random, ended = np.random.default_rng(0), np.zeros(3, int)
+    for _ in range(70):
+        action = random.uniform(-1, 1, (3, 20)).astype(np.float32)
+        (*mine, info), (*others, other) = ours.step(action), theirs.step(action)
+        for a, b in zip(mine, others):
+            assert np.array_equal(a, b)
+        ended += mine[2] | mine[3]
+        same_info(info, other)
+    assert ended.min() >= 2
+
+
+def same_info(info, other):
+    assert set(info) == set(other)
+    for key, value in info.items():
+        if isinstance(value, dict):
+            same_info(value, other[key])
+        elif key == "final_obs":
+            assert all(a is b is None or np.array_equal(a, b) for a, b in zip(value, other[key]))
+        else:
+            assert value.dtype == other[key].dtype and np.array_equal(value, other[key]), key
+
+
+# Oracle: a seed of its own makes an environment, whatever the others have; None goes on.
+@needs_gymnasium
+def test_seeds_are_each_environments_own():
+    env = hs.gym.make_vec("reach", 3)
+    first = env.reset(seed=[5, 6, 5])[0]
+    assert np.array_equal(first[0], first[2]) and not np.array_equal(first[0], first[1])
+    assert np.array_equal(env.reset(seed=5)[0][:2], first[:2])
+    kept = env.reset(seed=[None, 6, None])[0]
+    assert np.array_equal(kept[1], first[1]) and not np.array_equal(kept[0], first[0])
+    for wrong, said in (([1, 2], "seed: got 2 seeds, need a seed for each of 3"), (-1, "seed: got -1"), (["a", 1, 2], "seed: got 'a'")):
+        with pytest.raises(hs.Error, match=said):
+            env.reset(seed=wrong)
+
+
+# Oracle: a run without resets: what SAME_STEP gives as the last observation of an episode is what DISABLED shows.
+@needs_gymnasium
+def test_the_last_observation_is_that_of_a_run_without_resets():
+    same, disabled = (hs.gym.make_vec("hold", 3, autoreset_mode=mode) for mode in ("SameStep", "Disabled"))
+    first = same.reset(seed=1)[0].copy()
+    disabled.reset(seed=1)
+    for _ in range(100):
         # Environment 0 opens its hand, the others squeeze.
         action = np.full((3, 20), 0.6, np.float32) * [[0], [1], [1]]
-        observation, reward, terminated, truncated, info = env.step(action)
-        assert reward.shape == terminated.shape == truncated.shape == (3,)
+        observation, _, terminated, _, info = same.step(action)
+        last, _, also, _, all_info = disabled.step(action)
+        assert np.array_equal(terminated, also)
         if terminated[0]:
             break
-    assert step < 99 and not terminated[1:].any()
-    # The can has moved by 50 mm in the last observation, and is back in the next.
-    assert info["_final_obs"].tolist() == [True, False, False]
-    assert np.linalg.norm(info["final_obs"][0, -13:-10]) > 0.05
-    assert observation[0] == pytest.approx(first[0], abs=1e-6)
-    env.close()
+    assert info["_final_obs"].tolist() == [True, False, False] and np.array_equal(info["final_obs"][0], last[0])
+    assert np.linalg.norm(info["final_obs"][0][-13:-10]) > 0.05 and observation[0] == pytest.approx(first[0], abs=1e-6)
+    # The dropped can is no success, and said so once, in the info of the old episode.
+    assert info["_is_success"].tolist() == [False, True, True] and info["final_info"]["_is_success"].tolist() == [True, False, False]
+    assert all_info["is_success"].tolist() == [False, True, True] and info["final_info"]["shift_m"][0] > 0.05
+    assert sum(all_info["reward_terms"][term] for term in ("shift", "action")) == pytest.approx(disabled.episodes.task.reward(disabled.episodes.batch, action))
+
+
+# Oracle: gymnasium's wrappers, unchanged: what they count is what the environments did.
+@needs_gymnasium
+def test_gymnasiums_vector_wrappers_run_unchanged(tmp_path):
+    from gymnasium.wrappers import vector
+
+    env = hs.gym.make_vec("reach", 4, max_episode_steps=10, render_mode="rgb_array" if hs.has_pictures else None)
+    if hs.has_pictures and __import__("importlib.util").util.find_spec("moviepy"):
+        env = vector.RecordVideo(env, str(tmp_path), episode_trigger=lambda k: k == 0, video_aspect_ratio=(1, 1))
+    wrapped = vector.NormalizeReward(vector.NormalizeObservation(vector.RecordEpisodeStatistics(env)))
+    wrapped.reset(seed=1)
+    for step in range(1, 23):
+        observation, *_, truncated, info = wrapped.step(wrapped.action_space.sample())
+        assert ("episode" in info) == truncated.any() == (step in (10, 21))
+    assert info == {} or observation.shape == wrapped.observation_space.shape
+    assert list(wrapped.get_wrapper_attr("length_queue") if hasattr(wrapped, "get_wrapper_attr") else wrapped.env.env.length_queue) == [10] * 8
+    wrapped.close()
+    if hs.has_pictures and __import__("importlib.util").util.find_spec("moviepy"):
+        assert (tmp_path / "rl-video-episode-0.mp4").stat().st_size > 1000
+
+
+# Oracle: the environment itself.
+@needs_gymnasium
+@pytest.mark.parametrize("name", ["hold", "reach"])
+def test_a_pickled_environment_goes_the_same_way(name):
+    import pickle
+
+    import gymnasium
+
+    for env in (hs.gym.make_vec(name, 2, max_episode_steps=7), hs.gym.HandEnv(name, max_episode_steps=7),
+                gymnasium.make(f"handsim/{name.title()}-v0", max_episode_steps=7)):
+        again = pickle.loads(pickle.dumps(env))
+        actions = np.random.default_rng(1).uniform(-1, 1, (9, *env.action_space.shape)).astype(np.float32)
+        ways = []
+        for each in (env, again):
+            way = [each.reset(seed=3)[0]]
+            for action in actions:
+                observation, reward, terminated, truncated, _ = each.step(action)
+                way.append(np.hstack([np.ravel(observation), np.ravel(reward), np.ravel(terminated), np.ravel(truncated)]))
+            ways.append(np.concatenate([np.ravel(part) for part in way]))
+        assert np.array_equal(*ways) and 1 in ways[0]
+
+
+@needs_gymnasium
+@pytest.mark.parametrize("options, said", [
+    ({"render_mode": "human"}, "render_mode: got human, need rgb_array, or None"), ({"autoreset_mode": "Never"}, "autoreset_mode: got Never, need one of gymnasium's"),
+    ({"rendered": 3}, "rendered: got 3, need a whole number, 1 to 2"), ({"max_episode_steps": 0}, "max_episode_steps: got 0"),
+    ({"person": 2}, "person: got 2, need options of hold: drive, disturbance"), ({"driv": "muscles"}, "driv: got 'muscles'")])
+def test_wrong_options_of_an_environment_are_refused_with_their_names(options, said):
+    with pytest.raises(hs.Error, match=said):
+        hs.gym.make_vec("hold", 2, **options)
+
+
+# Oracle: stable-baselines3's own vector of single environments, and its learner.
+@pytest.mark.parametrize("name", ["Reach", "Hold"])
+def test_stable_baselines_vectors_are_those_of_single_environments(name):
+    pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: its vectors are not tested")
+    import gymnasium
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    ours = hs.gym.sb3_vec(name.lower(), 3, max_episode_steps=20)
+    theirs = DummyVecEnv([lambda: gymnasium.make(f"handsim/{name}-v0", max_episode_steps=20)] * 3)
+    for env in (ours, theirs):
+        env.seed(4)
+    assert np.array_equal(ours.reset(), theirs.reset())
+    random, ended = np.random.default_rng(0), 0
+    for _ in range(45):
+        action = random.uniform(-1, 1, (3, 20)).astype(np.float32)
+        (*mine, infos), (*others, other) = ours.step(action), theirs.step(action)
+        for a, b in zip(mine, others):
+            assert a.dtype == b.dtype and np.array_equal(a, b)
+        for a, b in zip(infos, other):
+            assert {*a} - {"episode"} == {*b} and a["TimeLimit.truncated"] == b["TimeLimit.truncated"] and a["is_success"] == b["is_success"]
+            assert ("terminal_observation" in a) == ("episode" in a) and a["reward_terms"] == b["reward_terms"]
+            if "terminal_observation" in a:
+                assert np.array_equal(a["terminal_observation"], b["terminal_observation"])
+                ended += 1
+    assert ended >= 6
+    ours.set_attr("max_steps", 5)
+    assert ours.get_attr("max_steps") == [5] * 3 and ours.env_method("succeeded", ours.unwrapped.env.episodes.batch, indices=[0])[0].shape == (3,)
+    with pytest.raises(hs.Error, match="indices: got 0"):
+        ours.set_attr("max_steps", 5, indices=0)
+    with pytest.raises(hs.Error, match="autoreset_mode: got NextStep"):
+        hs.gym.sb3_vec("hold", 1, autoreset_mode="NextStep")
+
+
+def test_stable_baselines_learns():
+    sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: its learners are not tested")
+    __import__("torch").set_num_threads(1)
+    model = sb3.PPO("MlpPolicy", hs.gym.sb3_vec("pose", 8, max_episode_steps=16), n_steps=32, batch_size=64, seed=1, device="cpu")
+    model.learn(512)
+    assert model.num_timesteps == 512 and len(model.ep_info_buffer) == 32 and len(model.ep_success_buffer) == 32
 
 
 # Oracle: every episode ends after five steps, and in gymnasium's NEXT_STEP the sixth step begins the next one.
@@ -292,7 +433,7 @@ def test_vectors_in_gymnasiums_other_modes_of_reset(two_hands, mode):
     zeros = np.zeros(env.action_space.shape, np.float32)
     for step in range(1, 12):
         observation, reward, terminated, truncated, info = env.step(zeros)
-        assert not terminated.any() and info == {}
+        assert not terminated.any() and info.get("_failed", np.zeros(3, bool)).all() == (mode == "Disabled" or step != 6)
         if mode == "NextStep":
             assert truncated.tolist() == [step in (5, 11)] * 3 and reward.tolist() == [step != 6] * 3
             assert np.array_equal(observation, first) == (step == 6)
@@ -302,8 +443,6 @@ def test_vectors_in_gymnasiums_other_modes_of_reset(two_hands, mode):
             if truncated[0]:
                 again = env.reset(options={"reset_mask": np.array([True, False, False])})[0]
                 assert np.array_equal(again[0], first[0]) and not np.array_equal(again[1], first[1])
-    with pytest.raises(ValueError):
-        hs.gym.HandVectorEnv("pose", 1, autoreset_mode="Never")
 
 
 @needs_gymnasium
@@ -462,3 +601,135 @@ def test_rays_workers_learn_on_vectors(tmp_path):
     assert run.returncode == 0 and lines[-1].startswith("2 workers of 4 hands"), run.stderr[-2000:]
     steps = [int(line.split()[0]) for line in lines if "steps a second" in line]
     assert len(steps) == 2 and steps[0] >= 256 and steps[1] >= steps[0] + 256
+
+
+# Oracle: a scene of each person, in which the object has come to rest: it stays where it is, whoever holds it.
+@pytest.mark.parametrize("name, drive", [("turn", "targets"), ("reorient", "targets"), ("pen_twirl", "torques")])
+def test_objects_lie_in_every_persons_hand(name, drive):
+    task = TASKS[name](drive=drive, persons=4)
+    episodes = Episodes(task, 24, seed=1)
+    assert set(task.person) == {0, 1, 2, 3}
+    start = episodes.batch["objects"][:, :3].copy()
+    places = [start[list(task.person).index(k)] for k in range(4)]
+    assert min(np.linalg.norm(a - b) for i, a in enumerate(places) for b in places[:i]) > 1e-4
+    assert np.abs(task._shift(episodes.batch)).max() < 1e-12
+    if drive == "targets":
+        for _ in range(10):
+            *_, terminated, _ = episodes.step(np.zeros((24, task.actions)))
+        assert not terminated.any() and np.abs(episodes.batch["objects"][:, :3] - start).max() < 2e-3
+
+
+# Oracle: gravity: each person's opened hand drops the can, and holds it by squeezing, with each of the drawn pads.
+@pytest.mark.parametrize("drive", ["targets", "torques"])
+def test_persons_hold_the_can_by_their_own_grasps(drive):
+    task = TASKS["hold"](drive=drive, persons=3, disturbance=0, vary={"contacts.materials.0.friction": {"uniform": [0.7, 1.0]}})
+    episodes = Episodes(task, 12, seed=1)
+    assert set(task.person) == {0, 1, 2} and len({scene.masses.sum() for scene in task.people}) == 3
+    assert np.abs(task._shift(episodes.batch)).max() < 1e-12 and np.ptp(task._start_place, axis=0).max() > 1e-4
+    if drive == "targets":
+        squeeze = 0.6 * np.array([name.endswith("flexion") for name in task.scene.axes])
+        for _ in range(30):
+            *_, terminated, _ = episodes.step(np.tile(squeeze, (12, 1)))
+        assert not terminated.any()
+    dropped = np.zeros(12, bool)
+    for _ in range(60):
+        *_, terminated, _ = episodes.step(np.zeros((12, task.actions)))
+        dropped |= terminated
+    assert dropped.all()
+
+
+# Oracle: the mass that the object's own volume or file has.
+def test_an_object_of_ones_own(tmp_path):
+    corners = [(x, y, z) for x in (-.02, .02) for y in (-.02, .02) for z in (-.02, .02)]
+    faces = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
+    mesh = tmp_path / "cube.obj"
+    mesh.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {' '.join(map(str, face))}\n" for face in faces))
+    for given, name, mass in (("golf_ball", "golf_ball", 0.0459), (str(mesh), "cube", 0.06), (mesh, "cube", 0.06),
+                              ({"shape": "sphere", "radius": "20 mm", "mass": "30 g"}, "object", 0.03)):
+        episodes = Episodes(TASKS["turn"](object=given), 2)
+        scene = episodes.task.scene
+        assert scene.objects == [name] and scene.masses[scene.bodies.index(name)] == pytest.approx(mass, rel=0.02)
+        for _ in range(5):
+            *_, terminated, _ = episodes.step(np.zeros((2, 20)))
+        assert not terminated.any()
+    with pytest.raises(hs.Error, match="object: got object, which falls from the hand"):
+        TASKS["turn"](object={"shape": "sphere", "radius": "20 mm", "mass": "30 g", "position": [0.3, 0.11, 0.23]})
+    with pytest.raises(hs.Error, match='objects.0.file: got "nope"'):
+        TASKS["turn"](object="nope")
+
+
+# Oracles: bounds of each draw; what a batch draws anew is another in each episode, what makes scenes is one of these.
+def test_tasks_draw_numbers_by_the_scenes_keys():
+    task = TASKS["turn"](variants=3, vary={"objects.0.mass": {"uniform": ["40 g", "80 g"]}, "objects.0.friction": {"log_uniform": [0.4, 1.2]},
+                                           "hands.0.tissue.damping": {"choice": [1, 2]}, "objects.0.position": [0, 0.112, 0.23]})
+    episodes = Episodes(task, 64, seed=1)
+    mass, friction = (episodes.batch.get(f"objects.0.{key}")[:, 0].copy() for key in ("mass", "friction"))
+    assert mass.min() > 0.04 and mass.max() < 0.08 and np.ptp(mass) > 0.03 and len(set(mass)) == 64
+    assert friction.min() > 0.4 and friction.max() < 1.2 and len(task.people) == 3 and set(task.person) == {0, 1, 2}
+    episodes.reset(seed=2)
+    assert not np.any(mass == episodes.batch.get("objects.0.mass")[:, 0])
+    same = Episodes(task, 3, seed=2)
+    assert np.array_equal(same.batch.get("objects.0.mass")[:, 0], episodes.batch.get("objects.0.mass")[:3, 0])
+
+
+@pytest.mark.parametrize("vary, said", [
+    ({"objects.0.mass": {"uniform": [1]}}, r"vary.objects.0.mass.uniform: got \[1\], need \[low, high\]"),
+    ({"objects.0.mass": {"uniform": [2, 1]}}, "vary.objects.0.mass.uniform: got .* need the lower end first"),
+    ({"objects.0.mass": {"log_uniform": [0, 1]}}, "need the lower end first, above 0"),
+    ({"objects.0.mass": {"around": [1, 2]}}, "vary.objects.0.mass: got .* need one of uniform, log_uniform, normal, choice"),
+    ({"q": {"normal": {"mean": 0, "sd": -1}}}, "vary.q.normal.sd: got -1, need 0 or more"), ({"q": {"normal": 1}}, "vary.q.normal: got 1"),
+    ({"objects.0.mass": {"uniform": ["a", 1]}}, "vary.objects.0.mass.uniform.0: got 'a', need a finite number"),
+    ({"objects.0.radios": {"choice": [1]}}, "objects.0.radios"), (5, "vary: got 5, need a mapping")])
+def test_wrong_draws_are_refused_with_their_keys(vary, said):
+    with pytest.raises(hs.Error, match=said):
+        Episodes(TASKS["turn"](vary=vary), 1)
+
+
+def test_a_scene_of_ones_own_draws_too(two_hands):
+    task = SceneTask("two_hands", lambda batch: np.zeros(len(batch)), variants=2, vary={"gravity": {"normal": {"mean": 0, "sd": 1}},
+                                                                                       "hands.0.person": {"choice": ["child", "median_man"]}})
+    episodes = Episodes(task, 8, seed=1)
+    assert len({tuple(row) for row in episodes.batch.get("gravity")}) == 8 and len(task.people) == 2
+    episodes.step(np.zeros((8, task.actions)))
+
+
+# Oracle: what is left without a success, and with one.
+@pytest.mark.parametrize("name", TASKS)
+def test_infos_have_success_distances_and_terms_of_the_reward(name):
+    episodes = Episodes(name, 3, seed=1)
+    _, reward, *_ = episodes.step(np.full((3, episodes.task.actions), 0.1))
+    info = episodes.info()
+    assert sum(info["reward_terms"].values()) == pytest.approx(reward) and not info["failed"].any()
+    assert ("is_success" in info) == (name != "turn") and any(key.endswith(("_m", "_rad")) for key in info)
+    assert all(np.shape(value) == (3,) for value in [*info["reward_terms"].values(), *(each for key, each in info.items() if key != "reward_terms")])
+
+
+# Oracles: gymnasium's own check; the reward of the step is that of its goals, and moves with a goal that is put where the fingers are.
+@needs_gymnasium
+def test_goals_stand_by_themselves():
+    import gymnasium
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*precision lowered.*")
+        check_env(gymnasium.make("handsim/Reach-v0", goals=True).unwrapped, skip_render_check=True)
+    env = hs.gym.make_vec("reach", 4, goals=True, autoreset_mode="SameStep", max_episode_steps=5)
+    env.reset(seed=1)
+    for step in range(5):
+        observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
+    assert truncated.all() and not terminated.any() and {*info["final_obs"][0]} == {"observation", "achieved_goal", "desired_goal"}
+    last = {key: np.stack([each[key] for each in info["final_obs"]]) for key in info["final_obs"][0]}
+    assert np.array_equal(env.compute_reward(last["achieved_goal"], last["desired_goal"], {}), reward) and np.all(reward == -1)
+    assert np.all(env.compute_reward(last["achieved_goal"], last["achieved_goal"], {}) == 0)
+    with pytest.raises(hs.Error, match="goals: got 1, need True or False"):
+        Reach(goals=1)
+
+
+def test_hindsight_experience_replay_runs():
+    sb3 = pytest.importorskip("stable_baselines3", reason="stable-baselines3 is not installed: its replay of goals is not tested")
+    __import__("torch").set_num_threads(1)
+    model = sb3.SAC("MultiInputPolicy", hs.gym.sb3_vec("reach", 4, goals=True, max_episode_steps=10), replay_buffer_class=sb3.HerReplayBuffer,
+                    learning_starts=60, batch_size=16, policy_kwargs={"net_arch": [16]}, device="cpu")
+    model.learn(120)
+    # Goals that were given afterwards are reached by some of their episodes' steps.
+    assert model.replay_buffer.sample(256).rewards.max() == 0 and model.num_timesteps == 120

@@ -109,10 +109,12 @@ def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -
     for step in range(episodes.task.max_steps):
         if step % 2 == 0:
             frames.append([episodes.batch.frame(i % count) for i in range(4)])
-        observation, _, terminated, _ = episodes.step(np.asarray(policy(observation.astype(np.float32)), float))
+        observation, _, terminated, truncated = episodes.step(np.asarray(policy(observation.astype(np.float32)), float))
         if going[0]:
             driven.append({key: np.array(value) for key, value in episodes.given.items() if key in ("targets", "excitations")})
-        success |= terminated & going & ~episodes.batch.failed
+        decided = episodes.task.succeeded(episodes.batch)
+        if decided is not None:
+            success |= (terminated | truncated) & going & decided & ~episodes.batch.failed
         going &= ~terminated
     print(f"{title}: {success.mean():.1%} of {count} new episodes end with success")
     out.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,9 @@
 """Tasks: what an environment for learning does with a scene. Needs numpy only."""
 from __future__ import annotations
 
+import inspect
+from os import PathLike
+from pathlib import Path
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
@@ -8,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._batch import Batch
 from .._core import Motion
-from .._errors import input_error, real, seed_of, whole
+from .._errors import flag, input_error, real, seed_of, whole
 from .._hand import draw_persons
 from .._scene import Scene, load
 from .._shipped import data_path
 from .._simulation import Simulation
+from ._vary import Vary, drawn_by, scene_values
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -44,17 +48,23 @@ class Task:
     observe: Sequence[str] = ("q", "u")
     """Parts of the batch's observation."""
     randomise: Mapping[str, Sequence[Any]] = {}
-    """As in `Batch`: drawn at the start of each episode."""
+    """As in `Batch`, drawn at the start of each episode: a part of what `vary` says."""
     actions: int
     """Numbers of an action."""
+    goal_numbers = 0
+    """Of a task whose goals stand by themselves: the observation ends with so many of what is achieved and of the goal."""
     people: Sequence[Scene] = ()
-    """The scene with other persons, one of whom is drawn for each episode; without any, all are of `scene`."""
+    """Scenes with other persons and numbers, one of which is drawn for each episode; without any, all are of `scene`."""
     person: NDArray[np.int_]
     """Of each environment's episode: index among `people`."""
 
     def start(self) -> Optional[Motion]:
         """The motion that episodes begin with; None: the scene's start."""
         return None
+
+    def start_of(self, person: int) -> Optional[Motion]:
+        """The same for one of `people`."""
+        return self.start()
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         """Called after the reset of the environments of the mask: draws goals."""
@@ -67,13 +77,33 @@ class Task:
         """Shape (n, numbers)."""
         return batch.observation
 
-    def reward(self, batch: Batch, action: Array) -> Array:
-        """Shape (n,)."""
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        """Parts of the reward by name, each of shape (n,)."""
         raise NotImplementedError
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        """Shape (n,): the sum of `terms`, which stay in `rewarded`. A task that replaces this needs no terms."""
+        self.rewarded = self.terms(batch, action)
+        return np.asarray(sum(self.rewarded.values()))
+
+    rewarded: Mapping[str, Array] = {}
+    """Terms of the last reward."""
 
     def terminated(self, batch: Batch) -> Mask:
         """Shape (n,): episodes that are decided."""
         return np.zeros(len(batch), bool)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        """Shape (n,): episodes that are a success if they end now; None: the task has no success."""
+        return None
+
+    def goal_reward(self, achieved: Array, goal: Array) -> Array:
+        """Reward by what is achieved and a goal alone, each of shape (..., goal_numbers): for goals that are given afterwards."""
+        raise NotImplementedError
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        """Distances and other numbers of `info`, by name with unit, each of shape (n,)."""
+        return {}
 
 
 class SceneTask(Task):
@@ -85,16 +115,28 @@ class SceneTask(Task):
 
     def __init__(self, scene: Union[Scene, str], reward: BatchFunction, *,
                  terminated: Optional[BatchFunction] = None, observe: Sequence[str] = ("q", "u"),
-                 randomise: Mapping[str, Sequence[Any]] = {}, substeps: int = 10, max_steps: int = 100,
+                 vary: Vary = None, variants: int = 16, substeps: int = 10, max_steps: int = 100,
                  torque: float = 0.1, start: Optional[Motion] = None) -> None:
         """
         :param reward: called with the `Batch` after each step, returns shape (n,)
         :param terminated: the same, returns shape (n,) of dtype bool
+        :param vary: as `HandTask`
+        :param variants: as `HandTask`
         :param torque: of an action of 1 [N m], in a scene without control
         :param start: a motion of the scene that episodes begin with
         """
+        drawn = drawn_by(vary)
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        self.observe, self.randomise = observe, randomise
+        if drawn.scenes:
+            if self.scene._origin is None or start is not None:
+                raise input_error("vary", ", ".join(drawn.scenes), "keys of a scene that `load` made, without a start")
+            source, words = self.scene._origin
+            own = dict(word.partition("=")[::2] for word in words)
+            random = np.random.default_rng(0)
+            self.people = [load(source, {**own, **scene_values(drawn.scenes, random)})
+                           for _ in range(whole("variants", variants, 1, MOST_PERSONS))]
+            self.scene = self.people[0]
+        self.observe, self.randomise = observe, drawn.episodes
         self.substeps, self.max_steps = substeps, max_steps
         self._reward, self._terminated, self._start = reward, terminated, start
         self._torque = torque
@@ -138,13 +180,17 @@ class HandTask(Task):
     torque = 0.3
     """Of an action of 1 [N m]."""
 
-    def __init__(self, title: str, rotation: dict[str, Any], drive: str, *, hands: int = 1, persons: int = 0,
-                 place: Sequence[float] = (0, 0, 0.2), **scene: Any) -> None:
+    def __init__(self, title: str, rotation: Union[dict[str, Any], Sequence[dict[str, Any]]], drive: str, *, hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
+                 place: Any = (0, 0, 0.2), **scene: Any) -> None:
         """
-        :param rotation: of the wrist, as in a scene
+        :param rotation: of the wrist, as in a scene; or a list with one for each of `people`, as ``place`` then is
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param hands: 1: the right one; 2: both, 0.3 m apart
         :param persons: drawn from a survey (`draw_persons`), one of them anew for each episode; 0: the median man
+        :param vary: keys of the scene, as ``--set`` takes them, each with a value or a way of a study of rollouts: ``uniform``,
+            ``log_uniform``, ``normal`` (with ``mean`` and ``sd``) or ``choice``. gravity, mass and friction of objects, and a batch's gains,
+            torque_limits and q are drawn anew for each episode; all others make scenes, one of which each episode has
+        :param variants: number of these scenes, without persons
         :param place: of the wrist, or of the middle between both [m]
         :param scene: keys of the scene
         """
@@ -160,20 +206,28 @@ class HandTask(Task):
         tissue = {} if drive == "muscles" else {"tissue": {"stiffness": 0, "damping": 1}}
         self.driven = drive
         model, who = str(data / "handmodels/anatomical.yaml"), str(data / "config/persons/median_man.yaml")
-        x, y, z = place
-        sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
+        turned = [rotation] if isinstance(rotation, Mapping) else list(rotation)
+        places = [place] if isinstance(rotation, Mapping) else list(place)
 
-        def made(person: Any) -> Scene:
+        drawn, random = drawn_by(vary), np.random.default_rng(0)
+        self.randomise = drawn.episodes
+
+        def made(k: int, person: Any) -> Scene:
+            x, y, z = places[k % len(places)]
+            sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
             return load({
                 "title": title,
                 "hands": [{"model": model, "person": person, "side": side, **tissue,
-                           "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": rotation}}
+                           "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": turned[k % len(turned)]}}
                           for side, across in list(sides.items())[:hands]],
                 **(motors if drive == "targets" else {}), "effects": effects,
-                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene})
+                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, scene_values(drawn.scenes, random))
 
-        self.people = [made(person) for person in draw_persons(persons)] if whole("persons", persons, 0, MOST_PERSONS) else []
-        self.scene = self.people[0] if persons else made(who)
+        people: list[Any] = list(draw_persons(persons)) if whole("persons", persons, 0, MOST_PERSONS) else []
+        if drawn.scenes and not people:
+            people = [who] * whole("variants", variants, 1, MOST_PERSONS)
+        self.people = [made(k, person) for k, person in enumerate(people)]
+        self.scene = self.people[0] if people else made(0, who)
         self.substeps = round(0.02 / self.scene.step)
         of_hands = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
         self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(of_hands)
@@ -230,6 +284,8 @@ class _Goal(HandTask):
     five steps in a row with a distance below ``near``; it is truncated after ``max_steps``."""
 
     near: float
+    unit: str
+    """Name of the distance in `info`."""
     bonus = 10.0
     """Reward of success."""
     steady = 5
@@ -260,15 +316,21 @@ class _Goal(HandTask):
     def observation(self, batch: Batch) -> Array:
         return self._with(batch, self._missing(batch))
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         distance = self.distance(batch)
         self._near = np.where(distance < self.near, self._near + 1, 0)
         effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
-        return np.asarray(self.bonus * (self._near >= self.steady) + (distance < self.near) - distance / self.near / 5
-                          - effort)
+        return {"success": self.bonus * (self._near >= self.steady), "near": 1.0 * (distance < self.near),
+                "distance": -distance / self.near / 5, "effort": -effort}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(self._near >= self.steady)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return self.terminated(batch)
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {self.unit: self.distance(batch)}
 
 
 _PALM_SIDE = {"axis": [1, 0, 0], "angle": "90 deg"}
@@ -284,12 +346,12 @@ class Pose(_Goal):
     """
 
     max_steps = 100
-    near = 0.1
+    near, unit = 0.1, "distance_rad"
     """[rad]"""
 
-    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16) -> None:
         """As `HandTask`."""
-        super().__init__("a hand takes a pose", _PALM_SIDE, drive, hands=hands, persons=persons, pictures=_VIEWS.get(hands, {}))
+        super().__init__("a hand takes a pose", _PALM_SIDE, drive, hands=hands, persons=persons, vary=vary, variants=variants, pictures=_VIEWS.get(hands, {}))
         held, person = self._held(["q"])
         self._prepare(held["q"], person)
 
@@ -309,16 +371,24 @@ class Reach(_Goal):
     """
 
     max_steps = 100
-    near = 0.0125
+    near, unit = 0.0125, "distance_m"
     """[m]"""
     observe = ("q", "u", "fingertips")
 
-    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0) -> None:
-        """As `HandTask`."""
-        super().__init__("fingertips reach their places", _PALM_SIDE, drive, hands=hands, persons=persons,
-                         pictures=_VIEWS.get(hands, {}))
+    def __init__(self, *, drive: str = "targets", hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
+                 goals: bool = False) -> None:
+        """
+        As `HandTask`.
+
+        :param goals: the observation is a dictionary with the fingertips (``achieved_goal``) and their places (``desired_goal``)
+            [m]; the reward is 0 within 12.5 mm, else -1, and episodes end by their limit alone
+        """
+        super().__init__("fingertips reach their places", _PALM_SIDE, drive, hands=hands, persons=persons, vary=vary,
+                         variants=variants, pictures=_VIEWS.get(hands, {}))
         held, person = self._held(["fingertips"])
         self._prepare(self._places(held["fingertips"]), person)
+        if flag("goals", goals):
+            self.goal_numbers = self._goal.shape[1]
 
     @staticmethod
     def _places(tips: Array) -> Array:
@@ -330,6 +400,26 @@ class Reach(_Goal):
     def distance(self, batch: Batch) -> Array:
         return np.asarray(0.1 * np.linalg.norm(self._missing(batch).reshape(len(batch), -1, 3), axis=2).mean(axis=1))
 
+    def observation(self, batch: Batch) -> Array:
+        if not self.goal_numbers:
+            return super().observation(batch)
+        return self._with(batch, self._places(batch["fingertips"]), self._goal)
+
+    def goal_reward(self, achieved: Array, goal: Array) -> Array:
+        apart = np.float32(goal) - np.float32(achieved)
+        distance = np.linalg.norm(apart.reshape(*apart.shape[:-1], -1, 3), axis=-1).mean(axis=-1)
+        return np.where(distance < self.near, 0.0, -1.0)
+
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        if not self.goal_numbers:
+            return super().terms(batch, action)
+        return {"goal": self.goal_reward(self._places(batch["fingertips"]), self._goal)}
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        if not self.goal_numbers:
+            return super().succeeded(batch)
+        return np.asarray(self.goal_reward(self._places(batch["fingertips"]), self._goal) == 0)
+
 
 class _InHand(HandTask):
     """An object in a hand. ``targets``: an action moves them about those of `_middle`; the others as `HandTask`."""
@@ -338,31 +428,41 @@ class _InHand(HandTask):
     span = 0.6
     """Change of a target by an action of 1 [rad]."""
 
-    def _begin_as(self, settled: Simulation) -> None:
-        """Episodes begin as a simulation by targets stands; by torques and muscles at rest in its posture."""
-        simulation = settled
+    def _begin_as(self, settled: Sequence[Simulation]) -> None:
+        """Episodes begin as simulations by targets stand, one of each of `people`; by torques and muscles at rest in their
+        postures."""
+        begun = list(settled)
         if self.driven == "targets":
-            self.scene, self._driven = settled.scene, settled.scene.axis_coordinates
+            self.people = [each.scene for each in settled] if self.people else []
+            self.scene, self._driven = settled[0].scene, settled[0].scene.axis_coordinates
             self._low, self._high = self.scene.limits[self._driven].T
-            self._middle = settled.q[self._driven].copy()
+            self._middle = np.array([each.q[self._driven] for each in settled])
             self.actions = len(self._driven)
         else:
-            simulation = Simulation(self.scene)
-            simulation.reset(q=settled.q, objects=_seen(settled, "objects")[:, :7])
-        self._motion = simulation.motion()
-        self._start_place = simulation.bodies.position[self.scene.bodies.index(self.scene.objects[0])].copy()
+            for k, (scene, of) in enumerate(zip(self.people or [self.scene], settled)):
+                begun[k] = Simulation(scene)
+                begun[k].reset(q=of.q, objects=_seen(of, "objects")[:, :7])
+        self._motions = [each.motion() for each in begun]
+        body = self.scene.bodies.index(self.scene.objects[0])
+        self._start_place = np.array([each.bodies.position[body] for each in begun])
 
     def start(self) -> Optional[Motion]:
-        return self._motion
+        return self._motions[0]
+
+    def start_of(self, person: int) -> Optional[Motion]:
+        return self._motions[person]
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
         if self.driven != "targets":
             return super().drive(batch, action, random)
-        return {"targets": np.clip(self._middle + self.span * action, self._low, self._high)}
+        return {"targets": np.clip(self._middle[self.person] + self.span * action, self._low, self._high)}
 
     def _shift(self, batch: Batch) -> Array:
         """Of the object's centre from its place at the start [m], shape (n, 3)."""
-        return np.asarray(batch["objects"][:, :3] - self._start_place)
+        return np.asarray(batch["objects"][:, :3] - self._start_place[self.person])
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {"shift_m": np.linalg.norm(self._shift(batch), axis=1)}
 
     def observation(self, batch: Batch) -> Array:
         out = batch.observation.copy()
@@ -376,6 +476,21 @@ def _seen(simulation: Simulation, part: str) -> Array:
     batch = Batch(simulation.scene, 1, observe=[part])
     batch.reset(to=simulation.motion())
     return batch[part]
+
+
+Object = Union[str, "PathLike[str]", Mapping[str, Any], None]
+
+
+def _object_keys(given: Any) -> dict[str, Any]:
+    """Keys of a scene's object. A file or mesh is looked for from the working folder; a word without a folder is a shipped one's name."""
+    if isinstance(given, Mapping):
+        return {"name": "object", **given}
+    if not isinstance(given, (str, PathLike)):
+        raise input_error("object", repr(given), "the name of a shipped one, a file, or keys of a scene's object")
+    path = Path(given)
+    if path.suffix.lower() in (".obj", ".stl"):
+        return {"name": path.stem, "shape": "convex_mesh", "mesh": str(path.absolute()), "mass": "60 g"}
+    return {"name": path.stem, "file": str(path.absolute() if path.exists() else path)}
 
 
 _TOUCHED: dict[str, Any] = {"effects": ["gravity", "object_contact", "friction", "joint_stops", "passive_tissue"],
@@ -401,23 +516,39 @@ class Hold(_InHand):
     opened = 0.3
     """Extension of an action of 0 [rad]."""
     force_steps = 5
+    forces = 20
+    """Drawn for each episode; a longer one has them again."""
 
-    def __init__(self, *, drive: str = "targets", disturbance: float = 1) -> None:
+    def __init__(self, *, drive: str = "targets", disturbance: float = 1, persons: int = 0, vary: Vary = None,
+                 variants: int = 16) -> None:
         """
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param disturbance: largest force over the can's weight
+        :param persons: each begins with a grasp of their own; as `HandTask`
+        :param vary: as `HandTask`; contacts.materials.0 is the pad of fingers and can
+        :raises Error: of kind input for one whose hand does not hold the can
         """
         pictures = {"size": [480, 480], "camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
                                                    "field_of_view": "29 deg"}}
-        held = Simulation(load("grasp_power_can", {
-            "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms",
-            **{f"pictures.{key}": value for key, value in pictures.items()}}, engine="articulated"))
-        held.step(substeps=round(2.4 / held.scene.step))
-        wrist = _seen(held, "wrists")[0]
-        turn = 2 * np.arccos(np.clip(wrist[3], -1, 1))
-        super().__init__(held.scene.title, {"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(turn)},
-                         drive, place=wrist[:3].tolist(), pictures=pictures, **_TOUCHED, objects=[
-                             {"name": held.scene.objects[0], "position": [0, 0, 1],
+        drawn, random = drawn_by(vary), np.random.default_rng(0)
+        people: list[dict[str, Any]] = [{"hands.0.person": each} for each in draw_persons(persons)] if whole("persons", persons, 0, MOST_PERSONS) else []
+        count = len(people) or (whole("variants", variants, 1, MOST_PERSONS) if drawn.scenes else 1)
+        held = []
+        for k in range(count):
+            one = Simulation(load("grasp_power_can", {
+                "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms",
+                **{f"pictures.{key}": value for key, value in pictures.items()}, **(people[k] if people else {}),
+                **scene_values(drawn.scenes, random)}, engine="articulated"))
+            one.step(substeps=round(2.4 / one.scene.step))
+            if len(one.contacts) == 0:
+                raise input_error("vary", f"hand {k}, which does not hold the can", "hands, pads and cans that a grasp holds")
+            held.append(one)
+        wrists = [_seen(one, "wrists")[0] for one in held]
+        turns = [{"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(2 * np.arccos(np.clip(wrist[3], -1, 1)))}
+                 for wrist in wrists]
+        super().__init__(held[0].scene.title, turns, drive, place=[wrist[:3].tolist() for wrist in wrists], persons=persons, vary=vary,
+                         variants=variants, pictures=pictures, **_TOUCHED, objects=[
+                             {"name": held[0].scene.objects[0], "position": [0, 0, 1],
                               "file": str(data_path() / "config/objects/tomato_soup_can.yaml")}], contacts={
                              "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"),
                                             "spinning_friction": 0}],
@@ -428,22 +559,31 @@ class Hold(_InHand):
         self._body = self.scene.objects[0]
         weight = 9.80665 * self.scene.masses[self.scene.bodies.index(self._body)]
         self._largest = real("disturbance", disturbance) * weight
-        self._force, self._age = np.empty((0, 3)), 0
+        self._forces, self._age = np.empty((0, 0, 3)), np.empty(0, int)
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        super().begin(batch, mask, random)
+        if len(self._forces) != len(batch):
+            self._forces, self._age = np.zeros((len(batch), self.forces, 3)), np.zeros(len(batch), int)
+        direction = random.normal(size=(int(mask.sum()), self.forces, 3))
+        direction /= np.linalg.norm(direction, axis=2, keepdims=True)
+        self._forces[mask] = self._largest * random.random((len(direction), self.forces, 1)) * direction
+        self._age[mask] = 0
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
-        if len(self._force) != len(batch) or self._age % self.force_steps == 0:
-            direction = random.normal(size=(len(batch), 3))
-            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-            self._force = self._largest * random.random((len(batch), 1)) * direction
+        force = self._forces[np.arange(len(batch)), self._age // self.force_steps % self.forces]
         self._age += 1
-        return {**super().drive(batch, action, random), "forces": {self._body: self._force}}
+        return {**super().drive(batch, action, random), "forces": {self._body: force}}
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         shift = np.linalg.norm(self._shift(batch), axis=1)
-        return np.asarray(1 - np.minimum(1, shift / self.dropped) - 0.05 * np.square(action).mean(axis=1))
+        return {"shift": 1 - np.minimum(1, shift / self.dropped), "action": -0.05 * np.square(action).mean(axis=1)}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.dropped)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return ~self.terminated(batch)
 
 
 class _InPalm(_InHand):
@@ -455,18 +595,40 @@ class _InPalm(_InHand):
     bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
     """Flexion of thumb and fingers at the start [rad]."""
 
-    def __init__(self, title: str, drive: str, **thing: Any) -> None:
+    thing: Mapping[str, Any]
+    """The object, where no other is asked for."""
+
+    def __init__(self, title: str, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
+                 variants: int = 16) -> None:
+        """
+        :param object: in place of the task's own: a shipped one's name, a file of an object, an OBJ or STL file of a convex mesh
+            in metres (60 g), or keys of a scene's object
+        :raises Error: of kind input for an object that does not lie in the hand
+        """
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
         rotation = {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}
-        scene: dict[str, Any] = {**_TOUCHED, "objects": [{"position": [0, 0.11, 0.23], **thing}], "pictures": {
+        given: dict[str, Any] = {"persons": persons, "vary": vary, "variants": variants, **_TOUCHED, "objects": [
+            {"position": [0, 0.11, 0.23], **(self.thing if object is None else _object_keys(object))}], "pictures": {
             "size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18], "field_of_view": "22 deg"}}}
-        settled = Simulation(HandTask(title, rotation, "targets", **scene).scene)
-        targets = np.array([self._angle(name) for name in settled.scene.axes])
-        settled.step(targets=targets, substeps=round(1.0 / settled.scene.step))
-        super().__init__(title, rotation, drive, **scene)
+        by_targets = HandTask(title, rotation, "targets", **given)
+        settled = [self._settled(scene) for scene in by_targets.people or [by_targets.scene]]
+        super().__init__(title, rotation, drive, **given)
         self._begin_as(settled)
         if drive == "targets":
-            self._middle = targets
+            self._middle = np.array([self._bent(scene) for scene in self.people or [self.scene]])
+
+    def _bent(self, scene: Scene) -> Array:
+        return np.array([self._angle(name) for name in scene.axes])
+
+    def _settled(self, scene: Scene) -> Simulation:
+        """After a second in which the object comes to rest."""
+        out, body = Simulation(scene), scene.bodies.index(scene.objects[0])
+        first = out.bodies.position[body].copy()
+        out.step(targets=self._bent(scene), substeps=round(1.0 / scene.step))
+        if np.linalg.norm(out.bodies.position[body] - first) > 2 * self.lost:
+            raise input_error("object", f"{scene.objects[0]}, which falls from the hand within a second",
+                              "one that lies in the bent fingers; its `position` says where it begins")
+        return out
 
     def _angle(self, axis: str) -> float:
         _, joint, kind = axis.split(".")
@@ -487,13 +649,16 @@ class Turn(_InPalm):
     """
 
     max_steps = 200
+    thing = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml")}
 
-    def __init__(self, *, drive: str = "targets") -> None:
-        super().__init__("a hand turns a ball", drive, name="ball", file=str(data_path() / "config/objects/tennis_ball.yaml"))
+    def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
+                 variants: int = 16) -> None:
+        """As `HandTask`; ``object``: a shipped one's name, a file, a mesh, or keys of a scene's object."""
+        super().__init__("a hand turns a ball", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
 
-    def reward(self, batch: Batch, action: Array) -> Array:
-        turned = batch["objects"][:, 12] * self.scene.step * self.substeps
-        return np.asarray(turned - 0.002 * np.square(action).mean(axis=1) - 5.0 * self.terminated(batch))
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        return {"turned": batch["objects"][:, 12] * self.scene.step * self.substeps,
+                "action": -0.002 * np.square(action).mean(axis=1), "lost": -5.0 * self.terminated(batch)}
 
     def terminated(self, batch: Batch) -> Mask:
         return self._lost(batch)
@@ -517,24 +682,30 @@ class Reorient(_InPalm):
     steady = 5
     thing: Mapping[str, Any] = {"name": "die", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
 
-    def __init__(self, *, drive: str = "targets") -> None:
-        super().__init__("a hand turns a die", drive, **self.thing)
+    def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
+                 variants: int = 16) -> None:
+        """As `Turn`."""
+        super().__init__("a hand turns a die", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
         self._goal, self._near = np.empty((0, 4)), np.empty(0, int)
-        first = Simulation(self.scene)
-        first.reset(self._motion)
-        self._first = first.bodies.quaternion[self.scene.bodies.index(self.scene.objects[0])]
+        body, first = self.scene.bodies.index(self.scene.objects[0]), []
+        for scene, motion in zip(self.people or [self.scene], self._motions):
+            simulation = Simulation(scene)
+            simulation.reset(motion)
+            first.append(simulation.bodies.quaternion[body])
+        self._first = np.array(first)
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         if len(self._goal) != len(batch):
             self._goal, self._near = np.zeros((len(batch), 4)), np.zeros(len(batch), int)
-        axis = self._across(random.normal(size=(int(mask.sum()), 3)))
+        first = self._first[self.person[mask]]
+        axis = self._across(random.normal(size=(len(first), 3)), first)
         half = 0.5 * self.turned * random.uniform(0.3, 1, (len(axis), 1))
         turn = np.hstack([np.cos(half), np.sin(half) * axis / np.linalg.norm(axis, axis=1, keepdims=True)])
-        self._goal[mask] = _product(turn, np.broadcast_to(self._first, turn.shape))
+        self._goal[mask] = _product(turn, first)
         self._near[mask] = 0
 
-    def _across(self, axes: Array) -> Array:
-        """The part of axes of rotation that counts."""
+    def _across(self, axes: Array, first: Array) -> Array:
+        """The part of axes of rotation that counts, of objects that begin with these orientations."""
         return axes
 
     def missing(self, batch: Batch) -> Array:
@@ -548,14 +719,20 @@ class Reorient(_InPalm):
     def observation(self, batch: Batch) -> Array:
         return np.concatenate((super().observation(batch), self.missing(batch)), axis=1)
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         angle = np.linalg.norm(self.missing(batch), axis=1)
         self._near = np.where(angle < self.near, self._near + 1, 0)
-        return np.asarray((angle < self.near) - angle - 0.002 * _mean_square(action)
-                          + 10.0 * (self._near >= self.steady) - 5.0 * self._lost(batch))
+        return {"near": 1.0 * (angle < self.near), "angle": -angle, "action": -0.002 * _mean_square(action),
+                "success": 10.0 * (self._near >= self.steady), "lost": -5.0 * self._lost(batch)}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray((self._near >= self.steady) | self._lost(batch))
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return np.asarray((self._near >= self.steady) & ~self._lost(batch))
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {**super().measures(batch), "distance_rad": np.linalg.norm(self.missing(batch), axis=1)}
 
 
 class PenTwirl(Reorient):
@@ -564,8 +741,8 @@ class PenTwirl(Reorient):
     thing = {"name": "pen", "file": str(data_path() / "config/objects/large_marker.yaml"),
              "rotation": {"axis": [0, 1, 0], "angle": "90 deg"}}
 
-    def _across(self, axes: Array) -> Array:
-        own = _axis(self._first[np.newaxis])
+    def _across(self, axes: Array, first: Array) -> Array:
+        own = _axis(first)
         return np.asarray(axes - np.sum(axes * own, axis=1, keepdims=True) * own)
 
     def missing(self, batch: Batch) -> Array:
@@ -682,16 +859,23 @@ class KeyTurn(HandTask):
     def observation(self, batch: Batch) -> Array:
         return self._with(batch, self._apart(batch), self._sides(batch))
 
-    def reward(self, batch: Batch, action: Array) -> Array:
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         angle, held = batch.q[:, -1], self.held(batch)
         self._beyond = np.where((angle > self.turned) & held, self._beyond + 1, 0)
         worth = 10 * angle * np.where(held, 1, self.loose) + 2 * self._beyond
         gained, self._before = worth - self._before, worth
         effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
-        return np.asarray(gained - 0.5 * self._distances(batch).mean(axis=1) - effort + 10.0 * (self._beyond >= self.steady))
+        return {"gained": gained, "distance": -0.5 * self._distances(batch).mean(axis=1), "effort": -effort,
+                "success": 10.0 * (self._beyond >= self.steady)}
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(self._beyond >= self.steady)
+
+    def succeeded(self, batch: Batch) -> Optional[Mask]:
+        return self.terminated(batch)
+
+    def measures(self, batch: Batch) -> dict[str, Array]:
+        return {"angle_rad": batch.q[:, -1].copy(), "distance_m": 0.1 * self._distances(batch).mean(axis=1)}
 
 
 def _product(a: Array, b: Array) -> Array:
@@ -712,45 +896,94 @@ TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": H
 
 
 def task_of(task: Union[Task, str], **options: Any) -> Task:
-    """A ready task by name, or the task itself."""
+    """A ready task by name, or the task itself. :raises Error: of kind input for a task or an option that there is not"""
     if isinstance(task, Task):
+        if options:
+            raise input_error("options", ", ".join(options), "none beside a Task, which has its own")
         return task
-    if task not in TASKS:
+    if not isinstance(task, str) or task not in TASKS:
         raise input_error("task", task, f"one of {', '.join(TASKS)}, or a Task")
+    known = list(inspect.signature(TASKS[task]).parameters)
+    for name in options:
+        if name not in known:
+            raise input_error(name, repr(options[name]), f"options of {task}: {', '.join(known)}")
     return TASKS[task](**options)
 
 
-class Episodes:
-    """A task on a batch: episodes without gymnasium. `reset` and `step` as there; nothing is reset by itself."""
+Seeds = Union[int, Sequence[Optional[int]]]
 
-    def __init__(self, task: Union[Task, str], n: int, *, seed: int = 0, threads: int = 0) -> None:
+
+class Episodes:
+    """A task on a batch: episodes without gymnasium. `reset` and `step` as there; nothing is reset by itself.
+
+    Environment i draws all its episodes from seed + i, or from the i-th of a list of seeds, alone: it is the same in a batch
+    of any size.
+    """
+
+    def __init__(self, task: Union[Task, str], n: int, *, seed: Seeds = 0, threads: int = 0) -> None:
         self.task = task_of(task)
-        self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, seed=seed,
-                           threads=threads)
-        self.random = np.random.default_rng(seed_of(seed))
+        self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, threads=threads)
+        self.random = np.random.default_rng(0)
+        """Of `Task.drive`."""
+        self._randoms = [self.random] * n
         self.steps = np.zeros(n, int)
         """Of each environment's episode."""
         self.given: dict[str, Any] = {}
         """To `Batch.step` by the last step."""
         self.task.person = np.zeros(n, int)
-        self._start = self.task.start()
-        self.reset()
+        self.reset(seed=seed)
 
-    def reset(self, mask: Optional[Mask] = None, *, seed: Optional[int] = None) -> Array:
-        """New episodes for the environments of the mask. :returns: the observation, shape (n, numbers)"""
+    def _seed(self, seed: Seeds) -> None:
+        n = len(self.batch)
+        if isinstance(seed, (list, tuple, np.ndarray)):
+            if len(seed) != n:
+                raise input_error("seed", f"{len(seed)} seeds", f"a seed for each of {n} environments, or one")
+            seeds = [None if each is None else seed_of(each) for each in seed]
+        else:
+            seeds = [(seed_of(seed) + i) % 2**64 for i in range(n)]
+        for i, each in enumerate(seeds):
+            if each is not None:
+                self._randoms[i] = np.random.default_rng(each)
+        self.random = np.random.default_rng([each or 0 for each in seeds])
+
+    def reset(self, mask: Optional[Mask] = None, *, seed: Optional[Seeds] = None) -> Array:
+        """New episodes for the environments of the mask.
+
+        :param seed: of environment 0, and one more for each that follows; or a list with one of each, None: it goes on
+        :returns: the observation, shape (n, numbers)
+        """
+        n = len(self.batch)
         if seed is not None:
-            self.random = np.random.default_rng(seed_of(seed))
-        chosen = np.ones(len(self.batch), bool) if mask is None else np.asarray(mask)
-        if chosen.shape != (len(self.batch),) or chosen.dtype != bool:
-            raise input_error("mask", f"shape {chosen.shape}, dtype {chosen.dtype}", f"shape ({len(self.batch)},), dtype bool")
-        if self.task.people:
-            for i in np.flatnonzero(chosen):
-                self.task.person[i] = k = int(self.random.integers(len(self.task.people)))
+            self._seed(seed)
+        chosen = np.ones(n, bool) if mask is None else np.asarray(mask)
+        if chosen.shape != (n,) or chosen.dtype != bool:
+            raise input_error("mask", f"shape {chosen.shape}, dtype {chosen.dtype}", f"shape ({n},), dtype bool")
+        seeds, rows = np.zeros(n, np.uint64), np.flatnonzero(chosen)
+        for i in rows:
+            seeds[i] = self._randoms[i].integers(2**63)
+            if self.task.people:
+                self.task.person[i] = k = int(self._randoms[i].integers(len(self.task.people)))
                 self.batch.replace(i, self.task.people[k])
-        self.batch.reset(chosen, seed=seed, to=self._start)
+        for k in np.unique(self.task.person[chosen]) if self.task.people else [0]:
+            self.batch.reset(chosen & (self.task.person == k), seeds=seeds, to=self.task.start_of(int(k)))
         self.steps[chosen] = 0
-        self.task.begin(self.batch, chosen, self.random)
+        for i in rows:
+            one = np.zeros(n, bool)
+            one[i] = True
+            self.task.begin(self.batch, one, self._randoms[i])
         return self.task.observation(self.batch)
+
+    def info(self) -> dict[str, Any]:
+        """Of the last step, each of shape (n,): ``failed``, ``is_success`` (of a task that has one), the task's `measures`
+        and, as a dictionary, ``reward_terms``."""
+        success = self.task.succeeded(self.batch)
+        out: dict[str, Any] = {"failed": self.batch.failed.copy()}
+        if success is not None:
+            out["is_success"] = success & ~self.batch.failed
+        out.update(self.task.measures(self.batch))
+        if self.task.rewarded:
+            out["reward_terms"] = {name: np.where(self.batch.failed, 0, term) for name, term in self.task.rewarded.items()}
+        return out
 
     def _checked(self, action: ArrayLike) -> Array:
         shape = (len(self.batch), self.task.actions)

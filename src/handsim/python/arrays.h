@@ -1,4 +1,9 @@
 // Arrays of numbers between numpy and the library. A wrong shape or dtype is an Error that says both.
+//
+// The module serves numpy 1 and 2 with any pybind11 from 2.10 on, Debian's. One before 2.12 takes the size of
+// a dtype's items from the place where numpy 1 has it. So arrays are made as `py::array_t<T>` of a shape,
+// whose size is T's, and neither of a number alone nor as `py::array` of a dtype; nothing here asks for
+// `itemsize` or `nbytes` of a dtype or of a `py::array`.
 #pragma once
 
 #include <cstdint>
@@ -45,6 +50,14 @@ inline void append(std::vector<double>& out, const Quat& q) {
   out.insert(out.end(), {q.w(), q.x(), q.y(), q.z()});
 }
 inline void append(std::vector<double>& out, const Pose& x) { append(out, x.p), append(out, x.q); }
+
+/// Memory of an object as an array that keeps the object alive and cannot be written.
+template <class T>
+py::array_t<T> view_of(const py::object& owner, const std::vector<py::ssize_t>& shape, const T* data) {
+  py::array_t<T> out(shape, data, owner);
+  out.attr("flags").attr("writeable") = false;
+  return out;
+}
 
 /// A copy of numbers [rows, columns]; columns 0: one axis.
 py::array_t<double> array_of(std::span<const double> numbers, std::size_t columns = 0);

@@ -183,23 +183,16 @@ class BatchHandle {
   Calls calls_;
 };
 
-/// Views keep the batch alive and cannot be written.
-template <class T>
-py::array view(const py::object& self, py::dtype type, std::vector<py::ssize_t> shape, const T* data) {
-  py::array out(std::move(type), std::move(shape), {}, data, self);
-  out.attr("flags").attr("writeable") = false;
-  return out;
-}
-
 py::array observations(const py::object& self) {
   const Batch& batch = self.cast<const BatchHandle&>().batch();
-  return view(self, py::dtype::of<double>(),
-              {static_cast<py::ssize_t>(batch.size()), static_cast<py::ssize_t>(batch.observation_size())},
-              batch.observations().data());
+  return view_of(self,
+                 {static_cast<py::ssize_t>(batch.size()), static_cast<py::ssize_t>(batch.observation_size())},
+                 batch.observations().data());
 }
 
-py::array flags(const py::object& self, std::span<const unsigned char> of) {
-  return view(self, py::dtype::of<bool>(), {static_cast<py::ssize_t>(of.size())}, of.data());
+/// numpy's bool is a byte that is 0 or 1.
+py::object flags(const py::object& self, std::span<const unsigned char> of) {
+  return view_of(self, {static_cast<py::ssize_t>(of.size())}, of.data()).attr("view")("bool");
 }
 
 /// Name, first column and names of the columns of each part.

@@ -71,23 +71,12 @@ int command_line(const std::vector<std::string>& words, const app::WritePage& pa
   });
 }
 
-/// pybind11 before 2.12 reads the arrays of numpy 2 wrongly. @throws py::import_error
-void check_numpy() {
-  if (PYBIND11_VERSION_HEX >= 0x020C0000) return;
-  const auto version = py::module_::import("numpy").attr("__version__").cast<std::string>();
-  if (version.substr(0, version.find('.')) != "1" && version.substr(0, version.find('.')) != "0")
-    throw py::import_error(
-        "handsim was built with a pybind11 before 2.12, which needs numpy 1, and numpy " + version +
-        " is installed: build it with a newer pybind11 (pip install .), or install numpy<2");
-}
-
 }  // namespace
 
 }  // namespace handsim::python
 
 PYBIND11_MODULE(_core, module) {
   using namespace handsim::python;
-  check_numpy();
   module.attr("version") = handsim::kVersion;
   module.attr("commit") = handsim::kCommit;
   module.def("has_pictures", &has_pictures);

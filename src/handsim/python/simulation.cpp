@@ -281,9 +281,7 @@ class SimulationHandle {
 
 /// A view of a buffer that keeps the simulation alive.
 py::array view(const py::object& self, const std::vector<double>& of) {
-  py::array_t<double> out(static_cast<py::ssize_t>(of.size()), of.data(), self);
-  out.attr("flags").attr("writeable") = false;
-  return out;
+  return view_of(self, {static_cast<py::ssize_t>(of.size())}, of.data());
 }
 
 /// To the scene's start, or to coordinates, rates and places of objects.
