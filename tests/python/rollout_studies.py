@@ -79,7 +79,9 @@ class Cluster:
 
     def __init__(self, folder: Path, workers: int, **environment: str) -> None:
         """:param environment: of all processes, beside that of this one"""
-        self._environment = {**os.environ, **environment}
+        # Workers import what tests send them by name.
+        path = os.pathsep.join([str(Path(__file__).parent), os.environ.get("PYTHONPATH", "")])
+        self._environment = {**os.environ, "PYTHONPATH": path, **environment}
         self._file, self.workers = folder / "scheduler.json", []
         self._log = open(folder / "cluster.log", "ab")
         self._file.unlink(missing_ok=True)

@@ -65,7 +65,7 @@ int command_line(const std::vector<std::string>& words, const app::WritePage& pa
   std::vector<const char*> argv = {"handsim"};
   for (const std::string& word : words) argv.push_back(word.c_str());
   // A part of run is the package's, whose process this is.
-  const auto more = !words.empty() && words[0] == "run" ? nullptr : &app::add_other_commands;
+  const auto more = !words.empty() && words[0] == "run" ? &app::add_other_commands : nullptr;
   return without_gil([&] {
     return app::finish_output(app::run_command_line(static_cast<int>(argv.size()), argv.data(), more, page));
   });
