@@ -216,8 +216,9 @@ class Start(NamedTuple):
 
 def _axis(of: dict[str, Any]) -> Axis:
     low, high = of["stop"] or (None, None)
+    stiffness, damping, rest = of["tissue"] or (0.0, 0.0, 0.0)
     return Axis(of["name"], np.array(of["axis"]), -math.inf if low is None else low, math.inf if high is None else high,
-                *(of["tissue"] or (0.0, 0.0, 0.0)), of["tissue"] is not None)
+                stiffness, damping, rest, of["tissue"] is not None)
 
 
 def _filled(kind: Any, of: dict[str, Any], **more: Any) -> Any:
