@@ -34,7 +34,8 @@ void PrintTo(const Usage& usage, std::ostream* out) { *out << usage.name; }
 class BadUsage : public testing::TestWithParam<Usage> {};
 
 TEST_P(BadUsage, IsRefusedWithOneMessage) {
-  if (GetParam().arguments[0] == "export" && std::string_view(HANDSIM_PYTHON_PROGRAM).empty())
+  const bool of_package = !GetParam().arguments.empty() && GetParam().arguments[0] == "export";
+  if (of_package && std::string_view(HANDSIM_PYTHON_PROGRAM).empty())
     GTEST_SKIP() << "built without the Python package";
   const TemporaryFolder folder;
   const std::string mark = "OUT";
