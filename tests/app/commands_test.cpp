@@ -65,7 +65,7 @@ Words run_with(const Words& rest) {
 }
 
 const std::vector<Usage> kUsages = {
-    {"NoCommand", {}, "command: got nothing, need one of check, run, render, export, schema"},
+    {"NoCommand", {}, "command: got nothing, need one of check, run, render, schema, "},
     {"UnknownCommand", {"rum"}, "completion (nearest: run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutScene", {"run", "--out", "OUT"}, "scene is required"},
