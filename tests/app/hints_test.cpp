@@ -239,6 +239,7 @@ TEST(Out, HasADefaultForEveryCommandThatWrites) {
         Case{{"render", "two_hands"}, "two_hands.png"},
         Case{{"export", "two_hands", "--format", "urdf"}, "two_hands.urdf"},
         Case{{"export", "--person", "median_man"}, "export.xml"}}) {
+    if (each.arguments[0] == "export" && std::string_view(HANDSIM_PYTHON_PROGRAM).empty()) continue;
     const Outcome outcome = in_folder(folder.path(), each.arguments);
     EXPECT_TRUE(std::filesystem::exists(folder.path() / "out" / each.made)) << each.made << outcome.err;
   }

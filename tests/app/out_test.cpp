@@ -148,6 +148,7 @@ TEST(InputFiles, AreNeverReplaced) {
                                   {"render", png, "--out", png},
                                   {"render", png, "--out", folder.path() / "d/hard.png"}};
   for (const Words& words : all) {
+    if (words[0] == "export" && !test::has_package()) continue;
     const Outcome outcome = run_program(words);
     EXPECT_EQ(outcome.status, 2) << words[0];
     EXPECT_TRUE(outcome.err.starts_with("--out: got ") && contains(outcome.err, "input")) << outcome.err;
@@ -217,6 +218,7 @@ TEST(SpecialFiles, UnderTheNamesOfOutputsAreRefusedBeforeTheRunAndStay) {
   for (const std::string kind : {"a folder", "a pipe", "a device", "a socket", "a broken link"}) {
     const TemporaryFolder folder;
     for (const char* name : {"x.png", "x.xml", "x.urdf"}) {
+      if (name[2] != 'p' && !test::has_package()) continue;
       const fs::path at = folder.path() / name;
       make_special_file(at, kind);
       const fs::file_type type = fs::symlink_status(at).type();
@@ -246,6 +248,7 @@ TEST(SpecialFiles, UnderTheNamesOfOutputsAreRefusedBeforeTheRunAndStay) {
 TEST(LongNames, AreRefusedBeforeTheRun) {
   const TemporaryFolder folder;
   for (const auto& [command, ending] : {std::pair("render", ".png"), std::pair("export", ".xml")}) {
+    if (std::string_view(command) == "export" && !test::has_package()) continue;
     const fs::path at = folder.path() / (std::string(300, 'x') + ending);
     const Outcome outcome = run_program({command, kScene, "--out", at});
     EXPECT_EQ(outcome.status, 2);

@@ -192,6 +192,7 @@ TEST(ControlTable, SaysThatItsAnglesAreDegrees) {
 }
 
 TEST(TheSceneItself, IsNotOverwritten) {
+  if (std::string_view(HANDSIM_PYTHON_PROGRAM).empty()) GTEST_SKIP() << "built without the Python package";
   const TemporaryFolder folder;
   const fs::path scene = write(folder.path() / "s.xml", test::kBallScene);
   const Outcome outcome =
