@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/index.h"
 #include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
 #include "handsim/core/units.h"
