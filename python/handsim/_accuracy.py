@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional, Sequence
 
 from . import _core
-from ._errors import input_error
 from ._files import ended, read_options
 from ._progress import Told, bar
 from ._shipped import find_file
-from ._study_files import csv_text, json_file, number, origin, plain, print_files, quoted, study_names
+from ._study_files import csv_text, json_file, number, origin, plain, print_files, quoted, real_of, study_names
 
 USAGE = """handsim accuracy STUDY [--out DIR]
 
@@ -255,15 +254,7 @@ def _shown(text: str) -> None:
 
 
 def _target(text: Optional[str]) -> Optional[float]:
-    if text is None:
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise input_error("--target", text, "an error above 0, such as 1e-3")
-    return value
+    return None if text is None else real_of("--target", text, math.ulp(0), sys.float_info.max, "an error above 0, such as 1e-3")
 
 
 def _work(options: dict[str, Any]) -> int:

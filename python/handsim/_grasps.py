@@ -17,7 +17,7 @@ from ._overrides import command_overrides
 from ._progress import Told, bar
 from ._rollouts_command import drawn
 from ._shipped import find_file
-from ._study_files import csv_text, json_file, number, quoted, whole_option
+from ._study_files import csv_text, json_file, number, quoted, real_of, whole_option
 
 USAGE = """handsim grasp SCENES [--out DIR]
 
@@ -260,15 +260,7 @@ def _pages(out: Path, found: dict[str, list[Any]]) -> list[str]:
 
 def _real(options: dict[str, Any], name: str, least: float, most: float, need: str) -> Optional[float]:
     text = options.get(name)
-    if text is None:
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not least <= value <= most:
-        raise input_error(name, text, need)
-    return value
+    return None if text is None else real_of(name, text, least, most, need)
 
 
 def _video(options: dict[str, Any]) -> Optional[tuple[Path, float, float]]:

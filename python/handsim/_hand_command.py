@@ -17,7 +17,7 @@ from ._pictures import png
 from ._scene import Scene, files_of
 from ._shipped import find_file
 from ._statistics import owners_text, quantile, uncertainty_of
-from ._study_files import number, warn, whole_option
+from ._study_files import number, real_of, warn, whole_option
 
 USAGE = """handsim hand [--stature H --mass M --sex SEX]
 
@@ -297,20 +297,11 @@ def yaml_text(scene: Scene, of: Facts) -> str:
 # The command.
 
 def _percentiles(texts: Sequence[str]) -> list[float]:
-    out = []
-    for text in texts:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not 0 <= value <= 100:
-            raise input_error("--percentile", text, "a percentile, 0 to 100")
-        out.append(value)
-    return out or [5.0, 50.0, 95.0]
+    return [real_of("--percentile", text, 0, 100, "a percentile, 0 to 100") for text in texts] or [5.0, 50.0, 95.0]
 
 
 def _hands(person: Optional[Path], measures: dict[str, str], model: Optional[Path], side: str) -> Scene:
-    core, warnings = _core.bare_hands(person, {key[2:].replace("-", "_"): value for key, value in measures.items()}, model, side)
+    core, warnings = _core.person_hands(person, {key[2:].replace("-", "_"): value for key, value in measures.items()}, model, side, "fixed", False)
     warn(warnings)
     return Scene(core)
 

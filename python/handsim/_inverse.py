@@ -20,7 +20,7 @@ from ._progress import Told, bar
 from ._rollouts_command import drawn
 from ._scene import Scene, files_of
 from ._shipped import find_file
-from ._study_files import csv_text, json_file, number, origin, plain, plot_note, print_files, study_names, warn, whole_option
+from ._study_files import csv_text, json_file, number, origin, plain, plot_note, print_files, real_of, study_names, warn, whole_option
 
 Array = NDArray[np.float64]
 
@@ -301,13 +301,7 @@ def _cutoff(text: str) -> Optional[float]:
 
 
 def _least(options: dict[str, Any]) -> Optional[float]:
-    text = options.get("--co-contraction", "0")
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 <= value <= 0.9:
-        raise input_error("--co-contraction", text, "an activation, 0 to 0.9")
+    value = real_of("--co-contraction", options.get("--co-contraction", "0"), 0, 0.9, "an activation, 0 to 0.9")
     for name in ("--co-contraction", "--apart"):
         if name in options and "--muscles" not in options:
             raise input_error(name, "no muscles", "--muscles beside it")

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 import sys
 from pathlib import Path
@@ -20,6 +21,17 @@ def whole_option(options: dict[str, Any], name: str, least: int, most: int, what
     if not text.isascii() or not text.isdigit() or not least <= int(text) <= most:
         raise input_error(name, text, f"{what}, {least} to {most}")
     return int(text)
+
+
+def real_of(name: str, text: str, least: float, most: float, need: str) -> float:
+    """The number of an option."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not least <= value <= most:
+        raise input_error(name, text, need)
+    return value
 
 
 def study_names(name: str, plots: Sequence[str]) -> list[str]:

@@ -191,18 +191,6 @@ py::dict dimensions(const SceneHandle& of) {
   return out;
 }
 
-/// Hands of a person without a scene: straight, side by side, backs up; and warnings.
-/// @param measures texts by key of a person file. @param model absent: the anatomical hand
-py::tuple bare_hands(const std::optional<std::filesystem::path>& person,
-                     const std::map<std::string, std::string>& measures,
-                     const std::optional<std::filesystem::path>& model, const std::string& side) {
-  app::PersonHands input = app::read_person_hands({person, measures, model, side});
-  const std::vector<std::string> warnings = std::move(input.warnings);
-  return py::make_tuple(SceneHandle{std::make_shared<const scene::Scene>(
-                            app::compile_hands(side, hand::Mount::fixed, {}, std::move(input)))},
-                        warnings);
-}
-
 /// Name, type, and axes with their stops, as name, low and high [rad].
 py::tuple joint_facts(const model::Joint& joint) {
   py::list axes;
@@ -286,16 +274,19 @@ py::array_t<double> hand_figures(const SceneHandle& of, const std::vector<DrawnH
   return array_of(out, out.size() / drawn.size());
 }
 
-/// A scene of a person's hands alone, straight, side by side, for other programs: their parts may touch each
-/// other, and what they grip there. With what is doubtful of them.
-/// @param measures by key of a person file. @param side empty: both
-py::tuple person_hands(const app::HandArguments& of, const std::string& mount, bool muscles) {
+/// A scene of a person's hands alone, straight, side by side, backs up: their parts may touch each other, and
+/// what they grip in another program. With what is doubtful of them.
+/// @param measures texts by key of a person file. @param model absent: the anatomical hand
+py::tuple person_hands(const std::optional<std::filesystem::path>& person,
+                       const std::map<std::string, std::string>& measures,
+                       const std::optional<std::filesystem::path>& model, const std::string& side,
+                       const std::string& mount, bool muscles) {
   model::Effects effects;
   for (const model::Effect effect :
        {model::Effect::gravity, model::Effect::self_contact, model::Effect::friction,
         model::Effect::joint_stops, model::Effect::passive_tissue})
     effects.add(effect);
-  app::PersonHands input = app::read_person_hands(of);
+  app::PersonHands input = app::read_person_hands({person, measures, model, side});
   const std::vector<std::string> warnings = input.warnings;
   if (muscles) {
     if (!input.model.muscles)
@@ -308,32 +299,21 @@ py::tuple person_hands(const app::HandArguments& of, const std::string& mount, b
                                                              {"universal", hand::Mount::universal},
                                                              {"free", hand::Mount::free}};
   const auto held = std::ranges::find(kMounts, mount, &std::pair<const char*, hand::Mount>::first);
-  return py::make_tuple(SceneHandle{std::make_shared<const scene::Scene>(app::compile_hands(
-                            of.side.empty() ? "both" : of.side, held->second, effects, std::move(input)))},
+  return py::make_tuple(SceneHandle{std::make_shared<const scene::Scene>(
+                            app::compile_hands(side, held->second, effects, std::move(input)))},
                         warnings);
 }
 
 }  // namespace
 
 void bind_hand(py::module_& module) {
-  module.def("bare_hands", &bare_hands);
   module.def("hand_facts", &hand_facts);
   module.def("hand_figures", &hand_figures);
   module.def("overlap_texts", [](const SceneHandle& of) {
     const model::Model& model = of.scene->model;
     return app::overlap_texts(model, engine::initial_overlaps(model, model::initial_state(model)));
   });
-  module.def("person_hands", [](const std::optional<std::filesystem::path>& person,
-                                const std::map<std::string, std::string>& measures,
-                                const std::optional<std::filesystem::path>& model, const std::string& side,
-                                const std::string& mount, bool muscles) {
-    app::HandArguments of;
-    of.person = person;
-    of.measures = measures;
-    of.model = model;
-    of.side = side;
-    return person_hands(of, mount, muscles);
-  });
+  module.def("person_hands", &person_hands);
   module.def("hand_dimensions", &dimensions);
   module.def("hand_segments", &segments);
   module.def("hand_poses", &poses);
