@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional, Sequence
 
 from . import _core
-from ._files import ended, read_options
+from ._files import ended, read_options, usage
 from ._progress import Told, bar
 from ._shipped import find_file
 from ._study_files import csv_text, json_file, number, origin, plain, print_files, quoted, real_of, study_names
@@ -289,7 +289,6 @@ def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
     if arguments[:1] == ["--rows"]:
         return ended(lambda: _rows(*map(Path, arguments[1:3])))
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
-        print(USAGE, end="")
-        return 0 if arguments else 2
+    if (status := usage(USAGE, arguments)) is not None:
+        return status
     return ended(lambda: _work(read_options("accuracy", arguments, "STUDY", ("--report",), ("--out", "--target"), ())))

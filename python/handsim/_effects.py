@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
-from ._files import ended, read_options
+from ._files import ended, read_options, usage
 from ._overrides import command_overrides
 from ._progress import Told, bar
 from ._scene import Scene, files_of
@@ -424,7 +424,6 @@ def _work(options: dict[str, Any]) -> int:
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
-        print(USAGE, end="")
-        return 0 if arguments else 2
+    if (status := usage(USAGE, arguments)) is not None:
+        return status
     return ended(lambda: _work(read_options("effects", arguments, "SCENE", ("--report", "--json"), ("--out", "--set", "--engine", "--repeats"), ())))

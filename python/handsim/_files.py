@@ -12,7 +12,7 @@ import sys
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
-from typing import Any, Callable, Iterable, Mapping, Sequence, Union
+from typing import Any, Callable, Iterable, Mapping, Optional, Sequence, Union
 
 from . import _core
 from ._errors import Error, Problem, input_error
@@ -125,6 +125,17 @@ def ended(work: Callable[[], int]) -> int:
     return status
 
 
+def usage(text: str, arguments: Sequence[str]) -> Optional[int]:
+    """Prints the usage where it is asked for, or on stderr where nothing is.
+
+    :return: exit status; None: there is work to do
+    """
+    if arguments and not any(each in ("-h", "--help") for each in arguments):
+        return None
+    print(text, end="", file=sys.stdout if arguments else sys.stderr)
+    return 0 if arguments else 2
+
+
 def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequence[str], values: Sequence[str],
                  required: Sequence[str], least: int = 1, most: int = 1, lists: Sequence[str] = ()) -> dict[str, Any]:
     """Options by their names, ``--set`` and ``lists`` as lists, and by ``place`` the one argument without a name, which may be absent
@@ -146,7 +157,8 @@ def read_options(command: str, arguments: Sequence[str], place: str, flags: Sequ
             out[name] = True
         elif name in values or name in lists:
             given = value if equals else next(rest, "")
-            if not given:
+            # The next option is no value: one was forgotten.
+            if not given or not equals and given.partition("=")[0] in (*flags, *values, *lists):
                 raise input_error(name, "nothing", "a value")
             if name in lists:
                 many = out[name]

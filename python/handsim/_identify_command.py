@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import Error, Problem, input_error
-from ._files import OutputFolder, ended, path_of, read_options
+from ._files import OutputFolder, ended, path_of, read_options, usage
 from ._scene import Scene, files_of, load, standing_alone
 from ._shipped import find_file
 from ._table import UNIT
@@ -217,8 +217,7 @@ def _show(found: Identified, result: dict[str, Any], as_json: bool) -> None:
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
-        print(USAGE, end="")
-        return 0 if arguments else 2
+    if (status := usage(USAGE, arguments)) is not None:
+        return status
     return ended(lambda: _work(read_options("identify", arguments, "RECORDING", ("--json",), ("--scene", "--free", "--columns", "--deviation", "--set", "--out"),
                                             ("--scene", "--free"))))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import optimise
 from ._core import has_reports
 from ._errors import input_error
-from ._files import OutputFolder, ended, read_options
+from ._files import OutputFolder, ended, read_options, usage
 from ._derivatives import ACTIONS, exact_step
 from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, files_of, load, standing_alone
@@ -362,9 +362,8 @@ def _options(arguments: Sequence[str]) -> dict[str, Any]:
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
-        print(USAGE, end="")
-        return 0 if arguments else 2
+    if (status := usage(USAGE, arguments)) is not None:
+        return status
     return ended(lambda: _work(_options(arguments)))
 
 

@@ -11,7 +11,7 @@ from typing import Callable, Sequence
 
 from . import _core
 from ._errors import Error, input_error
-from ._files import ended, read_options, write_file
+from ._files import ended, read_options, usage, write_file
 from ._overrides import command_overrides
 from ._run_page import RunTitle, run_page, write_page
 from ._shipped import find_file
@@ -94,9 +94,8 @@ def _view(arguments: Sequence[str]) -> int:
 def _command(name: str, work: Callable[[Sequence[str]], int]) -> Callable[[Sequence[str]], int]:
     def command(arguments: Sequence[str]) -> int:
         """:return: exit status"""
-        if not arguments or any(each in ("-h", "--help") for each in arguments):
-            print(USAGE[name], end="")
-            return 0 if arguments else 2
+        if (status := usage(USAGE[name], arguments)) is not None:
+            return status
         return ended(lambda: work(arguments))
     return command
 

@@ -7,7 +7,7 @@ from typing import Any, Optional, Sequence
 
 from . import _conventions, _core, _inverse
 from ._errors import input_error
-from ._files import ended, read_options
+from ._files import ended, read_options, usage
 from ._progress import bar
 from ._shipped import find_file
 from ._study_files import plot_note, print_files, warn, whole_option
@@ -93,7 +93,6 @@ def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
     if "--convention-from" in arguments:
         return _conventions.main(arguments)
-    if not arguments or any(each in ("-h", "--help") for each in arguments):
-        print(USAGE, end="")
-        return 0 if arguments else 2
+    if (status := usage(USAGE, arguments)) is not None:
+        return status
     return ended(lambda: _work(read_options("track", arguments, "RECORDING", FLAGS, VALUES, ())))

@@ -131,6 +131,7 @@ BAD = {
     "a percentile above all": (["--population", "ansur2", "--percentile", "105"], "--percentile: got 105, need a percentile, 0 to 100"),
     "a percentile of one person": ([*MAN, "--percentile", "5"], "--percentile: got a percentile of one person, need --population beside it"),
     "no folder": ([*MAN, "--out", ""], "--out: got nothing"),
+    "a forgotten person": (["--person", "--out", "out"], "--person: got nothing, need a value"),
 }
 
 

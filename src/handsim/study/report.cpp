@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/input_file.h"
-#include "handsim/core/text.h"
 #include "handsim/core/version.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/report/page.h"
@@ -70,14 +69,6 @@ Json read_json(const fs::path& path) {
   return out.is_object() ? out : Json::object();
 }
 
-std::string cell(const Field& field, const char* format) {
-  if (field.value.is_null()) return "";
-  if (field.value.is_boolean()) return field.value.get<bool>() ? "1" : "0";
-  if (field.value.is_string()) return field.format ? field.value.get<std::string>() : quoted(field.value);
-  return fmt::format(fmt::runtime(field.format ? field.format : format),
-                     field.scale * field.value.get<double>());
-}
-
 }  // namespace
 
 double cpu_now() {
@@ -96,27 +87,6 @@ std::string quoted(std::string text) {
   std::ranges::replace(text, '\n', ' ');
   for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
   return "\"" + text + "\"";
-}
-
-std::string csv_table(const std::string& head, const std::vector<Fields>& rows, const char* format) {
-  std::string out = head + "\n";
-  for (const Fields& row : rows)
-    for (const std::string_view name : split(head, ',')) {
-      const auto found = std::ranges::find(row, name.substr(0, name.find('[')), &Field::column);
-      if (found != row.end()) out += cell(*found, format);
-      out += name.end() == std::string_view(head).end() ? '\n' : ',';
-    }
-  return out;
-}
-
-Json json_table(const std::vector<Fields>& rows) {
-  Json out = Json::array();
-  for (const Fields& row : rows) {
-    Json& entry = out.emplace_back(Json::object());
-    for (const Field& field : row)
-      if (*field.key) entry[field.key] = field.value;
-  }
-  return out;
 }
 
 void add_origin(Json& out) {

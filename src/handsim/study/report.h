@@ -1,4 +1,4 @@
-// Functions for all studies and their reports: CPU time, the median, fields of CSV, common entries of JSON
+// Functions for all studies and their reports: CPU time, the median, text in CSV, common entries of JSON
 // files, NAME.csv, NAME.json, NAME.gp and the plots that gnuplot makes from NAME.gp, and the page of a study,
 // from the tables in its folder and study.json, which has the commands that repeat it and its rows.
 #pragma once
@@ -21,21 +21,6 @@ double median(std::vector<double> values);
 
 /// Text as a field of CSV: in double quotes, on one line.
 std::string quoted(std::string text);
-
-/// A figure of a row in a study's tables, with its place in CSV and in JSON.
-struct Field {
-  const char* column;            ///< of CSV, without its unit; empty: none
-  const char* key;               ///< of JSON; empty: none
-  Json value;                    ///< null where it was not measured
-  double scale = 1;              ///< of the column's number over the key's
-  const char* format = nullptr;  ///< in CSV; absent: text is quoted, numbers have the table's format
-};
-using Fields = std::vector<Field>;
-
-/// CSV with the columns of the head, as `method,step[s]`: empty where a row has no such field, 1 for true.
-std::string csv_table(const std::string& head, const std::vector<Fields>& rows, const char* format = "{}");
-/// The rows as a list of objects, with the keys in the order of their fields.
-Json json_table(const std::vector<Fields>& rows);
 
 /// Adds the measuring environment: `machine`, and `versions` of handsim and the compiler.
 void add_origin(Json& out);
