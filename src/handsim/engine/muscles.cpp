@@ -104,7 +104,7 @@ void Muscles::restore_step() {
       std::copy_n(&start_.fibres[as_index(i) * kTendonLanes], kTendonLanes, lanes);
   }
   goes_on_ = false;
-  // The step before leaves its tensions and rates again, which `end` and the next step ask for.
+  // The step before leaves its tensions and rates again, which `store_state` and the next step ask for.
   if (begun_ == 2) pull(start_);
   --begun_;
 }

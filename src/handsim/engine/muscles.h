@@ -27,7 +27,8 @@ class Muscles {
   bool empty() const { return layout_.arrays().blocks == 0; }
   /// Sets activations, and fibre lengths of muscles with elastic tendons, to those of a state.
   void reset(const model::State& state);
-  /// Computes activations at the end of a step, and tensions at its start. @param q, u by Model::dof_count()
+  /// Computes activations at the end of a step, and tensions at the rates of its start and the lengths to
+  /// which these lead. @param q, u by Model::dof_count()
   void begin_step(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
   /// Undoes the last `begin_step`, at most once, where its step was not made.
   void restore_step();
@@ -66,7 +67,7 @@ class Muscles {
   void place_fibres(std::size_t muscle, std::span<const double> q, double faster, model::State& state) const;
 
   double step_;
-  bool goes_on_ = false;  ///< since `start`
+  bool goes_on_ = false;  ///< `pull` was called since `reset` or `restore_step`
   std::span<const model::Muscle> muscles_;
   TendonLayout layout_;
   const TendonKernel* kernel_;

@@ -58,8 +58,9 @@ struct alignas(32) TendonBlock {
   TendonLane one_way;                   ///< 1: pulls only
   // From step to step.
   TendonLane activation;
-  TendonLane force, slope, rate, excursion;  // Set in each step.
-  int tendon[kTendonLanes];                  ///< of the model: muscle or band; kNoTendon
+  // Set in each step: tension [N] and its slope over the rate [N s/m], rate [m/s] and excursion [m].
+  TendonLane force, slope, rate, excursion;
+  int tendon[kTendonLanes];  ///< of the model: muscle or band; kNoTendon
   bool muscles;
   int elastic;  ///< in TendonArrays::elastic, or kRigid
   int arms, first_arm;
@@ -91,7 +92,8 @@ struct TendonInput {
 /// The tendon kernel of one instruction set. All kernels compute the same bits.
 struct TendonKernel {
   const char* name;
-  /// Activations at the end of a step, arms and tensions at its start, torques and B.
+  /// Activations at the end of a step, arms at its start, tensions at the rates of its start and the lengths
+  /// to which these lead, torques and B.
   void (*pull)(const TendonArrays&, const TendonInput&);
 };
 

@@ -85,7 +85,7 @@ void ArticulatedEngine::reset(const model::State& state) {
   for (std::size_t i = 0; i < next.bodies.size(); ++i)
     if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   mechanism_.load_state(next);
-  mechanism_.forget_contacts();
+  mechanism_.forget_limits();
   if (muscles_) muscles_->reset(next);
   if (contact_) {
     contact_->forget();
@@ -262,11 +262,11 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
         "objects that touch only each other: without the correction of their momentum");
   if (!fast && !moving && !loops_) {
     const bool sound = momentum_.correct(kernel.advance(tree, settings_.step));
-    if (muscles_) muscles_->compute_torques(settings_.step);
+    if (muscles_) muscles_->correct_torques(settings_.step);
     return check(sound, end);
   }
   kernel.compute_torques(tree, settings_.step);
-  if (muscles_) muscles_->compute_torques(settings_.step);
+  if (muscles_) muscles_->correct_torques(settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();

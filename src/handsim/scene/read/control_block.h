@@ -1,4 +1,5 @@
-// The `control` block of a scene: its controller, and the program of each hand.
+// The `control` block of a scene: its controller, and the program of each hand; and the scene's key
+// `excitations`.
 #pragma once
 
 #include <optional>

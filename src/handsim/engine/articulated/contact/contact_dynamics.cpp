@@ -351,7 +351,7 @@ NewtonReport ContactDynamics::solve(double step) {
   return report;
 }
 
-/// The solution: accelerations, what is in force, and the warm start of the next step.
+/// The solution: accelerations, what is in force, and the contacts' impulses.
 void ContactDynamics::store_solution(ContactProblem& p, double step) {
   const std::span<double> du = mechanism_.du();
   memory_.change.assign(as_index(space_.size()), 0.0);
@@ -366,7 +366,7 @@ void ContactDynamics::store_solution(ContactProblem& p, double step) {
     *mechanism_.view(as_index(single)).side = sign(p.limits[as_index(place)].side);
     *mechanism_.view(as_index(single)).saturated = sign(p.limits[as_index(place)].saturated);
   }
-  store_warm_start(p, step);
+  store_impulses(p, step);
   if (pads_) store_pads(p, step);
 }
 

@@ -1,4 +1,4 @@
-// Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
+// Contact with friction in joint space: impulses at the points that the collider finds, solved
 // with stops, torque limits of servos and loops at velocity level, so that all hold at the step's end. The
 // inertia is that of the implicit step, with springs and dampers of tissue and servos.
 #pragma once
@@ -16,7 +16,7 @@
 
 namespace handsim::engine::articulated {
 
-/// Impulses of the last step: the warm start of the next.
+/// Impulses of the last step: the warm start of the next, and what `each_impulse` gives.
 struct ContactMemory {
   struct Point {
     int shape_a = 0, shape_b = 0, index = 0;
@@ -71,7 +71,7 @@ class ContactDynamics {
   void each_impulse(const F& f) const {
     auto point = memory_.points.begin();
     for (const Touch& touch : collider_.touches())
-      for (int index = 0; touches_constrained(touch) && index < touch.count; ++index, ++point)
+      for (int index = 0; has_rows(touch) && index < touch.count; ++index, ++point)
         f(node_of(point->shape_a), node_of(point->shape_b),
           contacts()[touch.first + as_index(index)].position, point->impulse, point->moment);
   }
@@ -116,7 +116,7 @@ class ContactDynamics {
   double stop_target(double room, double step) const;
   void choose_trees(double step);
   bool is_constrained(int dof) const { return constrained_[as_index(root_of_[as_index(dof)])]; }
-  bool touches_constrained(const Touch& touch) const;
+  bool has_rows(const Touch& touch) const;
   void add_contacts(ContactProblem& p, double step);
   void add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface, double share,
                    double step);
@@ -129,7 +129,9 @@ class ContactDynamics {
   double compute_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
                         double share, double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
-  void store_warm_start(const ContactProblem& p, double step);
+  /// The solution's impulses: for the next step's warm start and `each_impulse`, and as the forces of
+  /// contacts that watchers read.
+  void store_impulses(const ContactProblem& p, double step);
   void store_pads(ContactProblem& p, double step);
   void add_loop_rows(ContactProblem& p);
   void bound_axes(ContactProblem& p, double step);

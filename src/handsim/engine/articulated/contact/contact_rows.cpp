@@ -1,4 +1,5 @@
-// Rows of the contact solver: contacts with their materials, loops, and the warm start from the last step.
+// Rows of the contact solver: contacts with their materials, loops; the warm start from the last step, and
+// the impulses and forces of the solution.
 #include <algorithm>
 #include <cmath>
 #include <tuple>
@@ -11,7 +12,7 @@
 namespace handsim::engine::articulated {
 
 /// Whether the step moves the bodies against each other; contacts of two bases would have no finite impulse.
-bool ContactDynamics::touches_constrained(const Touch& touch) const {
+bool ContactDynamics::has_rows(const Touch& touch) const {
   const Contact& any = collider_.contacts()[touch.first];
   return node_of(any.shape_a) != node_of(any.shape_b);
 }
@@ -165,7 +166,7 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
   std::size_t pairs = 0;
   std::pair<int, int> bodies;
   for (const Touch& touch : collider_.touches()) {
-    if (!touches_constrained(touch)) continue;
+    if (!has_rows(touch)) continue;
     const Contact& any = collider_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
@@ -236,11 +237,11 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
   }
 }
 
-void ContactDynamics::store_warm_start(const ContactProblem& p, double step) {
+void ContactDynamics::store_impulses(const ContactProblem& p, double step) {
   memory_.points.clear();
   std::size_t i = 0;
   for (const Touch& touch : collider_.touches()) {
-    if (!touches_constrained(touch)) continue;
+    if (!has_rows(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + as_index(index)];
       const ContactRows& rows = p.contacts[i];
@@ -275,7 +276,7 @@ void ContactDynamics::store_pads(ContactProblem& p, double step) {
   depths_.assign(collider_.contacts().size(), 0.0);
   std::size_t row = 0;
   for (const Touch& touch : collider_.touches()) {
-    if (!touches_constrained(touch)) continue;
+    if (!has_rows(touch)) continue;
     for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i, ++row) {
       const ContactRows& rows = p.contacts[row];
       const double rate = rows.r0[0] + w.s[kMostRows * row];

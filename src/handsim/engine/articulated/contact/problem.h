@@ -74,8 +74,7 @@ struct ContactRows : Dofs {
 };
 
 /// The limits of an unknown: its bounds; and the servo that acts on it, which adds offset - slope x, clamped
-/// to
-/// +-limit, to the right side of the equation. There is no servo where `limit` is 0.
+/// to +-limit, to the right side of the equation. There is no servo where `limit` is 0.
 struct Limits {
   double low, high;                         ///< bounds
   LimitSide side = LimitSide::within;       ///< in: it starts on the bound; out: the bound holds it

@@ -352,7 +352,7 @@ void ContactSlopes::add_slopes(const model::State& start, double step, Eigen::Ma
   bool relaxes = false;
   std::optional<std::pair<int, int>> bodies;
   for (const Touch& touch : contact_.collider_.touches()) {
-    if (!contact_.touches_constrained(touch)) continue;
+    if (!contact_.has_rows(touch)) continue;
     const Contact& any = contact_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(contact_.body_of(any.shape_a), contact_.body_of(any.shape_b));

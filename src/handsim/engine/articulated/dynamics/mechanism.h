@@ -104,7 +104,7 @@ class Mechanism {
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   /// Forgets which stops and torque limits were in force.
-  void forget_contacts();
+  void forget_limits();
   /// @returns whether a node is a free body without children, which has a gyroscopic torque of an implicit
   /// step
   bool is_single_body(std::size_t node) const {

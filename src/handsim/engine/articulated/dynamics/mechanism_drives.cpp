@@ -98,7 +98,7 @@ int Mechanism::stops_in_force() const {
   });
 }
 
-void Mechanism::forget_contacts() {
+void Mechanism::forget_limits() {
   in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
     for (const int single : singles_)
       Axis<W>::each_kept([&](auto field) {

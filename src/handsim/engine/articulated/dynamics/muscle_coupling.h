@@ -47,8 +47,8 @@ class MuscleCoupling {
   }
   /// @returns whether a tendon crosses a coordinate of the model
   bool pulls(std::size_t dof) const;
-  /// Removes h B du from the torques that `compute_torques` wrote.
-  void compute_torques(double step);
+  /// Removes h B du from the torques that the kernel's `compute_torques` or `advance` wrote.
+  void correct_torques(double step);
   /// Writes activations, fibre lengths and tensions.
   void store_state(model::State& state) const { muscles_.store_state(state.q, state.u, state); }
 

@@ -76,7 +76,7 @@ void MuscleCoupling::correct(double step) {
   }
 }
 
-void MuscleCoupling::compute_torques(double step) {
+void MuscleCoupling::correct_torques(double step) {
   const auto take = [](const Coupled& from, double torque) {
     *from.tau -= torque;
     *from.force -= torque;
