@@ -24,6 +24,8 @@ constexpr double kLeastMoment = 1e-9;  ///< Moment per normal force that stands 
 constexpr double kLeastForce = 1e-9;
 /// Least limit of the second friction row, as a share of the first: together they exceed the cone by 8e-4.
 constexpr double kLeastAcross = 0.04;
+/// Share of its limit below which friction is taken to stick in the next solution.
+constexpr double kSticking = 0.99;
 /// Share of the mass by which slip turns the direction of friction. With 0.1 hands of 17 points overshoot.
 constexpr double kDirectionShare = 0.03;
 
@@ -83,6 +85,7 @@ void Contacts::join(const model::State& state, bool rigid_limits) {
       // Friction of their own normal forces would wedge bodies that lie across each other.
       const bool limited = known.pad || (rigid_limits && crossed_.inverse_mass(found[i]) == 0);
       if (friction_ && !iterative_ && limited && limits_.force(i)) known.force = &*limits_.force(i);
+      known.sticks = stuck_[i] != 0;
       add_contact(found[i], touch, known, state);
     }
   }
@@ -107,6 +110,22 @@ void Contacts::update_memory(const model::State& before) {
   if (pads_)
     pads_->store(collider_, step_,
                  [&](std::size_t i) { return depth_after(collider_.contacts()[i], before); });
+}
+
+void Contacts::stick() {
+  stuck_.assign(collider_.contacts().size(), false);
+  if (!friction_ || iterative_) return;
+  for (const Touch& touch : collider_.touches())
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
+      const model::Material& between = touch.surface;
+      const Contact& contact = collider_.contacts()[i];
+      if (!between.compliance || !limits_.force(i) || between.rolling_friction > 0 ||
+          between.spinning(between.friction, contact.depth) > 0)
+        continue;
+      const Vec3& force = *limits_.force(i);
+      const double normal = contact.normal.dot(force);
+      stuck_[i] = (force - normal * contact.normal).norm() < kSticking * between.friction * normal;
+    }
 }
 
 /// How fast the surfaces of a contact part along its normal.
@@ -217,7 +236,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
                      between.rolling_friction == 0 && between.spinning(between.friction, contact.depth) > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
-  if (surface.mu > 0) set_friction_direction(joint, contact, known, state);
+  if (surface.mu > 0 && !known.sticks) set_friction_direction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
   dJointAttach(id, body_of(contact.shape_a), body_of(contact.shape_b));
   contact_joints_.push_back(id);
@@ -236,7 +255,7 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   surface.mode |= dContactAxisDep;
   // Rows with limits near 0 of rigid points that carry nothing make the solver fail.
   if (known.force != nullptr && !known.pad && normal <= kLeastForce) normal = 0;
-  surface.mu = surface.mu2 = between.friction * normal;
+  surface.mu = surface.mu2 = known.sticks ? dInfinity : between.friction * normal;
   if (normal == 0) return;
   const double spinning = between.spinning(between.friction, contact.depth);
   if (spins_by_motor || (between.rolling_friction == 0 && spinning == 0)) return;

@@ -28,6 +28,13 @@ class Contacts {
   void recall(const model::State& state);
   /// Makes the joints of the contacts. @param rigid_limits friction limits of rigid contacts are set, too
   void join(const model::State& state, bool rigid_limits);
+  /// Lets pads whose friction was below its limit have none in the solutions to come: ODE's solver takes each
+  /// row with limits by itself, and all rows without at once.
+  void stick();
+  /// Ends that for all.
+  void unstick() { stuck_.assign(stuck_.size(), false); }
+  /// Ends it for those that hold more than friction can in the step just made. @return whether there was one
+  bool slides() { return friction_ && limits_.release(collider_, forces_, stuck_); }
   /// Reads the forces of the step just made.
   void read_forces();
   /// After a step by the direct solver: takes new friction limits from its forces. @return true if friction
@@ -59,6 +66,7 @@ class Contacts {
     PadStep step;                  ///< of the pair's law
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits
+    bool sticks = false;           ///< friction has no limits in this solution
   };
   void add_contact(const Contact& contact, const Touch& touch, const Known& known, const model::State& state);
   void set_friction(dContact& joint, const Contact& contact, const model::Material& between,
@@ -98,6 +106,7 @@ class Contacts {
   Vec3 fall_;                             ///< velocity that gravity adds in one step [m/s]
   std::vector<dJointID> contact_joints_;  ///< as the list
   std::vector<dJointFeedback> feedback_;  ///< as the list
+  std::vector<char> stuck_;               ///< whether friction has no limits, as the list
   std::vector<Vec3> forces_;              ///< of the last pass, on a's bodies, as the list [N]
 };
 

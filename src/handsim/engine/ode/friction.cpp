@@ -149,6 +149,26 @@ void FrictionLimits::recall(const Collider& collider) {
   }
 }
 
+bool FrictionLimits::release(const Collider& collider, const std::vector<Vec3>& forces,
+                             std::vector<char>& stuck) {
+  double largest = 0;
+  beyond_.assign(forces.size(), 0);
+  for (const Touch& touch : collider.touches())
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
+      const Vec3& n = collider.contacts()[i].normal;
+      const double normal = n.dot(forces[i]), limit = touch.surface.friction * std::max(normal, 0.0);
+      largest = std::max(largest, limit);
+      if (stuck[i]) beyond_[i] = (forces[i] - normal * n).norm() - limit;
+    }
+  bool found = false;
+  for (std::size_t i = 0; i < forces.size(); ++i) {
+    if (beyond_[i] <= kFrictionError * largest) continue;
+    stuck[i] = false;
+    found = true;
+  }
+  return found;
+}
+
 bool FrictionLimits::update(const Collider& collider, const std::vector<Vec3>& forces) {
   double largest = 0, off = 0;  // in units of what it may be
   normals_.clear();

@@ -101,6 +101,10 @@ class FrictionLimits {
   void recall(const Collider& collider);
   /// Force by which the limits of a contact are set; nothing for one that is new.
   const std::optional<Vec3>& force(std::size_t contact) const { return limits_[contact]; }
+  /// Takes out of those that had no limit in the solution just made each that holds more than friction can.
+  /// @param forces of the contacts, on the bodies of shapes a [N]; @param stuck those without a limit
+  /// @return whether there was one
+  bool release(const Collider& collider, const std::vector<Vec3>& forces, std::vector<char>& stuck);
   /// Sets the next limits from the forces of the contacts in the step just made, on the bodies of shapes a.
   /// @return true where friction is off and another solution, with limits of these forces, may come nearer
   bool update(const Collider& collider, const std::vector<Vec3>& forces);
@@ -118,6 +122,7 @@ class FrictionLimits {
  private:
   Memory memory_;
   std::vector<std::optional<Vec3>> limits_;  ///< as the contacts
+  std::vector<double> beyond_;               ///< friction beyond the limit that it had not, as the contacts [N]
   std::vector<double> normals_;              ///< the normal forces that the limits were of, as the contacts
   std::optional<double> error_;  ///< of the solution before, of what may be; nothing: it was the first
 };

@@ -28,6 +28,9 @@ void timed(double* ns, Part part) {
 
 constexpr const char* kRemedy = "use a smaller step, weaker gains or torques, or a start without overlap";
 
+/// Solutions of a step that may be thrown away because a pad that was taken to stick slides.
+constexpr int kThrownAway = 3;
+
 /// Seed of one step (splitmix64, Steele, Lea & Flood 2014) of run's seed and step number: no state to save.
 std::uint64_t step_seed(std::uint64_t seed, long long number) {
   std::uint64_t z = seed + 0x9e3779b97f4a7c15ULL * (static_cast<std::uint64_t>(number) + 1);
@@ -109,17 +112,25 @@ StepReport OdeEngine::make_step(const StepInput& input, double end) {
 }
 
 /// Makes the direct solver's step again where friction's limits are of other normal forces, or something
-/// without a limit passes its own.
+/// without a limit passes its own. Pads that stuck are taken to stick, as most of a held object's do; what
+/// then slides costs a solution that is thrown away.
 void OdeEngine::solve(const StepInput& input, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
   const int passes = again ? settings_.ode().friction_passes : 1;
   start_.clear();
   for (const std::size_t i : moving_)
     if (again) start_.push_back(step_start(bodies_[i]));
+  const auto back = [&] {
+    contacts_->release();
+    for (std::size_t k = 0; k < moving_.size(); ++k) put_back(bodies_[moving_[k]], start_[k]);
+  };
+  if (contacts_) contacts_->stick();
   bool rigid_limits = true;
-  for (int pass = 1;; ++pass) {
+  int thrown_away = 0;
+  for (int pass = 1;;) {
     // The last solution has all limits.
     const bool relaxed = pass < passes;
+    if (contacts_ && (!relaxed || thrown_away == kThrownAway)) contacts_->unstick();
     joints_->relax_servos(relaxed && !input.servos.empty() ? (pass > 1 ? tau_servo_ : state_.tau_servo)
                                                            : std::span<const double>());
     if (contacts_) timed(&report.collide_ns, [&] { contacts_->join(state_, rigid_limits); });
@@ -130,13 +141,18 @@ void OdeEngine::solve(const StepInput& input, StepReport& report) {
     joints_->read_torques(input.torques, tau_, tau_servo_);
     if (contacts_) contacts_->read_forces();
     if (!again) return;
+    if (contacts_->slides()) {
+      ++thrown_away;
+      back();
+      continue;
+    }
     const bool revised = contacts_->update_limits();
     const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
     if (!wrong || (pass >= passes && !(report.lcp_failures > 0 && rigid_limits))) return;
     // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
     if (pass >= passes) rigid_limits = false;
-    contacts_->release();
-    for (std::size_t k = 0; k < moving_.size(); ++k) put_back(bodies_[moving_[k]], start_[k]);
+    back();
+    ++pass;
   }
 }
 
