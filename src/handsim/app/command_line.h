@@ -119,7 +119,7 @@ std::string completion_script(const CLI::App& app, const std::string& shell);
 std::string man_page(const CLI::App& app, const std::string& version);
 
 void add_scene_commands(CommandLine& line);
-/// For help and completion alone: these commands never reach CLI11.
+/// Adds the commands of other programs, for help and completion alone: these never reach CLI11.
 void add_other_commands(CommandLine& line);
 
 /// True for a command of the Python package or of the tests, and for the page of a run.

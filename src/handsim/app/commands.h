@@ -51,7 +51,7 @@ struct HandArguments {
   std::string side;
 };
 
-/// What these say.
+/// The person and the hand model that a command's options name.
 struct PersonHands {
   hand::HandSpec model;
   hand::Person person;

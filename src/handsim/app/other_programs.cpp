@@ -25,8 +25,8 @@ constexpr const char* kHardCases = "stability";
 struct OtherCommand {
   const char *name, *help, *example;
   const char* place;  ///< what completion offers in place of an option: `scene`, `study` or nothing
-  /// Their long names, with blanks between; after a sign what completion offers for their values: words,
-  /// a folder of shipped files, or `$`: what `handsim COMMAND --NAMEs` prints.
+  /// The options' long names, with blanks between; after a sign what completion offers for their values:
+  /// words, a folder of shipped files, or `$`: what `handsim COMMAND --NAMEs` prints.
   const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.

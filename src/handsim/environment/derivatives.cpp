@@ -28,7 +28,7 @@ const control::Plan* controller_of(const simulation::Simulation& simulation, boo
   return &*scene.control;
 }
 
-/// How the drive of each axis changes with its angle (by_q) and its target.
+/// Adds how the drive of each axis changes with its angle (by_q) and its target.
 std::vector<double> add_feedback(const control::Plan& plan, const model::Model& model, double step,
                                  Derivatives& to) {
   engine::articulated::Feedback& out = to.feedback;

@@ -20,7 +20,8 @@ void require_size(const char* what, std::size_t got, std::size_t need, const cha
 
 }  // namespace
 
-/// What a simulation needs of a scene, without its sources: thousands of environments may have a copy.
+/// The part of a scene that a simulation needs, without its sources: thousands of environments may have a
+/// copy.
 std::shared_ptr<scene::Scene> Environment::lean(const scene::Scene& scene) {
   auto out = std::make_shared<scene::Scene>();
   out->spec.title = scene.spec.title;
@@ -174,7 +175,7 @@ void Environment::check(const Action& action, int substeps) const {
   if (substeps < 1) throw input_error("substeps", fmt::format("{}", substeps), "1 or more");
 }
 
-/// Where the driven wrists are at the end of one of the substeps.
+/// Poses of the driven wrists at the end of one of the substeps.
 std::span<const Pose> Environment::wrist_targets(const Action& action, int step, int substeps) {
   const model::Model& model = scene_->model;
   const std::size_t count = std::max(action.wrists.size(), action.wrist_rates.size());

@@ -61,7 +61,7 @@ class Observation {
   std::vector<int> objects_;             ///< bodies
   std::vector<std::string> hand_parts_;  ///< palm and fingers of each hand
   std::vector<std::string> others_;      ///< objects, then `other`
-  /// By shape: index in hand_parts_ if it is part of a hand; else other_ has its index in others_.
+  /// For each shape the index in hand_parts_ if it is part of a hand; else other_ has its index in others_.
   std::vector<std::optional<std::size_t>> hand_part_;
   std::vector<std::size_t> other_;
 };

@@ -46,9 +46,9 @@ struct FileKind {
 };
 inline constexpr std::size_t kMarkBytes = 1000;
 
-/// What may be written to the path of `--out`, `--video` and the like: a new file, or one in place of an
-/// empty file or one of its kind; all else is the user's. @param option for messages. @throws Error (input)
-/// for another file, one of the inputs, as file_target, and for a folder that cannot be written
+/// Checks what may be written to the path of `--out`, `--video` and the like: a new file, or one in place of
+/// an empty file or one of its kind; all else is the user's. @param option for messages. @throws Error
+/// (input) for another file, one of the inputs, as file_target, and for a folder that cannot be written
 void check_target(const std::string& option, const std::filesystem::path& path, const FileKind& kind,
                   const OutputFolder::Inputs& inputs = {});
 

@@ -28,7 +28,7 @@ class Numbers {
 
   std::span<const double> span() const { return span_; }
   bool empty() const { return span_.empty(); }
-  /// As the constructor, but None gives no numbers.
+  /// Numbers of an array, as the constructor makes them; None gives none.
   static Numbers optional(const py::object& array, const std::vector<py::ssize_t>& shape,
                           const std::string& name) {
     return array.is_none() ? Numbers() : Numbers(array, shape, name);

@@ -124,7 +124,7 @@ class BatchHandle {
     return array_of(out, std::max<std::size_t>(1, out.size() / batch_.size()));
   }
 
-  /// What a function finds in one environment.
+  /// The result of a function of one environment, which no other thread changes meanwhile.
   template <class Find>
   auto read(std::size_t i, const Find& find) {
     if (i >= batch_.size())

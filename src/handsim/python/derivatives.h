@@ -6,7 +6,7 @@
 
 namespace handsim::python {
 
-/// By the names of Derivatives in _derivatives.py, and what it makes the rest from.
+/// Arrays by the names of Derivatives in _derivatives.py, and what it makes the rest from.
 py::dict arrays_of(const environment::Derivatives& found, const model::Model& model);
 /// A state after a change of (q, u), as StepDerivatives has them, or none; joints' children are still to be
 /// placed.

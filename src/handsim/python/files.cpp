@@ -9,7 +9,7 @@ namespace handsim::python {
 using Path = std::filesystem::path;
 using Paths = std::vector<Path>;
 
-/// How python/handsim/_files.py writes.
+/// Binds what python/handsim/_files.py writes files with.
 void bind_files(py::module_& module) {
   module.attr("page_mark") = py::bytes(std::string(output::page_mark()));
   module.def("files_read", [](const SceneHandle& of) { return scene::files_read(*of.scene); });

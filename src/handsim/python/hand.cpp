@@ -130,7 +130,7 @@ py::array_t<double> inverse_dynamics(const SceneHandle& of, const py::object& q,
   return array_of(model::inverse_dynamics(posture.model, posture.state, change.span(), pull));
 }
 
-/// Of the muscles at coordinates: moment arms by muscle and coordinate [m], excursions [m], the force that
+/// The muscles at coordinates: moment arms by muscle and coordinate [m], excursions [m], the force that
 /// full activation adds, and the force at rest [N]. By coordinate: the torque of bands [N m].
 py::tuple muscles_at(const SceneHandle& of, const py::object& q) {
   const model::Model& model = of.scene->model;

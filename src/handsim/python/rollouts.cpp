@@ -77,7 +77,7 @@ py::dict head_of(const Rollouts& of) {
   return out;
 }
 
-/// Of a rollout that is written whole: rows and numbers in a row, at most; how many are written.
+/// Sizes of a rollout that is written whole: rows and numbers in a row, at most; how many are written.
 std::tuple<double, std::size_t, int> recorded(const Rollouts& of) {
   const scene::Scene& scene = of.study().sample();
   return {1 + scene.spec.duration / scene.spec.solver.step /

@@ -82,7 +82,8 @@ std::vector<std::pair<std::string, bool>> all_objects(const SceneHandle& of) {
   return out;
 }
 
-/// What a step takes from outside: bodies on which forces act, poses of driven wrists, excitations.
+/// The numbers that a step takes from outside: bodies on which forces act, poses of driven wrists,
+/// excitations.
 py::tuple takes(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
   const engine::Settings& settings = of.scene->spec.solver;

@@ -55,7 +55,7 @@ class Calls {
   std::atomic<std::thread::id> thread_;  ///< that is in a call
 };
 
-/// For loops in the thread that has called from Python.
+/// Looks for signals, such as Ctrl-C, in loops of the thread that has called from Python.
 class Signals {
  public:
   /// @param progress called with the share done, 0..1; may be None.
@@ -90,7 +90,7 @@ class Signals {
   friend auto run_study(const py::object& progress, Study&& study);
 };
 
-/// What a study gets: to be told the share done, and a flag that ends it.
+/// Hooks of a study: who is told the share done, and a flag that ends it.
 struct StudyHooks {
   std::function<void(double)> told;  ///< throws Interrupted once the study is to end
   std::atomic<bool> stop = false;

@@ -70,9 +70,9 @@ class SimulationHandle {
     });
   }
 
-  /// As step(), one step at a time: targets and wrists go evenly from their first to second rows in so many
-  /// steps each (`length`), of which `done` are done; springs pull; each step waits for its time, unless
-  /// `wake` ends the call.
+  /// Steps in real time, as step() does, one step at a time: targets and wrists go evenly from their first to
+  /// second rows in so many steps each (`length`), of which `done` are done; springs pull; each step waits
+  /// for its time, unless `wake` ends the call.
   /// @param springs body, its point [m], its goal in the world [m], stiffness, damping, largest force
   /// @param start of the first step, by the monotonic clock [s]. @param period of the steps [s]; 0: no wait
   /// @return how long after its due start each step was complete [s], and the springs' last forces [N]
@@ -173,7 +173,7 @@ class SimulationHandle {
       work();
     });
   }
-  /// What a function finds in the simulation.
+  /// The result of a function of the simulation, which no other thread changes meanwhile.
   template <class Find>
   auto read(const Find& find) {
     return calls_.one([&] { return find(simulation()); });

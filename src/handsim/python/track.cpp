@@ -16,7 +16,7 @@ namespace {
 
 using std::filesystem::path;
 
-/// What is tracked, with the files that it names.
+/// The input of a tracking: the recording, with the files that it is read by.
 std::unique_ptr<study::TrackInput> track_input(const path& recording, const std::optional<path>& person,
                                                const path& model, const std::optional<path>& markers,
                                                std::optional<char> up, std::optional<bool> left_handed,

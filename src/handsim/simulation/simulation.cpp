@@ -199,7 +199,7 @@ engine::StepInput Simulation::excite(engine::StepInput input, const engine::Step
   return input;
 }
 
-/// What drives the joints in the next step: the controller, constant torques, climbs and the caller.
+/// The input of the next step: what the controller, constant torques, climbs and the caller ask for.
 engine::StepInput Simulation::command(const engine::StepInput& action) {
   if (controller_) controller_->command(engine_->state());
   if (climbs_.empty() && action.torques.empty() && action.servos.empty()) {

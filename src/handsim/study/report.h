@@ -48,12 +48,13 @@ bool write_report(const std::filesystem::path& out, const std::string& name, con
 /// Names of a study's files.
 std::vector<std::string> report_files(const std::string& name, const std::vector<std::string>& plots);
 
-/// What a page adds to a study's tables.
+/// Commands that a page adds to a study's tables.
 struct StudyCommands {
   std::string study;  ///< the command that repeats it
-  /// By the name of a table (`accuracy.csv`): the command of each row, in its order.
+  /// The command of each row, in its order, by the name of the table (`accuracy.csv`).
   std::map<std::string, std::vector<std::string>> rows = {};
-  /// By the name of a table: a command with columns in braces, `handsim run s.yaml --rollout {rollout}`.
+  /// A command for all rows, by the name of the table: columns stand in braces, `handsim run s.yaml --rollout
+  /// {rollout}`.
   std::map<std::string, std::string> templates = {};
 };
 

@@ -122,8 +122,8 @@ class FrictionLimits {
  private:
   Memory memory_;
   std::vector<std::optional<Vec3>> limits_;  ///< as the contacts
-  std::vector<double> beyond_;               ///< friction beyond the limit that it had not, as the contacts [N]
-  std::vector<double> normals_;              ///< the normal forces that the limits were of, as the contacts
+  std::vector<double> beyond_;   ///< friction beyond the limit that it had not, as the contacts [N]
+  std::vector<double> normals_;  ///< the normal forces that the limits were of, as the contacts
   std::optional<double> error_;  ///< of the solution before, of what may be; nothing: it was the first
 };
 

@@ -261,8 +261,8 @@ std::vector<double> mobilities(const model::Model& model) {
   return out;
 }
 
-/// Which groups meet; every two shapes that may touch, with their surface; mobilities where some surface
-/// gives way.
+/// Adds the key of contact: which groups meet; every two shapes that may touch, with their surface;
+/// mobilities where some surface gives way.
 void add_contact(const model::Model& model, Json& out) {
   out["groups"] = model.groups.size();
   out["rules"] = each_of(model.contact_rules, [](const model::ContactRule& rule) {

@@ -196,7 +196,8 @@ double legend(cairo_t* pen, double x, double y, double length, const std::string
   return x + length + 0.5 * size + extents.x_advance;
 }
 
-/// In the lower left corner of a cell. @param scale of the cell on the page [pixels/m].
+/// Draws the scale bar, and the arrow of a force, in the lower left corner of a cell. @param scale of the
+/// cell on the page [pixels/m].
 void put_scale(cairo_t* pen, const Layout& page, int x, int y, double scale, std::optional<double> force) {
   constexpr double kShare = 0.22;  // of the cell's width at most
   const double size = 0.46 * page.caption_height;

@@ -36,7 +36,7 @@ enum class Gl { osmesa, egl };
 
 /// Name on the command line: `osmesa`, `egl`.
 const char* name_of(Gl gl);
-/// Those of this build, the default first.
+/// The ways to OpenGL of this build, the default first.
 std::vector<Gl> built_gls();
 
 }  // namespace handsim::output

@@ -36,7 +36,7 @@ Eigen::Vector4f rectangle_of(const Solid& solid, const Eigen::Matrix4f& projecti
 
 class Meshes {
  public:
-  /// In the context that is current.
+  /// Makes the meshes in the OpenGL context that is current.
   Meshes();
 
   /// Solids of the scene nearest first, then points and arrows. @param height of the picture [pixels]

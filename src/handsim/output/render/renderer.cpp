@@ -24,7 +24,7 @@ constexpr int kLargest = 8192;
 /// Pictures larger than this are drawn in tiles, which bounds the memory [pixels].
 constexpr int kTile = 2048;
 constexpr int kSamples = 4;
-/// What is less below the ground is no part of the picture's edges [m].
+/// Depth below the ground up to which a surface is no part of the picture's edges [m].
 constexpr double kSunk = 1e-4;
 /// Edge of the ground's shade texture [texels]; it need not be finer than the picture.
 int shade_size(int height) { return std::clamp(height * 2 / 3, 64, 512); }

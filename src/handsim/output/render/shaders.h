@@ -37,7 +37,7 @@ extern const std::string_view occlusion_glsl;
 /// Solids: vertices of a Mesh; the point and the normal of the surface at each pixel.
 extern const std::string_view solid_vertex_glsl;
 extern const std::string_view surface_fragment_glsl;
-/// Their light: a rectangle of the picture, shaded by `capsules` and `solids`.
+/// The light of all shapes: a rectangle of the picture, shaded by `capsules` and `solids`.
 extern const std::string_view rectangle_vertex_glsl;
 extern const std::string_view solid_fragment_glsl;
 /// The shade of one solid on the ground: red is the visible share of the key light, alpha that of the sky.

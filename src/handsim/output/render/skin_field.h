@@ -48,7 +48,7 @@ struct Ray {
   double embedded = 0;        ///< depth of the first segment in the palm at its joint [m]
 };
 
-/// In the hand frame, fingers spread.
+/// The field whose zero is a hand's skin, in the hand frame, fingers spread.
 class SkinField {
  public:
   SkinField(const model::Model& model, const model::HandIndex& hand);

@@ -20,7 +20,7 @@ void require_three();
 /// A word of a shell's command, in single quotes where it needs them.
 std::string shell_word(const std::string& text);
 
-/// What every page begins with.
+/// The first bytes of every page, by which files of handsim's are known.
 std::string_view page_mark();
 
 /// The text of the page. @param json text of an object; its strings cannot end the script that has them.

@@ -30,7 +30,7 @@ struct Pictured {
   const scene::PictureSpec& pictures;
 };
 
-/// How pictures are drawn, apart from what the scene says.
+/// Settings of the drawing that are not the scene's.
 struct Drawing {
   std::optional<output::Gl> gl;  ///< absent: the default of this build
   int threads = 1;               ///< that draw, see output/video/video.h
@@ -52,12 +52,13 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
 /// so; otherwise one camera shows the whole motion.
 std::vector<output::Camera> cameras(const Pictured& of, std::span<const PictureState> moments,
                                     std::size_t smooth = 0);
-/// What a picture of the moment shows: without lost bodies, further than 1 m from every hand.
+/// The shapes and arrows that a picture of the moment shows: without lost bodies, further than 1 m from every
+/// hand.
 output::DrawList shown(const Pictured& of, const PictureState& moment, std::optional<double> force_scale);
 /// The part of `shown` that a camera follows: hands and the shapes that they touch.
 output::DrawList followed(const Pictured& of, const PictureState& moment, const output::DrawList& shown);
 
-/// What is common to all pictures of a run.
+/// Camera, ground and light, which are common to all pictures of a run.
 struct Stage {
   output::Camera camera;         ///< shows what the cameras of all moments follow
   std::optional<double> ground;  ///< height of the ground or floor [m]; absent: none

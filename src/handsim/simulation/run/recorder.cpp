@@ -55,7 +55,8 @@ void Recorder::plan_poses() {
   }
 }
 
-/// Where a shake has moved the hand furthest: along x in the first level, y in the second, z in the third.
+/// The moment at which a shake has moved the hand furthest: along x in the first level, y in the second, z in
+/// the third.
 Recorder::Planned Recorder::extreme_of(const scene::TaskPhase& phase, std::size_t level) const {
   Planned out{std::lround(phase.end / step_), caption(phase.name, phase.end), Vec3::Zero()};
   std::vector<model::Shake> of_phase;

@@ -170,7 +170,7 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
   }
 }
 
-/// What only a controlled scene can show.
+/// Refuses options that only a controlled scene has.
 void check_controlled(const scene::Scene& scene, const RunOptions& options) {
   if (!scene.control)
     throw input_error(options.plots ? "--plots" : "--poses", "a scene without a control block",

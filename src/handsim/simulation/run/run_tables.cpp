@@ -229,7 +229,7 @@ void RunTables::add_driven() {
   });
 }
 
-/// What the scene asks for.
+/// Adds the tables that the scene asks for by `record`.
 void RunTables::add_extra() {
   const scene::RecordTables& tables = simulation_.scene().spec.tables;
   const model::Model& model = simulation_.model();

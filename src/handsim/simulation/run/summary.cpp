@@ -46,7 +46,7 @@ const char* overall(const RunResult& result) {
   return result.judged() ? "held" : "not judged";
 }
 
-/// What watchers add to: their keys, in the order of the file.
+/// The key `control`, to which watchers add theirs, in the order of the file.
 Json control_json(const control::Plan& plan) {
   return {{"form", plan.form == control::Form::implicit_gain ? "implicit" : "explicit"},
           {"gravity_compensation", plan.gravity.has_value()},
@@ -54,7 +54,7 @@ Json control_json(const control::Plan& plan) {
           {"share_of_step", nullptr}};
 }
 
-/// What the run itself reports, and the keys that watchers fill in, in the order of the file.
+/// Adds the figures of the run itself, and the keys that watchers fill in, in the order of the file.
 void add_run(const Simulation& simulation, const RunResult& result, Json& out) {
   const scene::Scene& scene = simulation.scene();
   out["title"] = scene.spec.title;

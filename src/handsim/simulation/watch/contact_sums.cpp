@@ -9,7 +9,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// What a step adds to a sum, the force taken with this sign.
+/// Adds a contact of a step to a sum, the force taken with this sign.
 void add(ContactSum& sum, const engine::Contact& contact, double sign) {
   ++sum.contacts;
   sum.force += sign * contact.force;

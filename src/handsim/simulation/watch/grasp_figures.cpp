@@ -130,7 +130,7 @@ void GraspWatch::update(const engine::Engine& engine) {
   if (time >= end_ - half_step_) finish(engine, now);
 }
 
-/// Which part of the hand touched the object last, and since when none does.
+/// Notes which part of the hand touched the object last, and since when none does.
 void GraspWatch::watch_touch(const engine::Engine& engine) {
   const engine::Contact* deepest = nullptr;
   std::optional<std::size_t> part;

@@ -22,7 +22,7 @@ inline constexpr double kShakenShift = 5e-3;                   ///< at any time 
 inline constexpr double kSlipSpan = 4;
 /// An object that no part of the hand has touched for so long is lost [s]: it has fallen 0.3 m.
 inline constexpr double kLostSpan = 0.25;
-/// For so long an object that has moved too far is watched further [s]: the hand may let go of it.
+/// Time for which an object that has moved too far is watched further [s]: the hand may let go of it.
 inline constexpr double kMovedSpan = 0.5;
 
 /// The grip at one time.

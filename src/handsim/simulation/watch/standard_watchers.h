@@ -13,8 +13,8 @@
 
 namespace handsim::simulation {
 
-/// In this order, each only if the scene needs it: Monitor, Convergence, Tunnelling (contacts), Grasps,
-/// Climbs, Tracking (control), ContactSums (record.contacts), Ledger, RunHash.
+/// The watchers of every run, in this order, each only if the scene needs it: Monitor, Convergence,
+/// Tunnelling (contacts), Grasps, Climbs, Tracking (control), ContactSums (record.contacts), Ledger, RunHash.
 inline Watchers standard_watchers(const Watched& watched) {
   const scene::SceneSpec& spec = watched.scene.spec;
   Watchers out;

@@ -35,7 +35,7 @@ struct GraspStudy {
   std::function<void(double)> progress;
 };
 
-/// What a row says of its run.
+/// A row of the table: one run.
 struct RunRow {
   std::string scene;                    ///< file name without extension
   std::string side;                     ///< of the hand

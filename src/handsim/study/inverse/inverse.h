@@ -53,7 +53,7 @@ struct InverseRow {
   // With activations; by muscle, and torque that the muscles leave undone [N m].
   std::vector<double> excitation, activation, reserve;
 
-  /// What muscles or motors give: moment - passive.
+  /// The torque that muscles or motors give: moment - passive.
   double active(std::size_t dof) const { return moment[dof] - passive[dof]; }
 };
 

@@ -44,13 +44,14 @@ struct RolloutRow {
   TimeSeries curves;  ///< for bands
 };
 
-/// What all parts of a study share.
+/// The head of a table, which all parts of a study share.
 struct TableHead {
   std::string title;
   long size = 0;  ///< rollouts of the whole study
   std::string seed;
   std::vector<Column> columns;
-  /// What results depend on: study and scene files, handsim's commit, the engine and the mathematics library.
+  /// The origin, on which results depend: study and scene files, handsim's commit, the engine and the
+  /// mathematics library.
   std::vector<std::string> origin;
 };
 

@@ -211,7 +211,7 @@ bool within(const std::string& path, const std::string& other) {
   return (path + ".").starts_with(other + ".");
 }
 
-/// What is drawn for a key has a value at a path below it.
+/// Whether each thing that may be drawn for a key has a value at a path below it.
 bool has_value(const BoundKey& bound, const std::string& part) {
   const VariedKey& key = bound.key;
   if (key.from == VariedKey::From::population)

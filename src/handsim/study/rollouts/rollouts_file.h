@@ -43,7 +43,7 @@ struct VariedKey {
   Place place;
 };
 
-/// What is measured of a scene: figures by name, and curves.
+/// Measurements of a scene: figures by name, and curves.
 struct Findings {
   std::vector<std::pair<std::string, Cell>> figures;
   TimeSeries curves;

@@ -10,7 +10,7 @@ namespace handsim::study {
 class HandFrames {
  public:
   HandFrames(const Recording& recording, std::vector<Feature> of, model::Side side);
-  /// What was measured in one frame, by feature.
+  /// The measured points of one frame, by feature.
   MeasuredFrame at(std::size_t frame) const;
   std::size_t size() const { return size_; }
   /// True where some frame has a point, or an orientation.

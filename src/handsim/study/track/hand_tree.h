@@ -85,7 +85,7 @@ class HandTree {
 /// the joints from the base to the tip (thumb: CMC, MCP, IP, tip; fingers: MCP, PIP, DIP, tip).
 /// @throws Error (input) for a hand model without these five fingers.
 std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand& hand);
-/// Their names: `wrist`, `thumb_cmc`, ... `little_tip`.
+/// Names of the keypoints: `wrist`, `thumb_cmc`, ... `little_tip`.
 std::vector<std::string> keypoint_names();
 
 }  // namespace handsim::study

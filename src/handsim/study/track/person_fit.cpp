@@ -36,9 +36,9 @@ hand::Person adult() {
   return out;
 }
 
-/// What is fitted: hand length, breadth and bones over those of a person of that length, then the shares of
-/// features with a spread, less those that they have. Markers of a last segment are placed in metres: its
-/// length does not move them.
+/// The unknowns of the fit: hand length, breadth and bones over those of a person of that length, then the
+/// shares of features with a spread, less those that they have. Markers of a last segment are placed in
+/// metres: its length does not move them.
 struct Unknowns {
   struct Share {
     std::size_t feature = 0;
@@ -373,7 +373,7 @@ void check_unit(const std::vector<HandFrames>& hands, const std::string& recordi
                       ".csv, in .json as \"unit\"");
 }
 
-/// What of the hand is beyond percentile 1 or 99 of the survey, among people like this one.
+/// Says what of the hand is beyond percentile 1 or 99 of the survey, among people like this one.
 std::string implausible(const hand::HandSpec& spec, const KnownPerson& known, const hand::Person& fitted) {
   constexpr double kBeyond = 2.326;
   const hand::Person like = known.named ? known.person : adult();

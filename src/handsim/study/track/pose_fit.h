@@ -8,7 +8,7 @@
 
 namespace handsim::study {
 
-/// What was measured of a feature; absent: not seen.
+/// A measured feature; absent: not seen.
 struct MeasuredPoint {
   std::optional<Vec3> point;        ///< world [m]
   std::optional<Quat> orientation;  ///< q_WorldSensor

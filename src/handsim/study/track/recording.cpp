@@ -58,7 +58,7 @@ class LineReader : public RecordingReader {
 
 constexpr std::array<std::string_view, 7> kParts = {".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz"};
 
-/// Where the parts of a channel stand in a row.
+/// Columns of a row in which the parts of a channel stand.
 struct ChannelColumns {
   std::array<std::optional<std::size_t>, 7> at;
   Vec3 unit = Vec3::Ones();               ///< of x, y and z [m]

@@ -52,7 +52,7 @@ class Seen {
   std::vector<T> values_;
 };
 
-/// What was recorded under one name.
+/// Points and orientations that were recorded under one name.
 struct Channel {
   Seen<Vec3> points;         ///< world [m]
   Seen<double> confidences;  ///< of points, where the file states them: to 1
@@ -66,7 +66,7 @@ struct Recording {
   std::vector<std::string> warnings;        ///< what of the file is left out, and why
 };
 
-/// How a tracker writes its points.
+/// The form in which a tracker writes its points.
 struct RecordingFormat {
   std::vector<std::string> names;  ///< by number; empty: the 21 keypoints
   char up = 'z';                   ///< the axis that points up; `y`, or -y: `Y`, becomes z by a turn about x

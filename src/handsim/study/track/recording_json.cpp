@@ -152,7 +152,7 @@ class JsonReader : public RecordingReader {
     }
   }
 
-  /// What the head says may stand behind the frames.
+  /// Ends the reading: keys of the head may stand behind the frames.
   void finish(double rate, const std::string& unit) {
     place_ = {place_.file, 1, 1};
     const double size = unit.empty() ? format_.unit : unit == "m" ? 1 : unit == "cm" ? 1e-2 : 1e-3;

@@ -47,7 +47,7 @@ class RecordingReader {
   }
   /// The frame that add_time() has begun.
   std::size_t frame() const { return out_.times.size() - 1; }
-  /// How sure the tracker is of a point of this frame.
+  /// Adds how sure the tracker is of a point of this frame.
   void add_confidence(Channel& channel, const std::string& name, double confidence) const {
     if (!(confidence <= 1))
       fail(fmt::format("a {} of {:g}", format_.confidence, confidence), "one of at most 1", name);
@@ -84,7 +84,7 @@ class RecordingReader {
   Recording out_;
 };
 
-/// Of frames of points in .json (read_recording).
+/// Reads a recording of frames of points in .json, for read_recording.
 Recording read_json_recording(const std::filesystem::path& path, const RecordingFormat& format);
 
 }  // namespace handsim::study

@@ -13,7 +13,7 @@
 
 namespace handsim::study {
 
-/// What became of a hand in a frame. Only tracked frames have angles.
+/// The result of a hand in a frame. Only tracked frames have angles.
 enum class FrameStatus {
   tracked,
   missing,  ///< too few points were seen
@@ -94,7 +94,7 @@ struct TrackResult {
 
 /// @throws Error (input) for a recording that cannot be read or has no hand of the marker set.
 TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress = {});
-/// As above, but with a recording in memory.
+/// Tracks a recording in memory, otherwise as above.
 TrackResult run_track(const TrackInput& input, const Recording& recording,
                       const std::function<void(double)>& progress = {});
 

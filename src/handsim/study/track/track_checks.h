@@ -9,7 +9,7 @@ namespace handsim::study {
 /// `right`, `left`.
 const char* side_name(model::Side side);
 
-/// What of a recording no hand uses, and times that look like milliseconds.
+/// Warnings: what of a recording no hand uses, and times that look like milliseconds.
 /// @throws Error (input) where nothing in it is named as a keypoint or marker.
 std::vector<std::string> recording_warnings(const TrackInput& input, const Recording& recording);
 /// An empty text, or why all frames of a hand may be swapped.
