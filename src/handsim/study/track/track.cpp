@@ -59,7 +59,7 @@ PersonFit fitted_person(const TrackInput& input, const hand::BuiltHand& hand, co
   return {input.person, {}};
 }
 
-/// The person whose hands a recording shows, as measure_person finds it. @throws Error (input) that names the
+/// The person whose hands a recording shows, by fitted_person. @throws Error (input) that names the
 /// recording where its points make no hand.
 PersonFit measured_person(const TrackInput& input, const Recording& recording,
                           std::vector<std::string>& warnings) {
