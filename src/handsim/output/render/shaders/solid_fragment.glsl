@@ -16,7 +16,7 @@ uniform vec4 solids[3 * kMaxOccluders];
 uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
 out vec4 pixel;
 
-const float kSkinLift = 0.004;  // [m]
+const float kSkinLift = 0.006;  // [m]
 // What comes out of skin in the shade is redder than what falls in.
 const vec3 kUnderSkin = vec3(1.22, 0.95, 0.86);
 
@@ -28,8 +28,9 @@ void main() {
   float key = 1.0;
   float sky = 1.0;
   float facing = max(dot(n, to_key), 0.0);
-  // Shapes reach out of skin where a palm is hollow: their shadows are those on a surface above it.
-  vec3 above = world_point + flesh * kSkinLift * n;
+  // Shapes reach out of skin where a palm is hollow: what is this near on the way to the light does not count. Along the
+  // normal the point would come into the shadow of the next finger.
+  vec3 above = world_point + flesh * kSkinLift * to_key;
   // Where a whole block of pixels faces away from the light, llvmpipe leaves out the loop.
   int lit = facing > 0.0 ? 1 : 0;
   for (int i = 0; i < lit * capsule_key_end; ++i)
