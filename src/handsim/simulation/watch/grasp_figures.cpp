@@ -31,6 +31,14 @@ void serialize_figures(Archive& archive, T& figures) {
           figures.held, figures.left_time, figures.last_part, figures.moved_time);
 }
 
+/// Normal force of all contacts of a contact's two shapes [N], by which friction over load is.
+double normal_of_pair(std::span<const engine::Contact> contacts, const engine::Contact& one) {
+  double out = 0;
+  for (const engine::Contact& each : contacts)
+    if (each.shape_a == one.shape_a && each.shape_b == one.shape_b) out += each.normal_force();
+  return out;
+}
+
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
@@ -80,7 +88,9 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     const model::Material between =
         rules_.between(model_.shapes[as_index(contact.shape_a)], model_.shapes[as_index(contact.shape_b)]);
     wrench.friction = between.friction;
-    wrench.spinning = between.spinning_friction;
+    if (between.friction_over_load)
+      wrench.friction *= between.friction_over_load->factor(normal_of_pair(engine.contacts(), contact));
+    wrench.spinning = between.spinning(wrench.friction, contact.depth);
     wrench.position = contact.position - centre;
     wrench.normal = a == object_ ? contact.normal : Vec3(-contact.normal);
     wrenches.push_back(wrench);
