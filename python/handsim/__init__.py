@@ -5,7 +5,7 @@
     result = scene.run()
 
 `Hand` computes a hand, `load` compiles a scene, `Scene.run` simulates it, `Simulation` steps one, `Batch` steps many on
-all cores, `live` runs one in real time with a page, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
+all cores, `live` runs one in real time with a page, `Object` is a mesh made fit for scenes, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
 """
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from ._derivatives import Derivatives
 from ._gradients import Product, Rollout
 from ._hand import Hand, draw_persons
 from ._live import Live, live
+from ._object import Object
 from ._pictures import contact_sheet, png, save_png
 from ._reports import report, save_video
 from ._scene import Muscle, Result, Scene, load
@@ -60,6 +61,6 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = ["Batch", "Bodies", "Contacts", "Derivatives", "Error", "Fault", "Frame", "Hand", "Live", "Motion", "Muscle",
-           "Muscles", "Parameters", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation",
+           "Muscles", "Object", "Parameters", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation",
            "Smoothing", "Snapshot", "Table", "Taxels", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures",
            "has_reports", "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -22,6 +22,7 @@ COMMANDS: dict[str, str] = {
     "identify": "handsim._identify_command",
     "inverse": "handsim._inverse",
     "live": "handsim._live.command",
+    "object": "handsim._object_command",
     "optimise": "handsim._optimise_command",
     "report": "handsim._report_command:report",
     "rollouts": "handsim._rollouts_command",

@@ -22,6 +22,8 @@ PathText = Union[str, "PathLike[str]"]
 KINDS: dict[str, tuple[str, bytes]] = {
     "png": ("a PNG picture", b"\x89PNG"), "mp4": ("an MP4 video", b"ftyp"), "html": ("a page of handsim", _core.page_mark),
     "convention": ("a convention that handsim has fitted", b"handsim track --convention-from"),
+    "object": ("an object that handsim object has written", b"# Made by handsim object"),
+    "hull": ("a hull that handsim object has written", b"# Made by handsim object"),
     **{name: (of.file, of.mark) for name, of in FORMATS.items()}}
 """What a file of an ending may replace: its name, and what the first 1000 bytes have."""
 

@@ -2,6 +2,7 @@
 
 Oracle: all bytes below a folder before a command and after it.
 """
+import importlib.util
 import json
 import os
 import resource
@@ -65,7 +66,9 @@ COMMANDS = {
     "optimise": Command("optimise MOVING --goal GOAL --iterations 1 --quiet --no-run --out OUT", "actions.csv", "GOAL", python=True),
     "compare": Command("compare PERSON PERSON --out OUT", "compare.html", "PERSON", python=True, full=False),
 }
-COMMANDS_WITHOUT = {"completion", "check", "schema", "view", "live", "stability"}
+if importlib.util.find_spec("trimesh"):
+    COMMANDS["object"] = Command("object STL --mass 1kg --unit m --out OUT", "a.yaml", "STL", folder=False, python=True, full=False)  # SciPy writes, too: test_object.py
+COMMANDS_WITHOUT = {"completion", "check", "schema", "view", "live", "stability", *({"object"} - set(COMMANDS))}
 """Write nothing; a page on the screen; files of their own tests."""
 
 
@@ -101,6 +104,10 @@ def files(tmp_path_factory):
     names = moved.coordinates
     out["MOTION"] = write("motion.csv", "\n".join([",".join(["time[s]", *(f"{name}[rad]" for name in names)])] +
                                                   [",".join(map(str, [0.01 * i, *[0.1 + 0.01 * i] * len(names)])) for i in range(6)]) + "\n")
+    corners = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]
+    facets = "".join("facet normal 0 0 0\nouter loop\n" + "".join("vertex {} {} {}\n".format(*corners[i]) for i in face) + "endloop\nendfacet\n"
+                     for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)))
+    out["STL"] = write("tetrahedron.stl", f"solid a\n{facets}endsolid a\n")
     return out
 
 

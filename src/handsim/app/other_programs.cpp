@@ -30,7 +30,7 @@ struct OtherCommand {
   const char* options;
 };
 /// All but the hard cases are the Python package's; python/handsim/__main__.py has their modules.
-constexpr std::array<OtherCommand, 16> kOtherCommands = {
+constexpr std::array<OtherCommand, 17> kOtherCommands = {
     {{"accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
       "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3", "study",
       "out report target"},
@@ -74,6 +74,9 @@ constexpr std::array<OtherCommand, 16> kOtherCommands = {
       "uncertain on report"},
      {"live", "Run a scene in real time in a browser, and take hold of it", "handsim live two_hands", "scene",
       "set engine port address play no-browser record stream replay measure seconds"},
+     {"object", "Make an object of a mesh in STL, OBJ, PLY or glTF: convex hulls, mass and inertia",
+      "handsim object handle.stl --unit mm --mass 200g --out handle.yaml", "",
+      "unit mass density error hulls fill drop largest material friction color out json"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach", "scene", "goal out set iterations no-run quiet"},
      {"report", "One HTML page of a finished run or study, or of two runs in comparison",

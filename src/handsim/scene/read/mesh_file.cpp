@@ -127,7 +127,7 @@ void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, d
   const double inside = depth_in_hull(triangles, hull.vertices);
   if (inside > kFlat * size)
     refuse(fmt::format("a mesh that is not convex: surface {:.3g} m inside its hull", inside),
-           "a convex mesh; several of them make a compound");
+           "a convex mesh: handsim object writes a compound of them");
   const double uncovered = 1 - area_of(triangles) / area_of(triangles_of(hull));
   if (uncovered > kUncovered)
     refuse(fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its "

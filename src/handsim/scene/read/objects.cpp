@@ -28,7 +28,7 @@ constexpr std::size_t kMostParts = 200;
 using Keys = std::vector<std::string_view>;
 const Keys kMassKeys = {"mass", "density"};
 const Keys kFormKeys = {"shape", "parts"};
-const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length", "mesh", "scale"};
+const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length", "mesh", "scale", "inertia"};
 const Keys kPropertyKeys = field_keys<model::Material>();
 
 bool has_any(const YamlNode& map, const Keys& keys) {
@@ -131,6 +131,20 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
   object.body.inertia *= density;
 }
 
+/// Reads `inertia`: where the mass lies, in place of one density of the shapes.
+void read_inertia(MapReader& reader, model::MassProperties& body) {
+  if (!reader.has("inertia")) return;
+  MapReader block = reader.map("inertia");
+  body.centre = block.vector("centre", kCoordinate);
+  const Vec3 moments = block.vector("radii", kSize).cwiseAbs2();
+  const Mat3 axes = block.rotation("rotation").toRotationMatrix();
+  if (block.sound() && 2 * moments.maxCoeff() > moments.sum() * (1 + 1e-9))
+    block.problem("radii", "a square that exceeds the sum of the other two",
+                  "radii of gyration of a rigid body");
+  body.inertia = body.mass * axes * moments.asDiagonal() * axes.transpose();
+  block.finish();
+}
+
 /// The `scale` of a mesh; nothing for other shapes.
 std::optional<double> mesh_scale(const YamlNode& node) {
   const YamlNode* form = &node;
@@ -180,6 +194,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
   }
   if (reader.sound() && beside_hand) warn_of_size(reader, object);
   if (!object.is_static) {
+    read_inertia(reader, object.body);
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
