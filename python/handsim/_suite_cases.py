@@ -54,8 +54,8 @@ class Asked(NamedTuple):
 
 
 def hold_starts(name: str) -> float:
-    """Of a shipped grasp: after approach, closing and lift [s]."""
-    return 0.5 + (0.65 if name == "cylinder_100mm" else 0.6) + 0.6
+    """Of a shipped grasp: after approach, closing, pressing, settling and lift [s]."""
+    return 0.5 + (0.65 if name == "cylinder_100mm" else 0.6) + 0.3 + 0.3 + 0.6
 
 
 def _hand_length(model: Model) -> float:

@@ -82,12 +82,15 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
         if plant.get_desired_state_input_port(model).size():
             plant.get_desired_state_input_port(model).FixValue(context, wanted)
     for name, joint in case.joints.items():
-        plant.GetJointByName(name).SetPositions(context, [joint["start"]])
-        plant.GetJointByName(name).SetVelocities(context, [joint["rate"]])
+        moved = plant.GetJointByName(name)
+        set_place, set_rate = ((moved.set_translation, moved.set_translation_rate) if joint.text("kind") == "slider"
+                               else (moved.set_angle, moved.set_angular_rate))
+        set_place(context, joint["start"])
+        set_rate(context, joint["rate"])
     in_link = {name: pose(row, "link_") for name, row in case.bodies.items()}
     bodies = {name: plant.GetBodyByName(name) for name in case.bodies}
     for name, body in bodies.items():
-        if body.is_floating():
+        if body.is_floating_base_body():
             plant.SetFreeBodyPose(context, body, pose(case.bodies[name]))
             plant.SetFreeBodySpatialVelocity(context, body, SpatialVelocity(case.bodies[name].vector("wx", "wy", "wz"),
                                                                             case.bodies[name].vector("vx", "vy", "vz")))

@@ -49,12 +49,13 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
         p.changeDynamics(body_a, link_a, linearDamping=0, angularDamping=0, restitution=0)
         for b, (body_b, link_b) in links.items():
             p.setCollisionFilterPair(body_a, body_b, link_a, link_b, int(frozenset((a, b)) in pairs))
+    # Two stiffnesses are in series there, two dampings are added.
     for names, row in pairs.items():
         for body, link in (links[name] for name in names):
             # Bullet takes the product of two coefficients of friction.
             p.changeDynamics(body, link, lateralFriction=np.sqrt(row["friction"]), spinningFriction=row["spinning_friction"])
             if np.isfinite(row["stiffness"]):
-                p.changeDynamics(body, link, contactStiffness=2 * row["stiffness"], contactDamping=2 * row["damping"])
+                p.changeDynamics(body, link, contactStiffness=2 * row["stiffness"], contactDamping=row["damping"] / 2)
     h = case.step
     for step in range(case.steps + 1):
         time = step * h
@@ -69,11 +70,13 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
             springs = -of["tissue_stiffness"] * (q - of["tissue_rest"])
             drive = of["gain"] * (of["target"] - q - h * u) - of["rate_gain"] * u + of["feed"]
             if fixed and of["gain"].any():
-                # The torque at the step's end: that of the state less what the acceleration within the step changes.
-                mass = np.array(p.calculateMassMatrix(body, q.tolist()))
-                damped = of["rate_gain"] * h + of["gain"] * h * h
-                drive = drive - damped * np.linalg.solve(mass + np.diag(damped), drive + springs)
+                # The torque at the step's end: that of the state less what the acceleration within the step changes. Contacts and gravity,
+                # which share in that, are those of the last step.
+                mass, damped = np.array(p.calculateMassMatrix(body, q.tolist())), of["rate_gain"] * h + of["gain"] * h * h
+                others = mass @ (u - of["u"]) / h - of["torque"] if "u" in of else -(drive + springs)
+                drive = drive - damped * np.linalg.solve(mass + np.diag(damped), drive + springs + others)
             torque = np.clip(drive, -of["limit"], of["limit"]) + springs
+            of.update(u=u, torque=torque)
             p.setJointMotorControlArray(body, joints, p.TORQUE_CONTROL, forces=torque.tolist())
         p.stepSimulation()
 
