@@ -510,7 +510,8 @@ def judged(case: Case, motion: Motion) -> tuple[str, list[Figure]]:
     figures = [figure for spec in case.spec["judge"] for figure in MEASURES[spec["measure"]](case, motion, spec)]
     of_grasp = next((spec for spec in case.spec["judge"] if spec["measure"] == "grasp"), None)
     if of_grasp is None:
-        held = [figure.held for figure in figures]
+        # Not every engine tells contact forces: what is not told is not judged.
+        held = [figure.held for figure in figures if figure.name != "weight" or figure.value is not None]
         return "falls short" if False in held else "not measured" if None in held else "held", figures
     by = {figure.name: figure for figure in figures}
     if (by["farthest"].value or 0) > of_grasp["lost"]:

@@ -1,4 +1,4 @@
-"""The suite in Drake (pip install drake): URDF, point contact by SAP, PD gains of the joints' actuators, which are implicit."""
+"""The suite in Drake (pip install drake): URDF, contact by SAP, PD gains of the joints' actuators, which are implicit."""
 from __future__ import annotations
 
 import sys
@@ -19,7 +19,7 @@ from pydrake.systems.framework import DiagramBuilder  # noqa: E402
 
 import suite  # noqa: E402
 
-RIGID = 1e7  # stiffness of rigid surfaces [N/m]
+MODULUS = 1e8  # of rigid surfaces [Pa]
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 
 
@@ -40,8 +40,12 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
     first = case.pairs[0] if case.pairs else {"friction": 0.0, "stiffness": np.inf, "damping": np.inf}
     soft = np.isfinite(first["stiffness"])
     surface.static_friction = surface.dynamic_friction = first["friction"]
-    surface.point_stiffness = 2 * (first["stiffness"] if soft else RIGID)
-    surface.relaxation_time = first["damping"] / first["stiffness"] / 2 if soft else case.step / 2
+    if soft:
+        surface.point_stiffness, surface.relaxation_time = 2 * first["stiffness"], first["damping"] / first["stiffness"] / 2
+    else:
+        # One point of contact cannot hold a box: pressure over the surface of contact.
+        surface.relaxation_time = case.step / 2
+        surface.compliance_type, surface.hydroelastic_modulus, surface.resolution_hint = "compliant", MODULUS, 0.005
     graph.set_config(config)
     parser = Parser(plant)
     parser.SetAutoRenaming(True)
@@ -98,7 +102,7 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
     for step in range(case.steps + 1):
         time = step * case.step
         if step % case.every == 0:
-            report(case, results, plant, context, bodies, in_link, time)
+            report(case, results, plant, graph, context, bodies, in_link, time)
         pushed, extra = [], case.gravity(time) - still
         for name, body in bodies.items() if extra.any() else ():
             force = ExternallyAppliedSpatialForce()
@@ -109,7 +113,7 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
         simulator.AdvanceTo(time + case.step)
 
 
-def report(case, results, plant, context, bodies, in_link, time) -> None:
+def report(case, results, plant, graph, context, bodies, in_link, time) -> None:
     total, normal = np.zeros(3), 0.0
     contacts = plant.get_contact_results_output_port().Eval(context)
     for k in range(contacts.num_point_pair_contacts()):
@@ -118,6 +122,13 @@ def report(case, results, plant, context, bodies, in_link, time) -> None:
         if case.touched in names:
             total += pair.contact_force() * (1 if names[1] == case.touched else -1)
             normal += abs(pair.contact_force() @ pair.point_pair().nhat_BA_W)
+    for k in range(contacts.num_hydroelastic_contacts()):
+        info, inspect = contacts.hydroelastic_contact_info(k), graph.model_inspector()
+        shapes = (info.contact_surface().id_M(), info.contact_surface().id_N())
+        names = [plant.GetBodyFromFrameId(inspect.GetFrameId(shape)).name() for shape in shapes]
+        if case.touched in names:
+            # The force on the first; how much of it is normal it does not say.
+            total, normal = total + info.F_Ac_W().translational() * (1 if names[0] == case.touched else -1), None
     for name in case.recorded:
         link, twist = plant.EvalBodyPoseInWorld(context, bodies[name]), plant.EvalBodySpatialVelocityInWorld(context, bodies[name])
         at = link @ in_link[name]
@@ -127,4 +138,4 @@ def report(case, results, plant, context, bodies, in_link, time) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(suite.run("Drake", version("drake"), "SAP, point contact; rigid surfaces of 1e7 N/m", simulate))
+    sys.exit(suite.run("Drake", version("drake"), "SAP; pads by points, rigid surfaces hydroelastic of 1e8 Pa", simulate))

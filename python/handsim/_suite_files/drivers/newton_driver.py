@@ -38,7 +38,8 @@ def simulate(case: suite.Case, results: suite.Results) -> None:
     solver = newton.solvers.SolverMuJoCo(model)
     now, after, control = model.state(), model.state(), model.control()
     newton.eval_fk(model, model.joint_q, model.joint_qd, now)
-    control.mujoco.ctrl.assign(np.array([row["target"] if row["gain"] else row["feed"] for row in case.joints.values()], np.float32))
+    if case.joints:
+        control.mujoco.ctrl.assign(np.array([row["target"] if row["gain"] else row["feed"] for row in case.joints.values()], np.float32))
     for step in range(case.steps + 1):
         time = step * case.step
         if step % case.every == 0:

@@ -93,8 +93,9 @@ def report(case: suite.Case, results: suite.Results, links: dict, time: float) -
                     total += sign * (contact[9] * np.array(contact[7]) + contact[10] * np.array(contact[11]) + contact[12] * np.array(contact[13]))
                     normal += contact[9]
         if link < 0:
-            # A root's link frame is the body's own.
-            (place, turn), (velocity, spin) = p.getBasePositionAndOrientation(body), p.getBaseVelocity(body)
+            # The base's pose is that of its principal axes; a root's link frame is the body's own.
+            own, (velocity, spin) = p.getDynamicsInfo(body, -1), p.getBaseVelocity(body)
+            place, turn = p.multiplyTransforms(*p.getBasePositionAndOrientation(body), *p.invertTransform(own[3], own[4]))
         else:
             state = p.getLinkState(body, link, computeLinkVelocity=1, computeForwardKinematics=1)
             place, turn = p.multiplyTransforms(state[4], state[5], *placed(case.bodies[name], "link_"))
