@@ -1,4 +1,5 @@
 """``handsim export --suite``: the folder, its judge against closed forms, and its cases run by the engine here."""
+import csv
 import hashlib
 import importlib.util
 import json
@@ -339,3 +340,24 @@ def test_verdicts_are_those_of_the_whole_grasps(results, suite, tmp_path, person
 def test_every_other_case_is_held(results, suite):
     short = {name: row["figures"] for name, row in table_of(results, suite).items() if not name.startswith("grasp_") and row["verdict"] != "held"}
     assert not short
+
+
+# The release's own verdicts and figures. Bounds: a hundredth of a grip is a fifth of the change of friction or mass that makes a grasp marginal
+# (docs/grasping.md); a tenth of a limit is what a margin may change by.
+def test_verdicts_and_forces_are_those_of_the_release(results, suite):
+    rows = table_of(results, suite)
+    with open(RELEASE, newline="") as file:
+        release = {row["case"]: row for row in csv.DictReader(file)}
+    assert release.keys() == rows.keys()
+    changed = []
+    for name, then in release.items():
+        now = {figure.name: figure for figure in rows[name]["figures"]}
+        if rows[name]["verdict"] != then["verdict"]:
+            changed.append(f"{name}: {then['verdict']}, now {rows[name]['verdict']}")
+        for figure in ("shift", "turn", "shaken", "creep", "grip"):
+            if not then[figure] and figure not in now:
+                continue
+            was, bound = float(then[figure]), 0.01 * float(then["grip"] or 0) if figure == "grip" else now[figure].limit * (1 if figure == "creep" else 0.1)
+            if not abs(now[figure].value - was) <= bound:
+                changed.append(f"{name}: {figure} {was:g}, now {now[figure].value:g}")
+    assert not changed, "\n".join(changed)

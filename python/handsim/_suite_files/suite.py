@@ -8,7 +8,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any, Callable, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +17,11 @@ Array = NDArray[np.float64]
 HEAD = "time,body,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz,fx,fy,fz,normal"
 
 
-class Row(NamedTuple):
-    """Of a table: texts by column."""
+class Row:
+    """Of a table: numbers by column."""
 
-    cells: dict[str, str]
+    def __init__(self, cells: dict[str, str]) -> None:
+        self.cells = cells
 
     def __getitem__(self, name: str) -> float:
         return float(self.cells[name])
