@@ -531,6 +531,43 @@ def peer_bench():
             if entry.get("aggregate_name") == "median"}
 
 
+def suite_engines():
+    """Of the suite, by the name of tests/peers/suite.py: what the judge says of each engine, with its cases by name."""
+    found = study_json("suite", ".", "suite.json")["engines"]
+    return {engine["name"]: {**engine, "cases": {case["case"]: case for case in engine["cases"]}} for engine in found}
+
+
+def is_quiet(case):
+    """Whether creep and contact forces of a grasp are within their limits."""
+    return all(figure["held"] is not False for figure in case["figures"] if figure["name"] in ("creep", "weight"))
+
+
+def suite_table():
+    engines, rows = suite_engines(), []
+    own = engines["articulated"]["cases"]
+    for engine in engines.values():
+        grasps = [case for name, case in engine["cases"].items() if name.startswith("grasp_")]
+        held = [case for case in grasps if case["verdict"] == "held"]
+        others = [case for name, case in engine["cases"].items() if not name.startswith("grasp_")]
+        grips = sorted(figure["value"] for case in grasps for figure in case["figures"] if figure["name"] == "grip" and figure["value"] is not None)
+        both = [name for name, case in engine["cases"].items() if case["cpu_s"] and not case.get("why") and own[name]["cpu_s"]]
+        cost = sum(engine["cases"][name]["cpu_s"] for name in both) / sum(own[name]["cpu_s"] for name in both) if both else None
+        grip = f"{number(grips[len(grips) // 2])} ({number(grips[0])} to {number(grips[-1])})" if grips else ""
+        rows.append([f"{engine['engine']} {engine['version']}", engine["options"], f"{len(held)} of {len(grasps)}",
+                     f"{sum(map(is_quiet, held))}", f"{sum(case['verdict'] == 'held' for case in others)} of {len(others)}", grip, number(cost)])
+    return table(["engine", "options", "grasps held", "of these quiet", "other cases held", "grip", "cost"], rows)
+
+
+def suite_cases():
+    engines = suite_engines()
+    names = list(next(iter(engines.values()))["cases"])
+    rows = []
+    for name in dict.fromkeys(name.partition(".")[0] for name in names):
+        own = [each for person in ("", ".small_woman", ".median_man", ".large_man") if (each := name + person) in names]
+        rows.append([f"`{name}`", *(", ".join(engine["cases"][each]["verdict"] for each in own) for engine in engines.values())])
+    return table(["case", *(f"{engine['engine']} {engine['version']}" for engine in engines.values())], rows)
+
+
 def versions_of_peers():
     """Of the peers, ODE and the articulated engine on this processor."""
     found = []
@@ -884,4 +921,4 @@ TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "va
           "passes": ("passes", passes), "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
           "environment": ("environment", environments), "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),
           "peers-accuracy": ("peers", peers_accuracy), "peers-cases": ("peers", peers_cases),
-          "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead)}
+          "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead), "suite": ("suite", suite_table), "suite-cases": ("suite", suite_cases)}

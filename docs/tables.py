@@ -145,12 +145,13 @@ STUDIES = {
     "ik": Study("3 min", {"run": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
+    "suite": Study("30 min", {"suite": None}),
 }
 # Benchmarks of studies of their own; "speed" runs all others.
 BENCHMARKS = {"environment": "^(batch_|muscle_batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
 # pin and mujoco, ik mink, dex_retargeting and opensim (PyPI); tests is a matter of this checkout.
-ONLY_IF_NAMED = ("peers", "learning", "gradients", "reach", "ik", "tests")
+ONLY_IF_NAMED = ("peers", "suite", "learning", "gradients", "reach", "ik", "tests")
 
 
 # Running studies and writing pages.
@@ -181,6 +182,8 @@ def command_of(name, label, build):
         return [*ctest, "-N", "-L", "^long$"] if label == "long" else [*ctest, "-j", str(os.cpu_count()), "--output-junit", str(OUT / name / "run.xml")]
     if name == "skin":
         return [python_of(build), "tests/output/skin_figures.py", str(OUT / name / "skin.json")]
+    if name == "suite":
+        return [python_of(build), "tests/peers/suite.py", "--out", str(OUT / name), "--packages", str(ROOT / "build" / "peers" / "suite")]
     if name == "reach":
         return [python_of(build), "tests/peers/optimise.py", "--out", str(OUT / name / "reach.json")]
     if name == "ik":
@@ -222,7 +225,7 @@ def run_study(name, build, handsim):
             continue
         print("+", shlex.join(command), flush=True)
         # The package is built for the interpreter's own numpy, which those packages replace.
-        own = name in ("agreement", "formats", "skin", "gradients", "reach")
+        own = name in ("agreement", "formats", "skin", "gradients", "reach", "suite")
         paths = os.pathsep.join([str(build / "python"), *([] if own else [ENVIRONMENT["PYTHONPATH"]])])
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": paths})
         (OUT / name / f"{label}.txt").write_text(done.stdout)

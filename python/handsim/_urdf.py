@@ -7,6 +7,7 @@ URDF requires limits of effort and speed: effort is the drive's torque limit, an
 from __future__ import annotations
 
 import math
+from typing import Optional, Sequence
 
 import numpy as np
 
@@ -55,8 +56,10 @@ def _solids(shape: Shape) -> list[tuple[Array, str]]:
 
 
 class _Writer:
-    def __init__(self, model: Model) -> None:
-        self.model = model
+    def __init__(self, model: Model, root: Optional[int] = None, tree: Sequence[int] = ()) -> None:
+        """:param root: of one tree of bodies alone, which is the file's base; None: all, from the world"""
+        self.model, self.root = model, root
+        self.bodies = range(len(model.bodies)) if root is None else tree
         self.lines: list[str] = []
         # Of each body: its pose in its link frame, which is the frame of its joint.
         self.in_link = [IDENTITY] * len(model.bodies)
@@ -70,13 +73,14 @@ class _Writer:
                [(shape.name, "a mesh, which URDF requires in a separate file", "a box, sphere, cylinder or capsule, for URDF")
                 for shape in model.shapes if shape.kind == "convex_mesh"])
         self.lines += ['<?xml version="1.0"?>', '<robot name="handsim">']
-        for body in range(len(model.bodies)):
+        for body in self.bodies:
             self._link(body)
-        for body in model.roots():
+        for body in model.roots() if self.root is None else ():
             name = model.bodies[body].name
             self._joint(name + ".world", "fixed" if model.bodies[body].fixed else "floating", "world", name, model.start.poses[body])
         for joint in model.joints:
-            self._joints(joint)
+            if joint.child in self.bodies:
+                self._joints(joint)
         return "\n".join([*self.lines, "</robot>", ""])
 
     def _link(self, index: int) -> None:
@@ -127,3 +131,11 @@ class _Writer:
 def urdf_of(model: Model) -> str:
     """:raises Error: of kind input for what URDF cannot express without more files: ball joints, loops, meshes"""
     return _Writer(model).run()
+
+
+def urdf_of_tree(model: Model, root: int, bodies: Sequence[int]) -> str:
+    """Of a body and those that joints carry on it, without the world and the start.
+
+    :raises Error: as `urdf_of`, of the whole model
+    """
+    return _Writer(model, root, bodies).run()

@@ -23,6 +23,7 @@ from ._model import Model, SkinParts, bent, compose, matrices, normals_of, skins
 from ._progress import bar
 from ._scene import Scene, files_of, load
 from ._simulation import Simulation
+from ._suite import write_suite
 from ._table_files import read_csv
 from ._usd import usda_of
 
@@ -163,6 +164,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--side", help="which hands of a person: right, left or both (default)")
     parser.add_argument("--mount", help="how a person's palms are held: fixed (default), hinge, universal or free")
     parser.add_argument("--muscles", action="store_true", help="with the muscles of a person's hands")
+    parser.add_argument("--suite", metavar="DIR", help="writes the suite of cases for other engines there, in place of a file")
     parser.add_argument("--quiet", action="store_true", help="no bar of progress")
     parser.add_argument("--formats", action="store_true", help=argparse.SUPPRESS)  # for completion
     return parser
@@ -180,6 +182,10 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
         given = getattr(arguments, option)
         if given is not None and given not in known:
             raise input_error(f"--{option}", given or '""', _core.need_word(given, known))
+    if arguments.suite is not None:
+        given = next((word for word in words if word.partition("=")[0] not in ("--suite", "--quiet", arguments.suite)), None)
+        if given is not None:
+            raise input_error("--suite", f"{given} beside it", "--suite DIR alone, or with --quiet")
     if arguments.time is not None:
         time = _core.parse_time(arguments.time)
         if time is None or not time >= 0:
@@ -187,9 +193,9 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
         arguments.time = time
     if arguments.fps is not None and not (np.isfinite(arguments.fps) and 1 <= arguments.fps <= 1000):
         raise input_error("--fps", arguments.fps, "1 to 1000")
-    for option in ("out", "source"):
+    for option in ("out", "source", "suite"):
         if getattr(arguments, option) == "":
-            raise input_error("--out" if option == "out" else "scene", '""', "a path")
+            raise input_error("scene" if option == "source" else f"--{option}", '""', "a path")
     return arguments
 
 
@@ -369,6 +375,10 @@ def main(words: Sequence[str]) -> int:
     """``export`` of the command line. :returns: the exit status"""
     def work() -> int:
         arguments = _parsed(words)
+        if arguments.suite is not None:
+            with bar(sys.stderr.isatty() and not arguments.quiet, "cases") as told:
+                print(write_suite(arguments.suite, told))
+            return 0
         print(*FORMATS if arguments.formats else [run(arguments)])
         return 0
     return ended(work)
