@@ -74,6 +74,12 @@ def overhead(options: argparse.Namespace) -> None:
           f"on free cores {statistics.median(free):.3f} ({min(free):.3f} to {max(free):.3f})")
 
 
+IDLE = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False", "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s", "DASK_LOGGING__DISTRIBUTED": "error",
+        "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "60s", "DASK_DISTRIBUTED__WORKER__MEMORY__MONITOR_INTERVAL": "60s"}
+"""Of many workers in one process: each samples its stack 100 times a second and looks at its own loop and memory, which is more than all that this process
+can do for 64 of them. Chunks would wait for that."""
+
+
 class Sleep:
     """Rows that sleep; every tenth chunk is late."""
 
@@ -117,7 +123,7 @@ def sleepers(options: argparse.Namespace) -> None:
 
         with tempfile.TemporaryDirectory() as name, Cluster(Path(name), 0) as cluster, distributed.Client(cluster.address) as client:
             process = subprocess.Popen([sys.executable, __file__, "workers", cluster.address, "--workers", str(options.workers)],
-                                       env={**os.environ, "DASK_TEMPORARY_DIRECTORY": name})
+                                       env={**os.environ, **IDLE, "DASK_TEMPORARY_DIRECTORY": name})
             try:
                 wait_for_workers(client, options.workers)
                 rows = int(options.span * options.workers / options.row)
