@@ -45,14 +45,16 @@ SceneHandle hand_of(const Measurements& of, const std::string& person, const std
 }  // namespace
 
 void bind_measurements(py::module_& module) {
-  module.def("measurements", [](const path& file, const path& folder, const std::map<std::string, py::bytes>& files) {
-    CarriedFiles carried{folder, {files.begin(), files.end()}};
-    auto read = without_gil([&] {
-      const CarriedScope scope(carried, carried.files.empty());
-      return std::make_unique<Measurements>(study::load_measurements(file));
-    });
-    return std::pair(std::move(read), std::map<std::string, py::bytes>(carried.files.begin(), carried.files.end()));
-  });
+  module.def("measurements",
+             [](const path& file, const path& folder, const std::map<std::string, py::bytes>& files) {
+               CarriedFiles carried{folder, {files.begin(), files.end()}};
+               auto read = without_gil([&] {
+                 const CarriedScope scope(carried, carried.files.empty());
+                 return std::make_unique<Measurements>(study::load_measurements(file));
+               });
+               return std::pair(std::move(read),
+                                std::map<std::string, py::bytes>(carried.files.begin(), carried.files.end()));
+             });
   bind_class<Measurements>(module, "Measurements")
       .def_property_readonly("text", [](const Measurements& of) { return of.text; })
       .def("hand", &hand_of)
