@@ -21,7 +21,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecuto
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Callable, Iterator, NamedTuple, Optional, Union
+from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
@@ -48,16 +48,16 @@ TRIES = 2
 MOST_DAMAGED = 1 << 30
 """Bytes in a row that are no record: more is a file of something else."""
 PATIENCE = 2.0
-"""Seconds for a result that is there to come."""
+"""Seconds for what a scheduler that is there does at once."""
 QUIET = 60.0
-"""Seconds without any chunk, though there are workers, before those in work are sent again; twice as long the next time."""
+"""Seconds without any chunk before it is asked whether any worker computes one, and if none does all are sent again; twice as long the next time."""
 ASKED = 2.0
 """Seconds from one question to a scheduler how many threads it has to the next."""
 SILENT = 30.0
 """Seconds without an answer of a scheduler before the study ends."""
 ALONE, ALONE_AGAIN = 10.0, 60.0
 """Seconds without any worker before a line says so, and until the next line."""
-TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+TIMEOUTS = (asyncio.TimeoutError, concurrent.futures.TimeoutError)
 STUDIES = 4
 """That a worker keeps in memory."""
 STUDY = "handsim-study-"
@@ -123,6 +123,19 @@ def _own_build() -> list[str]:
     return [f"module {hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()[:16]}"]
 
 
+@lru_cache(maxsize=1)
+def units_origin() -> tuple[str, ...]:
+    """Of results that are computed in Python."""
+    return (f"handsim {_core.version}, commit {_core.commit}", *_own_build(), _core.mathematics, f"numpy {np.__version__}")
+
+
+def _check_origin(own: Sequence[str], needed: Sequence[str]) -> None:
+    """:raises Error: of kind input where a worker would compute other bits"""
+    has, needs = ([part for part in mine if part not in other] for mine, other in ((own, needed), (needed, own)))
+    if has or needs:
+        raise input_error(f"worker {_place()}", ", ".join(has), ", ".join(needs) + ", as where the study was begun")
+
+
 def work_of(asked: Asked, study: Any, folder: str) -> Work:
     parts = (asked._replace(file=str(asked.file)), folder, study.carried, study.head["origin"] + _own_build())
     return Work(*parts, key=hashlib.sha256(repr(parts).encode()).hexdigest()[:24])
@@ -153,10 +166,7 @@ def _study_of(work: Work) -> Any:
                 found = open_study(work.asked, work.folder, work.files)
             except Error as error:
                 raise Error(f"worker {_place()}: {error}", error.kind, error.problems) from None
-            own = found.head["origin"] + _own_build()
-            has, needs = ([part for part in mine if part not in other] for mine, other in ((own, work.origin), (work.origin, own)))
-            if has or needs:
-                raise input_error(f"worker {_place()}", ", ".join(has), ", ".join(needs) + ", as where the study was begun")
+            _check_origin(found.head["origin"] + _own_build(), work.origin)
             while len(_studies) >= STUDIES:
                 del _studies[next(iter(_studies))]
             _studies[work.key] = found
@@ -186,6 +196,8 @@ class Units(NamedTuple):
     shared: Any
     """Its first argument."""
     key: str
+    origin: Sequence[str]
+    """What its results depend on beside these: build, libraries."""
 
 
 class Answers(NamedTuple):
@@ -199,7 +211,8 @@ class Answers(NamedTuple):
 
 
 def answers_of(work: Units, first: int, last: int, stop: Any = None) -> Answers:
-    """A pure function as `rows_of`."""
+    """A pure function as `rows_of`. :raises Error: of kind input on a worker of another build"""
+    _check_origin(units_origin(), work.origin)
     begin = time.perf_counter()
     return Answers(first, last, [work.call(work.shared, unit) for unit in range(first, last)], time.perf_counter() - begin)
 
@@ -208,6 +221,17 @@ def keep_study(work: Work, study: Any) -> None:
     """What was read for the command serves its threads, too."""
     with _lock:
         _studies[work.key] = study
+
+
+class Gone(Error):
+    """Nobody computes anything any more."""
+
+    def __init__(self, why: object) -> None:
+        super().__init__(f"what computes the rows has gone ({why})", "output")
+
+
+class Lost(Exception):
+    """Nobody computes it any more, and nobody has its rows."""
 
 
 class Executor:
@@ -226,11 +250,11 @@ class Executor:
         return self._executor.submit(call, work, first, last)
 
     def check(self) -> str:
-        """Is called while nothing comes. :returns: a line for people, or nothing. :raises Error: of kind output where nobody computes any more"""
+        """Is called while nothing comes. :returns: a line for people, or nothing. :raises Gone: where nobody computes any more"""
         return ""
 
-    def may_lose(self) -> bool:
-        """Work may be lost without a word, though there are workers."""
+    def lost(self) -> Optional[bool]:
+        """Is called after some time in which nothing came. :returns: True: there are workers, and none computes any of what is in work. None: not known yet"""
         return False
 
     def cancel(self, futures: list[Any]) -> None:
@@ -241,6 +265,12 @@ class Executor:
 
     def close(self) -> None:
         pass
+
+    def __enter__(self) -> Executor:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 class Threads(Executor):
@@ -270,8 +300,12 @@ class Dask(Executor):
         """:param own: the client was made for this study"""
         self._client, self._own = client, own
         self._study: Optional[Any] = None
+        self._flying: dict[Any, Any] = {}
+        """Futures of Dask by those that `submit` has returned."""
         self._count, self._sent = 0, 0
         self._question: Optional[Any] = None
+        self._stacks: Optional[Any] = None
+        """The question what workers compute."""
         self._asked, self._looked, self._silent = -np.inf, time.monotonic(), 0.0
         self._alone: Optional[float] = None
         """Since when there is no worker."""
@@ -291,9 +325,9 @@ class Dask(Executor):
         return max(1, self._count)
 
     def _listen(self) -> None:
-        """:raises Error: of kind output where the scheduler has not answered for SILENT seconds, or the client has given it up"""
+        """:raises Gone: where the scheduler has not answered for SILENT seconds, or the client has given it up"""
         if self._client.status not in ("running", "connecting"):
-            raise _gone("no scheduler answers")
+            raise Gone("no scheduler answers")
         now = time.monotonic()
         # A long time without a look, as of a program that was stopped, is no time in which an answer could come.
         self._silent += min(now - self._looked, 2 * PATIENCE)
@@ -312,7 +346,7 @@ class Dask(Executor):
                 elif self._alone is None:
                     self._alone, self._told = now, now + ALONE - ALONE_AGAIN
         if self._silent > SILENT:
-            raise _gone(f"no scheduler has answered for {SILENT:.0f} s")
+            raise Gone(f"no scheduler has answered for {SILENT:.0f} s")
 
     async def _threads(self) -> int:
         """That the workers have together."""
@@ -324,11 +358,25 @@ class Dask(Executor):
             if self._study is None or self._study.status in ("cancelled", "lost", "error"):
                 self._sent += 1
                 self._study = self._client.submit(_itself, work, key=f"{STUDY}{work.key}-{self._sent}")
-            return self._client.submit(call, self._study, first, last, pure=False)
+            future = self._client.submit(call, self._study, first, last, pure=False)
         except Exception:
             # A client that has closed in the meantime has no exception of its own for it.
             self._listen()
             raise
+        begun = self._begun(self._fetched(future))
+        self._flying[begun] = future
+        begun.add_done_callback(lambda done: self._flying.pop(done, None))
+        return begun
+
+    async def _fetched(self, future: Any) -> Any:
+        """The rows, once they are here. Dask fetches what is done at the same time together, and computes again what a worker that has died had
+        in its memory. No time limit is set: what is cut off begins again, and a slow machine would never have it."""
+        try:
+            return await self._client.gather(future, asynchronous=True)
+        except (CancelledError, OSError, *TIMEOUTS) as error:
+            if future.status == "error":
+                raise
+            raise Lost(str(error)) from None
 
     def check(self) -> str:
         self._listen()
@@ -339,29 +387,46 @@ class Dask(Executor):
         address = self._client.scheduler.address
         return f"waiting for {now - self._alone:.0f} s: the scheduler {address} has no worker; dask worker {address} starts one"
 
-    def may_lose(self) -> bool:
-        # A scheduler of 2022 may hold a task for one of a worker that has just come and does not know of it.
-        return self._alone is None
+    def lost(self) -> Optional[bool]:
+        # A scheduler of 2022 may hold a task for one of a worker that has just come and does not know of it: workers are asked.
+        if self._alone is not None:
+            return False
+        if self._stacks is None:
+            self._stacks = self._begun(self._computed())
+        if not self._stacks.done():
+            return None
+        asked, self._stacks = self._stacks, None
+        with suppress(Exception):
+            return not asked.result()
+        return None
+
+    async def _computed(self) -> bool:
+        """Any of what is in work is computed by a worker, or is done and on its way."""
+        flying = list(self._flying.values())
+        if any(future.status == "finished" for future in flying):
+            return True
+        own = {str(future.key) for future in [*flying, self._study] if future is not None}
+        stacks = await self._client.scheduler.call_stack(keys=None)
+        return any(key in own for of_worker in stacks.values() for key in of_worker)
 
     def cancel(self, futures: list[Any]) -> None:
         self._study = None
-        if futures and self._client.status == "running":
-            asked = self._begun(self._client.cancel(futures, asynchronous=True))
+        sent = [self._flying[each] for each in futures if each in self._flying]
+        if sent and self._client.status == "running":
+            asked = self._begun(self._client.cancel(sent, asynchronous=True))
             with suppress(OSError, CancelledError, *TIMEOUTS):
                 asked.result(PATIENCE)
             asked.cancel()
+            super().cancel(futures)
 
     def close(self) -> None:
         self._study = None
-        if self._question is not None:
-            self._question.cancel()
+        for question in (self._question, self._stacks):
+            if question is not None:
+                question.cancel()
         if self._own:
             with suppress(OSError, *TIMEOUTS):
                 self._client.close(timeout=PATIENCE)
-
-
-def _gone(why: object) -> Error:
-    return Error(f"what computes the rows has gone ({why}); the same command with --resume goes on", "output")
 
 
 def _itself(work: Any) -> Any:
@@ -440,7 +505,9 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
     :param crashed: gets a row that ends its workers, and the reason
     :param wait: is called now and then; may raise, which ends the work
     :param say: gets lines for people
-    :raises Error: that of a worker; of kind output where no worker is left
+    :raises Gone: where nobody computes any more
+    :raises Error: that of a worker; of kind output where a row has an error of the system, as of a full disk
+    :raises Exception: any other of a row
     """
     waiting, done = _Queue(missing), queue.SimpleQueue[Any]()
     flying: dict[Any, Range] = {}
@@ -454,7 +521,10 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
                 # Alone: another's crash is not blamed on this row.
                 waiting.again((suspects[0], suspects.popleft() + 1))
             while len(flying) < 2 * slots + 1 and (chunk := waiting.next(slots)):
-                future = executor.submit(call, work, *chunk)
+                try:
+                    future = executor.submit(call, work, *chunk)
+                except OSError as error:
+                    raise Gone(error) from None
                 flying[future] = chunk
                 future.add_done_callback(done.put)
             try:
@@ -463,28 +533,28 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
                 wait()
                 if line := executor.check():
                     say(line)
-                if not executor.may_lose():
-                    heard = time.monotonic()
-                elif time.monotonic() - heard > patience:
-                    say(f"nothing has come for {patience:.0f} s: what is in work is sent again")
+                lost = executor.lost() if time.monotonic() - heard > patience else None
+                if lost:
+                    say(f"nothing has come for {patience:.0f} s, and no worker computes any of it: what is in work is sent again")
                     executor.cancel(list(flying))
                     waiting.again(*flying.values())
                     flying.clear()
-                    heard, patience = time.monotonic(), 2 * patience
+                    patience *= 2
+                if lost is not None:
+                    heard = time.monotonic()
                 continue
-            heard = time.monotonic()
             if future not in flying:
                 continue
+            heard = time.monotonic()
             first, last = flying.pop(future)
             try:
-                rows = future.result(timeout=PATIENCE)
-            except TIMEOUTS:
-                # Dask computes again what a worker that has died had in memory.
-                flying[future] = (first, last)
-                done.put(future)
-            except CancelledError:
+                rows = future.result()
+            except (CancelledError, Lost):
                 executor.check()
                 waiting.again((first, last))
+            except OSError as error:
+                # Of the row: an executor that cannot be reached has said so when it was asked.
+                raise Error(f"rows {first} to {last - 1}: {type(error).__name__}: {error}", "output") from error
             except Exception as error:
                 if not _is_crash(error):
                     raise
@@ -504,8 +574,8 @@ def collect(call: Callable[..., Any], work: Any, executor: Executor, missing: li
                 if rows.last < last:
                     waiting.again((rows.last, last))
             wait()
-    except (BrokenExecutor, OSError) as error:
-        raise _gone(error) from None
+    except BrokenExecutor as error:
+        raise Gone(error) from None
     finally:
         executor.cancel(list(flying))
 
@@ -532,7 +602,7 @@ def map_units(executor: Executor, call: Callable[[Any, int], Any], shared: Any, 
     def crashed(unit: int, text: str) -> None:
         raise Error(f"{call.__name__}: unit {unit} {text}", "output")
 
-    collect(answers_of, Units(call, shared, uuid.uuid4().hex), executor, [(0, count)], keep, crashed, wait, say)
+    collect(answers_of, Units(call, shared, uuid.uuid4().hex, units_origin()), executor, [(0, count)], keep, crashed, wait, say)
     return out
 
 

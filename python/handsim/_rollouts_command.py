@@ -68,7 +68,7 @@ def _stopping() -> Callable[[], None]:
     return wait
 
 
-def _executor(address: str, threads: int = 0) -> Executor:
+def executor_at(address: str, threads: int = 0) -> Executor:
     if not address:
         return Threads(threads)
     out = dask_at(address)
@@ -101,12 +101,8 @@ def _work(options: dict[str, Any]) -> int:
     threads, only = whole_option(options, "--jobs", 1, 4096) or 0, _range(options.get("--range"))
     order = rollouts_order(asked, out, resume="--resume" in options, only=only, report="--report" in options)
     wait = _stopping()
-    executor = _executor(options.get("--on", ""), threads)
-    try:
-        with bar(True, "rollouts") as told:
-            finished = run(order, executor, told, wait, note=print_line)
-    finally:
-        executor.close()
+    with executor_at(options.get("--on", ""), threads) as executor, bar(True, "rollouts") as told:
+        finished = run(order, executor, told, wait, note=print_line)
     if only and finished.done == finished.size and not finished.before:
         print(f"rollouts {only[0]} to {only[1] - 1} are in {out / 'rollouts.part'}: cat those of all ranges into one file, then --resume in its folder "
               "makes the table")
@@ -118,25 +114,21 @@ def drawn(job: dict[str, Any]) -> int:
     """What another command asks for: its hands are drawn."""
     out, count, overrides = Path(job["out"]), int(job["count"]), tuple(job["overrides"])
     wait = _stopping()
-    executor = _executor(job["on"])
-    try:
-        with bar(True, "hands") as told:
-            if "scenes" in job:
-                finished = uncertain_grasps([Path(each) for each in job["scenes"]], job["sides"], [Path(each) for each in job["persons"]], overrides, count,
-                                            out, executor, told, wait, print_line)
-                if finished.done == finished.size:
-                    _core.finish_study(out, job["command"], {}, {}, job["report"])
-                return _end(finished, out, True, "")
-            inverse = job.get("inverse")
-            asked = Asked(job["file"], True, overrides, count, inverse=tuple(inverse) if inverse else None)
-            order = rollouts_order(asked, out, report=job["report"], resume=(out / "rollouts.part").exists())
-            if inverse:
-                # What it reads of the motion is no part of a study's name.
-                remove_rows(out)
-                order = order._replace(command=job["command"], row="", resume=False, inputs=[Path(each) for each in inverse[:3] if each])
-            finished = run(order, executor, told, wait, "hands", print_line)
-    finally:
-        executor.close()
+    with executor_at(job["on"]) as executor, bar(True, "hands") as told:
+        if "scenes" in job:
+            finished = uncertain_grasps([Path(each) for each in job["scenes"]], job["sides"], [Path(each) for each in job["persons"]], overrides, count,
+                                        out, executor, told, wait, print_line)
+            if finished.done == finished.size:
+                _core.finish_study(out, job["command"], {}, {}, job["report"])
+            return _end(finished, out, True, "")
+        inverse = job.get("inverse")
+        asked = Asked(job["file"], True, overrides, count, inverse=tuple(inverse) if inverse else None)
+        order = rollouts_order(asked, out, report=job["report"], resume=(out / "rollouts.part").exists())
+        if inverse:
+            # What it reads of the motion is no part of a study's name.
+            remove_rows(out)
+            order = order._replace(command=job["command"], row="", resume=False, inputs=[Path(each) for each in inverse[:3] if each])
+        finished = run(order, executor, told, wait, "hands", print_line)
     return _end(finished, out, False, "")
 
 

@@ -12,7 +12,7 @@ from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence
 from . import _core
 from ._errors import Error, Problem, input_error
 from ._progress import Bar, Told, print_line
-from ._rollouts import PARTS, Asked, Executor, Parts, Range, Rows, collect, keep_study, open_study, parts_beyond, rows_of, work_of
+from ._rollouts import PARTS, Asked, Executor, Gone, Parts, Range, Rows, collect, keep_study, open_study, parts_beyond, rows_of, work_of
 from ._rollouts_files import FILES, Outcome, Table, figure_rows, held_text, screen_text, write_files
 
 NUMBER_BYTES, TEXT_BYTES = 20 + 20 + 8, 18 + 18 + 56
@@ -190,6 +190,8 @@ def _run(order: Order, study: Any, executor: Executor, told: Told, wait: Callabl
         collect(rows_of, work, executor, missing, keep, crashed, wait, told.line if isinstance(told, Bar) else print_line)
     except Stopped:
         pass
+    except Gone as error:
+        raise Error(f"{error}; the same command with --resume goes on", "output") from None
     finally:
         parts.close()
     done = last - first - todo + computed

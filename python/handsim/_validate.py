@@ -2,7 +2,9 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+import os
+from contextlib import nullcontext, suppress
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional
 
@@ -10,6 +12,7 @@ import numpy as np
 
 from . import _core
 from ._errors import Error, input_error
+from ._rollouts import Executor, Threads, map_units
 from ._scene import Scene
 from ._simulation import Simulation
 from ._statics import DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, fault, matrix_of, pinch, tip_force
@@ -360,20 +363,34 @@ class Measurements:
 
     def __init__(self, path: Path) -> None:
         """:raises Error: of kind input with every problem of the file, and of the files that it names"""
-        self.path, self._core = path, _core.measurements(path)
-        content = json.loads(self._core.text)
+        self._read(path, os.getcwd(), {})
+
+    def _read(self, path: Path, folder: str, files: dict[str, bytes]) -> None:
+        """:param files: that are carried, from `folder`; none: those of the disk"""
+        self.path, self._folder = path, folder
+        self.core, self._files = _core.measurements(path, folder, files)
+        content = json.loads(self.core.text)
         self.title: str = content["title"]
         self.goal: float = content["goal"]
         self.rows: list[Row] = content["rows"]
 
-    def run(self, runs: Optional[Path] = None, uncertain: Optional[int] = None, told: Told = None) -> Result:
+    def __getstate__(self) -> tuple[Path, str, dict[str, bytes]]:
+        """It travels to any machine with all that it has read."""
+        return self.path, self._folder, self._files
+
+    def __setstate__(self, state: tuple[Path, str, dict[str, bytes]]) -> None:
+        self._read(*state)
+
+    def run(self, runs: Optional[Path] = None, uncertain: Optional[int] = None, told: Told = None,
+            executor: Optional[Executor] = None) -> Result:
         """The hands' values of all rows.
 
         :param runs: folder for the files of simulations; None: these rows are not measured
         :param uncertain: hands drawn of each person, for rows that are no simulations
+        :param executor: measures the drawn hands; None: this process, one after the other
         :raises Error: of kind physics, with its name, for a row that has no value
         """
-        subjects = _Subjects(self._core)
+        subjects = _Subjects(self.core)
         scenes = None if runs is None else SimulatedScenes(runs)
         rows: list[Measured] = []
         for row in self.rows:
@@ -395,35 +412,41 @@ class Measurements:
             rows.append(Measured(row, ours, away / row["spread"], measured, note))
         _weigh(rows)
         if uncertain is not None:
-            self._draw(rows, uncertain, told)
+            with nullcontext(executor) if executor else Threads(1) as own:
+                self._draw(rows, uncertain, told, own)
         return Result(self.title, self.goal, rows)
 
-    def _draw(self, rows: list[Measured], count: int, told: Told) -> None:
+    @cached_property
+    def _uncertain(self) -> dict[str, list[str]]:
+        """Names of what is uncertain of each person."""
+        return {row["person"]: self.core.uncertain(row["person"]) for row in self.rows if "person" in row}
+
+    def drawn_values(self, hand: int) -> Array:
+        """The values of all rows that are no simulations, on one drawn hand of each person; NaN: none."""
+        subjects = _Subjects(self.core, {person: {name: _core.normal(1, hand, name) for name in of} for person, of in self._uncertain.items()})
+        out = np.full(len(self.rows), np.nan)
+        for r, row in enumerate(self.rows):
+            if "person" in row:
+                try:
+                    out[r] = subjects.measure(row)
+                except NotHeld:
+                    out[r] = 0
+                except Error as error:
+                    if error.fault is None:
+                        raise
+                    continue  # such a hand has no posture in which moments balance
+                if "over_row" in row:
+                    out[r] /= out[row["over_row"]]
+        return out
+
+    def _draw(self, rows: list[Measured], count: int, told: Told, executor: Executor) -> None:
         """Draws hands of each person, and measures all rows that are no simulations on them."""
-        names = {row["person"]: self._core.uncertain(row["person"]) for row in self.rows if "person" in row}
-        drawn = {person: [{name: _core.normal(1, i, name) for name in of} for i in range(count)] for person, of in names.items()}
-        ours = np.full((len(rows), count), np.nan)
-        for i in range(count):
-            subjects = _Subjects(self._core, {person: each[i] for person, each in drawn.items()})
-            for r, row in enumerate(self.rows):
-                if "person" in row:
-                    try:
-                        ours[r, i] = subjects.measure(row)
-                    except NotHeld:
-                        ours[r, i] = 0
-                    except Error as error:
-                        if error.fault is None:
-                            raise
-                        continue  # such a hand has no posture in which moments balance
-                    if "over_row" in row:
-                        ours[r, i] /= ours[row["over_row"], i]
-            if told is not None:
-                told((i + 1) / count)
+        ours = np.array(map_units(executor, Measurements.drawn_values, self, count, told=told)).T
         for measured, values in zip(rows, ours):
             row = measured.row
             if "person" not in row:
                 continue
-            inputs = [(name, np.array([each[name] for each in drawn[row["person"]]])) for name in names[row["person"]]]
+            inputs = [(name, np.array([_core.normal(1, i, name) for i in range(count)])) for name in self._uncertain[row["person"]]]
             measured.uncertainty = uncertainty_of(inputs, values)
             both = uncertainty_of([], values + row["spread"] * np.array([_core.normal(2, i, row["name"]) for i in range(count)]))
             measured.inside = both.low <= row["measured"] <= both.high

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Callable, NamedTuple, Optional
 
 from . import _core
+from ._rollouts import Executor
 from ._statistics import owners_text
 from ._study_files import json_file, origin, plain, quoted
 from ._validate import Filter, Measured, Measurements, Result, Row, Tally, Told, every, of_people, predicted
@@ -244,21 +245,22 @@ def _commands(file: Path, runs: bool, result: Result) -> tuple[str, dict[str, li
 
 
 def study(file: Path, out: Optional[Path], *, runs: bool = False, uncertain: Optional[int] = None, report: bool = False, told: Told = None,
-          show: Show = lambda _: None) -> End:
+          show: Show = lambda _: None, executor: Optional[Executor] = None) -> End:
     """The whole study.
 
     :param out: folder of its files; None: none are written, and no simulations are run
     :param show: gets the text before the files are written, which may fail
+    :param executor: measures drawn hands; None: this process
     :raises Error: of kind input for a wrong file or folder, of kind physics for a row without a value
     """
     measurements = Measurements(file)
     if out is None:
-        result = measurements.run(None, uncertain, told)
+        result = measurements.run(None, uncertain, told, executor)
         show(text := _text(result))
         return End(text, result.passed, True)
     folder = _core.output_folder(out, [glob.escape(name) for name in NAMES], [file])
     try:
-        result = measurements.run(out / "runs" if runs else None, uncertain, told)
+        result = measurements.run(out / "runs" if runs else None, uncertain, told, executor)
         show(text := _text(result))
         folder.clear()
         plotted = write(result, out)

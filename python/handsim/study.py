@@ -140,7 +140,7 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     with _folder(out) as folder, bar(progress, "grasps") as told:
         asked = _grasps.Asked(listed, list(sides), [], override_list(overrides), folder)
         if uncertain is not None:
-            with _executor(client, threads) as executor:
+            with _rollouts.executor_of(client, threads) as executor:
                 text = _rollouts_run.uncertain_grasps(*asked[:4], uncertain, folder, executor, told).text
             _core.finish_study(folder, f"{asked.command()} --uncertain {uncertain}", {}, {}, False)
             return Study("uncertain", folder, text)
@@ -148,19 +148,10 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
         return Study("grasps", folder, "")
 
 
-@contextmanager
-def _executor(client: Any, threads: int) -> Iterator[_rollouts.Executor]:
-    executor = _rollouts.executor_of(client, threads)
-    try:
-        yield executor
-    finally:
-        executor.close()
-
-
 def _drawn(asked: _rollouts.Asked, client: Any, threads: int, out: Out, progress: Progress, **more: Any) -> Study:
     """A study of rollouts, or of uncertain hands."""
     whole("threads", threads, 0, MOST_THREADS)
-    with _folder(out) as folder, bar(progress, "rollouts") as told, _executor(client, threads) as executor:
+    with _folder(out) as folder, bar(progress, "rollouts") as told, _rollouts.executor_of(client, threads) as executor:
         order = _rollouts_run.rollouts_order(asked, folder, **more)
         return Study("rollouts", folder, _rollouts_run.run(order, executor, told).text)
 
@@ -269,19 +260,23 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         return Study("track", folder, _track.screen_text(_track.study(asked, folder, told)[0]))
 
 
-def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, out: Out = None, progress: Progress = None) -> Study:
+def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, client: Any = None, out: Out = None,
+             progress: Progress = None) -> Study:
     """The hand beside measurements: moment arms, forces, moments, masses with their sources.
 
     :param measurements: file of measurements, or the name of a shipped one; None: config/validate.yaml
     :param uncertain: as many hands are drawn within what is uncertain: columns ``percentile_5``, ``percentile_95``
+    :param client: whose workers measure these hands, as in `rollouts`; None: this process, one after the other
     :raises Error: of kind physics, with its name, for a row without a value: a hand that does not hold its posture
     """
     from ._validate_report import study
 
     file = data_path() / "config/validate.yaml" if measurements is None else find_file(measurements, "measurements")
     count = None if uncertain is None else whole("uncertain", uncertain, 2)
-    with _folder(out) as folder, bar(progress, "validate") as told:
-        return Study("validate", folder, study(file, folder, uncertain=count, told=told).text)
+    if count is None and client is not None:
+        raise input_error("client", "one without drawn hands", "uncertain beside it")
+    with _folder(out) as folder, bar(progress, "validate") as told, _rollouts.executor_of(client, 1) as executor:
+        return Study("validate", folder, study(file, folder, uncertain=count, told=told, executor=executor).text)
 
 
 __all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "read_csv", "read_h5",

@@ -2,7 +2,7 @@
 """What Dask costs beside the threads of one machine, and how a scheduler does with many workers.
 
     cluster_cost.py overhead STUDY [--count 1000] [--engine articulated] [--repeats 5] [--workers 2]
-    cluster_cost.py sleepers [--workers 64] [--rows 20000] [--row 0.2] [--late 0.5]
+    cluster_cost.py sleepers [--workers 64] [--span 40] [--row 0.05] [--late 0.5] [--seconds 0.1 0.2 0.5 1 2 4]
 
 `overhead` runs `handsim rollouts STUDY` by threads and on a cluster of processes in turn, and prints wall and CPU time of each,
 medians, and ratios. CPU time of the second way is that of client, scheduler and workers together; processes of the cluster start
@@ -12,8 +12,9 @@ Processes of Dask take CPU time for each second of wall time, also idle: they sa
 themselves and each other. Where the machine has other work, a study takes longer and has more of this. The rate is therefore
 measured first, of the idle cluster, and a second ratio of CPU times leaves out what falls into time beyond that of free cores.
 
-`sleepers` has a real scheduler and many workers of one thread, whose rows sleep in place of computing; every tenth chunk ends late. Bytes are the same
-by tests; here only the time of scheduler and client counts.
+`sleepers` has a real scheduler in a process of its own and many workers of one thread in another, whose rows sleep in place of computing; every tenth
+chunk ends late. Bytes are the same by tests; here only the time of scheduler and client counts: what a chunk costs each of them says with how many
+chunks a second it has no time left.
 """
 import argparse
 import os
@@ -73,6 +74,12 @@ def overhead(options: argparse.Namespace) -> None:
           f"on free cores {statistics.median(free):.3f} ({min(free):.3f} to {max(free):.3f})")
 
 
+IDLE = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False", "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s", "DASK_LOGGING__DISTRIBUTED": "error",
+        "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "60s", "DASK_DISTRIBUTED__WORKER__MEMORY__MONITOR_INTERVAL": "60s"}
+"""Of many workers in one process: each samples its stack 100 times a second and looks at its own loop and memory, which is more than all that this process
+can do for 64 of them. Chunks would wait for that."""
+
+
 class Sleep:
     """Rows that sleep; every tenth chunk is late."""
 
@@ -85,27 +92,50 @@ def sleeping_rows(work: Sleep, first: int, last: int) -> _rollouts.Rows:
     return _rollouts.Rows(first, last, b"0" * 650 * (last - first), {}, [], (last - first) * work.row)
 
 
+def workers(options: argparse.Namespace) -> None:
+    """Workers of one thread, all in this process, until it is killed."""
+    import asyncio
+
+    import distributed
+
+    async def work() -> None:
+        made = [distributed.Worker(options.address, nthreads=1, dashboard=False) for _ in range(options.workers)]
+        for each in made:
+            await each
+        await asyncio.gather(*(each.finished() for each in made))
+
+    asyncio.run(work())
+
+
 def sleepers(options: argparse.Namespace) -> None:
     import distributed
 
-    chunks: list[int] = []
+    print("least work of a chunk  rows in it  chunks  wall [s]  workers busy  CPU time a chunk [ms]: client  scheduler  chunks a second: came  of one scheduler")
+    for seconds in options.seconds:
+        _rollouts.SECONDS, _rollouts.SECONDS_A_SLOT = seconds, 0
+        chunks: list[int] = []
 
-    def keep(rows: _rollouts.Rows) -> None:
-        chunks.append(rows.last - rows.first)
+        def keep(rows: _rollouts.Rows, chunks: list[int] = chunks) -> None:
+            chunks.append(rows.last - rows.first)
 
-    def crashed(row: int, text: str) -> None:
-        raise SystemExit(f"row {row} {text}")
+        def crashed(row: int, text: str) -> None:
+            raise SystemExit(f"row {row} {text}")
 
-    with distributed.LocalCluster(n_workers=options.workers, threads_per_worker=1, processes=False, dashboard_address=None) as cluster, \
-            distributed.Client(cluster) as client:
-        wait_for_workers(client, options.workers)
-        begin, before = time.monotonic(), time.process_time()
-        _rollouts.collect(sleeping_rows, Sleep(options.row, options.late), _rollouts.Dask(client), [(0, options.rows)], keep, crashed, lambda: None, print)
-        wall, cpu = time.monotonic() - begin, time.process_time() - before
-    assert sum(chunks) == options.rows
-    work = options.rows * options.row
-    print(f"{options.workers} workers, {options.rows} rows of {options.row} s in {len(chunks)} chunks of at most {max(chunks)}: {wall:.1f} s, busy for "
-          f"{100 * work / wall / options.workers:.0f} %, {1e3 * cpu / len(chunks):.2f} ms of CPU time a chunk of scheduler, workers and client together")
+        with tempfile.TemporaryDirectory() as name, Cluster(Path(name), 0) as cluster, distributed.Client(cluster.address) as client:
+            process = subprocess.Popen([sys.executable, __file__, "workers", cluster.address, "--workers", str(options.workers)],
+                                       env={**os.environ, **IDLE, "DASK_TEMPORARY_DIRECTORY": name})
+            try:
+                wait_for_workers(client, options.workers)
+                rows = int(options.span * options.workers / options.row)
+                begin, before, scheduler = time.monotonic(), time.process_time(), cluster.seconds()[0]
+                _rollouts.collect(sleeping_rows, Sleep(options.row, options.late), _rollouts.Dask(client), [(0, rows)], keep, crashed, lambda: None, print)
+                wall, own, scheduler = time.monotonic() - begin, time.process_time() - before, cluster.seconds()[0] - scheduler
+            finally:
+                process.kill()
+                process.wait()
+        assert sum(chunks) == rows
+        print(f"{seconds:21}  {statistics.median(chunks):10}  {len(chunks):6}  {wall:8.1f}  {100 * rows * options.row / wall / options.workers:10.0f} %  "
+              f"{1e3 * own / len(chunks):29.2f}  {1e3 * scheduler / len(chunks):9.2f}  {len(chunks) / wall:21.0f}  {len(chunks) / scheduler:16.0f}", flush=True)
 
 
 def main() -> int:
@@ -120,11 +150,15 @@ def main() -> int:
     one.add_argument("--idle", type=float, default=15, help="seconds")
     two = ways.add_parser("sleepers")
     two.add_argument("--workers", type=int, default=64)
-    two.add_argument("--rows", type=int, default=20_000)
-    two.add_argument("--row", type=float, default=0.2)
-    two.add_argument("--late", type=float, default=0.5)
+    two.add_argument("--span", type=float, default=40, help="seconds that the rows take where workers never wait")
+    two.add_argument("--row", type=float, default=0.05, help="seconds")
+    two.add_argument("--late", type=float, default=0.5, help="seconds")
+    two.add_argument("--seconds", type=float, nargs="+", default=[0.1, 0.2, 0.5, 1, 2, 4], help="least work of a chunk, one study for each")
+    three = ways.add_parser("workers")
+    three.add_argument("address")
+    three.add_argument("--workers", type=int)
     options = parser.parse_args()
-    {"overhead": overhead, "sleepers": sleepers}[options.way](options)
+    {"overhead": overhead, "sleepers": sleepers, "workers": workers}[options.way](options)
     return 0
 
 

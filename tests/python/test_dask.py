@@ -1,18 +1,22 @@
 """Rollouts on a Dask cluster of processes, of which some die, come and differ; more kills, and killed schedulers: cluster_kills.py."""
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 from rollout_studies import SHORT_CHUNKS, Cluster, Killer, contents, records, wait_for_workers, write_study
 
 import handsim as hs
 from handsim import _rollouts
 from handsim._rollouts import PARTS
+from handsim._validate import Measurements
 
 try:
     import distributed
@@ -134,8 +138,23 @@ def test_what_a_scheduler_has_lost_is_sent_again(whole, client, tmp_path, monkey
             return client.submit(call, *arguments, **more)
 
     hs.study.rollouts(file, client=Losing(client), out=tmp_path)
-    assert "nothing has come for 2 s: what is in work is sent again" in capfd.readouterr().err
+    assert "nothing has come for 2 s, and no worker computes any of it: what is in work is sent again" in capfd.readouterr().err
     assert contents(tmp_path) == expected
+
+
+# Oracle: what the units themselves write.
+def test_what_takes_long_is_computed_once(client, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(_rollouts, "QUIET", 0.5)
+    assert _rollouts.map_units(_rollouts.executor_of(client, 0), _slow, str(tmp_path), 3) == [0, 1, 2]
+    assert [(tmp_path / str(unit)).read_text() for unit in range(3)] == ["x"] * 3
+    assert "sent again" not in capfd.readouterr().err
+
+
+def _slow(folder, unit):
+    with open(os.path.join(folder, str(unit)), "a") as file:
+        file.write("x")
+    time.sleep(3)
+    return unit
 
 
 # Oracle: the worker's name, and what is other; no row is there.
@@ -197,11 +216,14 @@ def test_a_cluster_without_workers_is_said(whole, tmp_path, monkeypatch, capfd):
     assert errors.count("has no worker") == 1 and contents(tmp_path / "out") == expected
 
 
-# Oracle: the function itself, and its own error.
+# Oracle: the function itself, and its own error: also one of the system is no sign that the workers have gone.
 def test_any_pure_function_of_a_number_is_computed(client):
     assert _rollouts.map_units(_rollouts.executor_of(client, 0), pow, 3, 200) == [3**unit for unit in range(200)]
     with pytest.raises(ZeroDivisionError):
         _rollouts.map_units(_rollouts.executor_of(client, 0), divmod, 3, 2)
+    with pytest.raises(hs.Error, match="^rows 0 to 0: FileNotFoundError: .*No such file or directory: '/no/such/folder'") as raised:
+        _rollouts.map_units(_rollouts.executor_of(client, 0), _listed, "/no/such/folder", 1)
+    assert raised.value.kind == "output" and isinstance(raised.value.__cause__, FileNotFoundError)
     with pytest.raises(hs.Error, match="_exit: unit 0 ended the worker that computed it, 2 times alone"):
         _rollouts.map_units(_rollouts.executor_of(client, 0), _exit, 9, 1)
     wait_for_workers(client, 2)
@@ -209,3 +231,32 @@ def test_any_pure_function_of_a_number_is_computed(client):
 
 def _exit(status, unit):
     os._exit(status)
+
+
+def _listed(folder, unit):
+    return os.listdir(folder)
+
+
+# Oracle: one process. The files travel: their folder is gone when workers read them.
+def test_drawn_hands_of_measurements_are_measured_by_workers(client, tmp_path, monkeypatch):
+    own, text = tmp_path / "own", (hs.data_path() / "config/validate.yaml").read_text()
+    for name in ("config/persons", "handmodels"):
+        shutil.copytree(hs.data_path() / name, own / name)
+    # The first rows: arms of muscles.
+    (own / "config/few.yaml").write_text("\n  - {name:".join(text.split("\n  - {name:")[:4]))
+    monkeypatch.chdir(own)
+    rows, file = Measurements(Path("config/few.yaml")), own / "config/few.yaml"
+    one = [rows.drawn_values(hand) for hand in range(20)]
+    assert hs.study.validate(file, uncertain=20, client=client).text == hs.study.validate(file, uncertain=20).text
+    shutil.rmtree(own)
+    assert np.isfinite(one).all() and np.std(one, axis=0).all()
+    assert np.array_equal(_rollouts.map_units(_rollouts.executor_of(client, 0), Measurements.drawn_values, rows, 20), one)
+    with pytest.raises(hs.Error, match="client: got one without drawn hands, need uncertain beside it"):
+        hs.study.validate(client=client)
+
+
+# Oracle: the worker's name, and what is other.
+def test_units_are_refused_by_workers_of_another_build(client, monkeypatch):
+    monkeypatch.setattr(_rollouts, "units_origin", lambda: ("handsim 0.0.1, commit 0123456", *_rollouts._core.mathematics))
+    with pytest.raises(hs.Error, match=r"^worker tcp://127.0.0.1:\d+: got handsim .*, need handsim 0.0.1, commit 0123456"):
+        _rollouts.map_units(_rollouts.executor_of(client, 0), pow, 3, 2)

@@ -97,7 +97,7 @@ def test_a_posture_that_nothing_holds_has_no_force(tmp_path):
     and a force at the proximal phalanx has none about it: nothing holds the IP on its stop. The row says so beside its 0 N."""
     row = {**thumb(-15, "radial"), "hand": "blocked"}
     path = file_of(tmp_path, [row, thumb(-15, "radial")], variants={"blocked": {"without": ["radial_nerve_at_arm"]}})
-    of = _statics.alone(_core.measurements(path).hand("man", "blocked", {}))
+    of = _statics.alone(Measurements(path).core.hand("man", "blocked", {}))
     q, ip = of.at({"thumb_mcp.flexion": np.radians(15), "thumb_ip.flexion": np.radians(-15)}), of.names.index("thumb_ip.flexion")
     active, outside = of.moments(q)
     assert active[ip].min() >= 0 and outside[ip] > (of.passive(q + 20 * DEGREE * (np.arange(len(q)) == ip)) - of.passive(q - 20 * DEGREE * (
@@ -253,7 +253,7 @@ def test_grips_of_a_population_have_the_mean_and_the_scatter_of_the_norm(tmp_pat
 def changed(tmp_path, **keys):
     """A hand of the size that the file's arms are of."""
     path = file_of(tmp_path, [{"kind": "hand_mass"}], people={"man": {"stature": 1.755, "mass": 84.5, "sex": "male", "age": 30, "hand_length": 0.178}}, variants={"changed": keys})
-    return _statics.alone(_core.measurements(path).hand("man", "changed", {}))
+    return _statics.alone(Measurements(path).core.hand("man", "changed", {}))
 
 
 def test_an_ulnar_block_claws_the_ring_finger(tmp_path):

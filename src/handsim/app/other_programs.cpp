@@ -96,7 +96,7 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
       "out person model markers points up handedness keep-person activations no-smoothing noise seed truth "
       "json names convention-from"},
      {"validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-      "handsim validate --out out/validate", "", "out runs uncertain report"},
+      "handsim validate --out out/validate", "", "out runs uncertain on report"},
      {"view", "Simulate a scene in a temporary folder and show its report in the browser",
       "handsim view config/two_hands.yaml", "scene", "set engine no-browser"}}};
 

@@ -1,4 +1,5 @@
 // Files of measurements and the hands of their rows, for python/handsim/_validate.py.
+#include "handsim/core/input_file.h"
 #include "handsim/environment/draws.h"
 #include "handsim/hand/deviations.h"
 #include "handsim/model/pulleys.h"
@@ -10,6 +11,7 @@ namespace handsim::python {
 
 namespace {
 
+using std::filesystem::path;
 using study::Measurements;
 
 /// A scene of a right hand on a wrist that turns, with all that moves and holds its joints, and nothing else.
@@ -43,9 +45,16 @@ SceneHandle hand_of(const Measurements& of, const std::string& person, const std
 }  // namespace
 
 void bind_measurements(py::module_& module) {
-  module.def("measurements", [](const std::filesystem::path& path) {
-    return without_gil([&] { return std::make_unique<Measurements>(study::load_measurements(path)); });
-  });
+  module.def("measurements",
+             [](const path& file, const path& folder, const std::map<std::string, py::bytes>& files) {
+               CarriedFiles carried{folder, {files.begin(), files.end()}};
+               auto read = without_gil([&] {
+                 const CarriedScope scope(carried, carried.files.empty());
+                 return std::make_unique<Measurements>(study::load_measurements(file));
+               });
+               return std::pair(std::move(read),
+                                std::map<std::string, py::bytes>(carried.files.begin(), carried.files.end()));
+             });
   bind_class<Measurements>(module, "Measurements")
       .def_property_readonly("text", [](const Measurements& of) { return of.text; })
       .def("hand", &hand_of)

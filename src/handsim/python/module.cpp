@@ -13,6 +13,7 @@
 #include "handsim/core/version.h"
 #include "handsim/output/render/image.h"
 #include "handsim/python/signals.h"
+#include "handsim/simulation/fingerprint.h"
 
 namespace handsim::python {
 
@@ -79,6 +80,7 @@ PYBIND11_MODULE(_core, module) {
   using namespace handsim::python;
   module.attr("version") = handsim::kVersion;
   module.attr("commit") = handsim::kCommit;
+  module.attr("mathematics") = handsim::simulation::mathematics();
   module.def("has_pictures", &has_pictures);
   module.def("data_folder", [] { return handsim::data_folder().string(); });
   module.def("command_line", &command_line, py::arg("words"), py::arg("page") = handsim::app::WritePage());
