@@ -35,7 +35,7 @@ MASS_SPREAD = 0.02
 LOADING = 0.4
 """Within which hands take over the weight before an object leaves its support [s]: chosen."""
 NEAR = 1e-3
-"""Gap within which a place touches, beside the noise of hand and object [m]."""
+"""Gap within which a place touches, beside half the noise of hand and object, which are smoothed [m]."""
 WIDE = 3.0
 """How many times that gap places are reckoned with, at a price."""
 SHORT = 0.1
@@ -47,6 +47,7 @@ CHUNK = 512
 """Frames in memory at once."""
 POST = 0.1
 """Of a post: how far beside its place an object no longer stands on it [m]."""
+FINGERS = ("index", "middle", "ring", "little")
 STATES = ("unseen", "apart", "supported", "held", "short")
 LOW, HIGH = 0.05, 0.95
 """Of the bands."""
@@ -302,10 +303,8 @@ class Solver:
         self.load, self.ground = loads(self.of, times, asked.support)
         self.hands = _Hands(hands, self.interval)
         self.surfaces = [Surface(link) for link in thing.links]
-        self.reach = NEAR + max([each.noise for each in hands], default=0.0) + self.of.motion.noise[0]
+        self.reach = NEAR + (max([each.noise for each in hands], default=0.0) + self.of.motion.noise[0]) / 2
         self.weight = thing.mass * 9.80665
-        middle = [link.points - link.centre for link in thing.links]
-        self.size = max(math.sqrt(float(np.mean(np.concatenate(middle)**2))), 5e-3)
         self.bones = [(k, name) for k, each in enumerate(hands) for name in dict.fromkeys(self.hands.shapes[k].names)]
         self.segments = [f"{hands[k].name}.{name}" for k, name in self.bones]
         self.column = {bone: i for i, bone in enumerate(self.bones)}
@@ -329,7 +328,8 @@ class Solver:
         keys = [1000 * touch.hand + touch.shape for touch in found]
         twins = [keys.count(key) > 1 for key in keys]
         places = Places(np.array([touch.place for touch in found]).reshape(-1, 3), np.array([touch.normal for touch in found]).reshape(-1, 3),
-                        costs(radii, gaps, twins, self.reach) if found else np.zeros(0))
+                        costs(radii, gaps, twins, self.reach) if found else np.zeros(0),
+                        np.array([self._finger(touch) for touch in found], dtype=np.intp))
         total = int(self.hands.starts[-1])
         jacobians = np.zeros((len(found), 3, total))
         for i, touch in enumerate(found):
@@ -338,6 +338,10 @@ class Solver:
             own = contact_jacobian(self.hands.shapes[touch.hand], each.q[row], each.wrist[row], touch)
             jacobians[i, :, first:first + own.shape[1]] = own
         return _Frame(row, found, places, keys, self.of.wrench[row] * self.load[row], None, jacobians)
+
+    def _finger(self, touch: Touch) -> int:
+        name = segment(self.hands.shapes[touch.hand].names[touch.shape])[0]
+        return 4 * touch.hand + FINGERS.index(name) if name in FINGERS and touch.gap < self.reach else -1
 
     def muscles(self, bodies: Sequence[Optional[_Body]], jacobians: Array) -> Muscles:
         total, count = int(self.hands.starts[-1]), int(self.hands.pulls[-1])
@@ -405,7 +409,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     torque_bands = np.full((count, total, 2), np.nan) if draws else None
     activation_bands = np.full((*activation.shape, 2), np.nan) if draws and asked.muscles else None
     width = max(1, int(round(WINDOW / of.interval)) | 1)
-    friction, spin = asked.friction / MARGIN, SPIN * asked.friction / MARGIN
+    friction = asked.friction / MARGIN
 
     for first, last in of.chunks():
         low, high = max(0, first - width), min(count, last + width)
@@ -414,7 +418,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
 
         def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array]) -> Shared:
             muscles = of.muscles(bodies[place], frame.jacobians) if asked.muscles else None
-            return share(own, wrench, of.of.centre[frame.row], of.weight, of.size, mu, SPIN * mu, steady, muscles, of.nnls)
+            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, steady, muscles, of.nnls)
 
         def whole(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
             made = [None if frame is None else change(frame) for frame in frames]
@@ -432,11 +436,11 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
                 continue
             residual[row] = shared.residual
             pressed = np.zeros((n, 3))
-            for touch, strength, on in zip(frame.found, shared.normal, shared.force):
+            for touch, strength, on, shift in zip(frame.found, shared.normal, shared.force, shared.shift):
                 at = of.column[touch.hand, hands.shapes[touch.hand].names[touch.shape]]
                 normal[row, at] += strength
                 force[row, at] += on
-                pressed[at] += strength * touch.place
+                pressed[at] += strength * (touch.place + shift)
                 gap[row, at] = np.nanmin([gap[row, at], touch.gap])
             whose = normal[row] > 1e-6
             centre[row, whose] = pressed[whose] / normal[row, whose, None]
@@ -512,7 +516,7 @@ def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw]
             weights = np.array([draw.sharing[key] for key in frame.keys])
             moved = frame.places.points + noise / 2 * random.normal(size=frame.places.points.shape)
             wrench = frame.wrench * draw.mass + of.of.unsure * random.normal(size=6) * of.load[frame.row]
-            return Places(moved, frame.places.normals, frame.places.costs * weights), wrench
+            return Places(moved, frame.places.normals, frame.places.costs * weights, frame.places.fingers), wrench
         for i, (frame, shared) in enumerate(zip(frames, whole(draw.friction / draw.margin, change))):
             if frame is None or shared is None:
                 continue

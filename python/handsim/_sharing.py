@@ -19,7 +19,11 @@ EDGES = 8
 PER = EDGES + 2
 """Generators of a place: the edges, and a newton along the normal with the largest moment about it either way."""
 BALANCE = 100.0
-"""Weight of the wrench against that of pressures, both as shares of the weight."""
+"""Weight of the force against that of pressures, both as shares of the weight."""
+UNSURE, UNEVEN = 2.5e-3, 0.4
+"""Deviation of a centre of pressure from its place [m], and of people's pressures from equal ones, as a share: they weigh moments against pressures. Chosen."""
+PAD = 5e-3
+"""How far a centre of pressure may lie from its place: the radius of a pad that is pressed flat (handmodels/finger_pad.yaml) [m]."""
 TORQUES = 30.0
 """Weight of joint torques of 0.1 N m against an activation of 1."""
 PRESSURES = 0.1
@@ -28,6 +32,10 @@ RADIUS = 8e-3
 """Of a finger pad whose pressure counts 1 [m]."""
 STEADY = 0.7
 """Weight of a change from the forces of neighbouring frames, against pressures."""
+EVEN = 2.0
+"""Weight of a finger's difference from its share, against pressures: chosen."""
+SHARES = np.array([0.32, 0.32, 0.24, 0.12]) / 0.32
+"""Of index, middle, ring and little finger in people's grips (Yun et al., docs/grasping.md)."""
 AROUND = 2 * np.pi * np.arange(EDGES) / EDGES
 COSINES, SINES = np.cos(AROUND), np.sin(AROUND)
 
@@ -49,6 +57,8 @@ class Places(NamedTuple):
     """Out of the object."""
     costs: Array
     """Weight of a newton's pressure."""
+    fingers: NDArray[np.intp]
+    """Hand and finger of each place as one number, 4 for each hand; -1: thumb, palm, and what does not touch."""
 
 
 class Muscles(NamedTuple):
@@ -69,6 +79,8 @@ class Shared(NamedTuple):
     """On the object, world axes, shape (n, 3) [N]."""
     spin: Array
     """Moment about the normal, by place [N m]."""
+    shift: Array
+    """Of the centres of pressure from their places, up to PAD, shape (n, 3) [m]."""
     residual: Array
     """What the places leave undone: force [N] and moment about the centre [N m], shape (6,)."""
     activation: Array
@@ -98,19 +110,19 @@ def generators(of: Places, centre: Array, friction: float, spin: float) -> tuple
     return forces.reshape(-1, 3).T, moments.reshape(-1, 3).T
 
 
-def share(of: Places, wrench: Array, centre: Array, weight: float, size: float, friction: float, spin: float, steady: Optional[Array] = None,
+def share(of: Places, wrench: Array, centre: Array, weight: float, friction: float, spin: float, steady: Optional[Array] = None,
           muscles: Optional[Muscles] = None, nnls: Any = None) -> Shared:
     """:param wrench: force and moment about the centre that the object needs, world axes
-    :param weight: of the object [N], and its size [m]: scales of forces and moments
+    :param weight: of the object [N]: scale of forces
     :param steady: normal forces of places in neighbouring frames [N]; NaN: not known
     """
     n = len(of.points)
     if n == 0:
-        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]))
+        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]))
     forces, moments = generators(of, centre, friction, spin)
     count = n * PER
-    scale = BALANCE / np.concatenate([np.full(3, weight), np.full(3, weight * size)])
-    light = 1.0 if muscles is None else PRESSURES
+    scale = np.concatenate([np.full(3, BALANCE), np.full(3, UNEVEN / UNSURE)]) / weight
+    light, active = (1.0, 0) if muscles is None else (PRESSURES, muscles.torques.shape[1])
     sums = np.zeros((n, count))
     sums[np.repeat(np.arange(n), PER), np.arange(count)] = 1 / weight
     rows = [np.vstack([forces, moments]) * scale[:, None], light * of.costs[:, None] * sums]
@@ -119,18 +131,52 @@ def share(of: Places, wrench: Array, centre: Array, weight: float, size: float, 
         known = np.isfinite(steady)
         rows.append(light * STEADY * sums[known])
         goals.append(light * STEADY * steady[known] / weight)
+    parts = _evenly(of.fingers, sums)
+    if parts is not None:
+        # Further unknowns: how hard the fingers of a hand press at all.
+        own, means = parts
+        rows = [np.hstack([each, np.zeros((len(each), means.shape[1]))]) for each in rows]
+        rows.append(light * EVEN * np.hstack([own, -means / weight]))
+        goals.append(np.zeros(len(own)))
     if muscles is not None:
         pulled = np.einsum("nkc,kng->cng", muscles.jacobians, forces.reshape(3, n, PER)).reshape(-1, count)
-        active = muscles.torques.shape[1]
         counts = np.abs(muscles.torques).max(axis=1) > 1e-6
         rows = [np.hstack([each, np.zeros((len(each), active))]) for each in rows]
-        rows += [TORQUES / 0.1 * np.hstack([-pulled[counts], muscles.torques[counts]]), np.hstack([np.zeros((active, count)), np.eye(active)])]
+        before = rows[0].shape[1] - active
+        pulled = np.hstack([pulled, np.zeros((len(pulled), before - count))])
+        rows += [TORQUES / 0.1 * np.hstack([-pulled[counts], muscles.torques[counts]]), np.hstack([np.zeros((active, before)), np.eye(active)])]
         goals += [TORQUES / 0.1 * muscles.needed[counts], np.zeros(active)]
     matrix, goal = np.vstack(rows), np.concatenate(goals)
     x, _ = (nnls or solver())(matrix, goal, maxiter=50 * matrix.shape[1])
     by = x[:count].reshape(n, PER)
-    found = np.concatenate([forces @ x[:count], moments @ x[:count]])
-    return Shared(by.sum(axis=1), np.einsum("kng,ng->nk", forces.reshape(3, n, PER), by), spin * (by[:, EDGES] - by[:, EDGES + 1]), wrench - found, x[count:])
+    residual = wrench - np.concatenate([forces @ x[:count], moments @ x[:count]])
+    force = np.einsum("kng,ng->nk", forces.reshape(3, n, PER), by)
+    shift = shifts(force, residual[3:])
+    residual[3:] -= np.cross(shift, force).sum(axis=0)
+    return Shared(by.sum(axis=1), force, spin * (by[:, EDGES] - by[:, EDGES + 1]), shift, residual, x[len(x) - active:])
+
+
+def _evenly(fingers: NDArray[np.intp], sums: Array) -> Optional[tuple[Array, Array]]:
+    """Rows of the forces of fingers, shape (fingers, generators), and of their shares, shape (fingers, hands); None where no hand has two."""
+    known = [finger for finger in np.unique(fingers[fingers >= 0])]
+    known = [finger for finger in known if sum(other // 4 == finger // 4 for other in known) > 1]
+    if not known:
+        return None
+    hands = sorted({finger // 4 for finger in known})
+    means = np.array([[SHARES[finger % 4] if finger // 4 == hand else 0.0 for hand in hands] for finger in known])
+    return np.array([sums[fingers == finger].sum(axis=0) for finger in known]), means
+
+
+def shifts(force: Array, moment: Array) -> Array:
+    """The least shifts of centres of pressure that give a moment, up to the radius of a pad [m]."""
+    x, y, z = force.T
+    none = np.zeros(len(force))
+    # moment = sum of shift x force
+    rows = np.stack([np.stack([none, z, -y], axis=1), np.stack([-z, none, x], axis=1), np.stack([y, -x, none], axis=1)]).reshape(3, -1)
+    square = rows @ rows.T
+    out = (rows.T @ np.linalg.solve(square + 1e-9 * max(float(np.trace(square)), 1e-12) * np.eye(3), moment)).reshape(-1, 3)
+    away = np.linalg.norm(out, axis=1).max(initial=0)
+    return np.asarray(out * min(1.0, PAD / away) if away > 0 else out)
 
 
 def costs(radii: Array, gaps: Array, twins: Sequence[bool], reach: float) -> Array:

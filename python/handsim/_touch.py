@@ -19,6 +19,8 @@ FAR = 0.03
 """A gap that is measured, at most [m]."""
 SECOND = 1e-3
 """How much wider the gap at a second place of a shape may be, for two places to touch [m]."""
+CORNER, TIE = 6, 3e-4
+"""Points of a surface that are looked at, and how much further one may be to count as near as the nearest [m]."""
 APART = 6e-3
 """Between two places of one shape that touch, at least [m]."""
 
@@ -103,15 +105,21 @@ class Surface:
         near = np.flatnonzero(((places > self.low - reach) & (places < self.high + reach)).all(axis=1))
         if not len(near):
             return out, nearest
-        away, at = self.tree.query(places[near], distance_upper_bound=reach)
-        found = np.isfinite(away)
+        away, at = self.tree.query(places[near], k=CORNER, distance_upper_bound=reach)
+        found = np.isfinite(away[:, 0])
         near, at, away = near[found], at[found], away[found]
-        from_ = places[near] - self.link.points[at]
-        height = (from_ * self.link.normals[at]).sum(axis=1)
-        # A point within the spacing of the foot of the perpendicular: the plane there is nearer than the point.
-        beside = np.sqrt(np.maximum(away**2 - height**2, 0))
-        out[near] = np.where(beside < 1e-3, height, np.copysign(away, height))
-        nearest[near] = at
+        # At an edge several points are as near, of different faces: a place is outside where it is outside of one of them.
+        alike = away < away[:, :1] + TIE
+        at = np.where(alike, at, at[:, :1])
+        from_ = places[near, None] - self.link.points[at]
+        heights = np.where(alike, (from_ * self.link.normals[at]).sum(axis=2), -np.inf)
+        best = np.argmax(heights, axis=1)
+        rows = np.arange(len(near))
+        height, distance = heights[rows, best], away[:, 0]
+        # A place within the spacing of the foot of the perpendicular: the plane there is nearer than the point.
+        beside = np.sqrt(np.maximum(distance**2 - height**2, 0))
+        out[near] = np.where(beside < 1e-3, height, np.copysign(distance, height))
+        nearest[near] = at[rows, best]
         return out, nearest
 
 

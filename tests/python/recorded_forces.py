@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 
 import handsim as hs
-from handsim._model import compose, inverse, product, turn_of, turned
+from handsim._model import compose, product, turn_of, turned
 
 RATE = 60.0
 NOISE, TURN_NOISE = 2e-3, math.radians(0.6)
@@ -47,13 +47,13 @@ class Case(NamedTuple):
 
 FIVE = {"thumb": 1.0, "index": 0.8, "middle": 0.8, "ring": 0.6, "little": 0.4}
 CASES: dict[str, Case] = {
-    "pinch": Case("grasp_pinch", 0.15, 0.65, {"index": 0.5}, spin=0.0024),
+    "pinch": Case("grasp_pinch", 0.1, 0.85, {"index": 0.5}, spin=0.0031),
     "tripod": Case("grasp_tripod", 0.2, 0.9, {"index": 0.5, "middle": 0.5}, spin=0.0024),
-    "can": Case("grasp_power_can", 0.349, 0.7, FIVE),
-    "mug": Case("grasp_cup", 0.3, 0.6, FIVE),
+    "can": Case("grasp_power_can", 0.5, 0.7, FIVE),
+    "mug": Case("grasp_cup", 0.2, 0.65, FIVE),
     "box": Case("grasp_cracker_box", 0.411, 1.0, {"index": 1.0, "middle": 1.0, "ring": 0.7, "little": 0.4}, spin=0.0024),
-    "lift": Case("grasp_sphere_70mm", 0.25, 0.95, {"index": 0.8, "middle": 0.8, "ring": 0.6, "little": 0.4}, quick=True),
-    "turn": Case("grasp_cylinder_50mm", 0.3, 0.75, FIVE, turn=50),
+    "lift": Case("grasp_sphere_70mm", 0.35, 0.95, {"index": 0.8, "middle": 0.8, "ring": 0.6, "little": 0.4}, quick=True),
+    "turn": Case("grasp_cylinder_50mm", 0.6, 0.75, FIVE, turn=50),
     "set_down": Case("grasp_tripod", 0.12, 0.7, {"index": 0.5, "middle": 0.5}, down=True, spin=0.0024),
 }
 
@@ -64,11 +64,10 @@ def minimum_jerk(share: float) -> float:
 
 
 def overrides(case: Case, person: str, margin: float) -> dict[str, Any]:
-    # The plan balances within 0.6 of the cone of this friction.
     pad = {"name": "pad", "stiffness": 1800, "damping": 6, "friction": case.friction, "spinning_friction": case.spin}
     forces = ", ".join(f"{finger}: {force} N" for finger, force in case.forces.items())
     return {"hands.0.person": f"config/persons/{person}.yaml" if Path(f"config/persons/{person}.yaml").exists() else person,
-            "objects.0.mass": case.mass, "contacts.materials": json.dumps([pad]), "grasps.0.grip.friction": case.friction / (0.6 * margin),
+            "objects.0.mass": case.mass, "contacts.materials": json.dumps([pad]), "grasps.0.grip.friction": case.friction,
             "grasps.0.grip.forces": "{" + forces + "}", "grasps.0.shake.levels": "[]", "grasps.0.hold": "10 ms" if case.turn or case.down else "0.8 s",
             "grasps.0.rest": 0, "grasps.0.lift.time": "0.4 s" if case.quick else "0.7 s", "grasps.0.lift.height": "0.2 m", "grasps.0.settle": "0.3 s"}
 
@@ -93,8 +92,34 @@ class Recorded(NamedTuple):
     """Of the true forces on the hands, as `handsim inverse --loads` takes them."""
 
 
-def simulate(name: str, person: str, margin: float) -> Recorded:
-    case = CASES[name]
+def margin_of(of: Recorded) -> float:
+    """Normal forces of the hold over the least that friction lets bear the weight."""
+    held = (of.supported < 1e-6) & (sum(of.normal.values()) > 0.1)
+    return float(of.friction * np.mean(sum(of.normal.values())[held]) / (of.mass * 9.80665)) if held.any() else 0.0
+
+
+def person_grips(name: str, person: str, margin: float) -> Recorded:
+    """A recording in which the hand grips about `margin` times as hard as needed: the object is as heavy as that."""
+    case, nearest = CASES[name], None
+    for _ in range(3):
+        try:
+            found = simulate(name, person, margin, case)
+        except hs.Error:
+            if nearest is None:
+                raise
+            break  # too heavy for the plan
+        has = margin_of(found)
+        if has > 0 and (nearest is None or abs(math.log(has / margin)) < abs(math.log(margin_of(nearest) / margin))):
+            nearest = found
+        if 0.93 * margin < has < 1.07 * margin:
+            break
+        case = case._replace(mass=case.mass * min(max(has / margin, 0.5), 2.5))
+    if nearest is None or not 1.1 < margin_of(nearest) < 2.5:
+        raise hs.Error(f"{name}: a margin of {0 if nearest is None else margin_of(nearest):.2f}, which no mass mends", "physics")
+    return nearest
+
+
+def simulate(name: str, person: str, margin: float, case: Case) -> Recorded:
     scene = hs.load(case.scene, overrides(case, person, margin))
     simulation = hs.Simulation(scene)
     model = scene._model
@@ -130,7 +155,7 @@ def simulate(name: str, person: str, margin: float) -> Recorded:
         simulation.step(substeps=steps, **action)
         bodies = simulation.bodies
         poses = np.concatenate([bodies.position, bodies.quaternion], axis=1)
-        row: dict[str, Any] = {"time": simulation.time, "object": compose(poses[body], inverse(model.bodies[body].zero)), "centre": poses[body][:3]}
+        row: dict[str, Any] = {"time": simulation.time, "object": poses[body]}
         for marker, of, point in model.markers:
             row[marker] = turned(poses[of, 3:], point) + poses[of, :3]
         normal: dict[str, float] = {}
@@ -171,8 +196,7 @@ def _object_text(model: Any, body: int, mass: float) -> str:
     for shape in (each for each in model.shapes if each.body == body):
         size = {"box": f"edges: {shape.edges.tolist()}", "sphere": f"radius: {shape.radius}",
                 "cylinder": f"radius: {shape.radius}, length: {shape.length}"}[shape.kind]
-        pose = compose(model.bodies[body].zero, shape.pose)
-        # In the object's frame, at the origin of a scene without a place; the body's pose there is that of its centre of mass.
+        pose = shape.pose
         angle = 2 * math.acos(min(1, max(-1, pose[3])))
         axis = pose[4:] / max(np.linalg.norm(pose[4:]), 1e-12)
         turn = f", rotation: {{axis: {axis.tolist()}, angle: {angle}}}" if angle > 1e-9 else ""
@@ -252,7 +276,7 @@ def run(name: str, person: str, out: Path, seed: int, draws: int, more: tuple[st
     margin = math.exp(random.uniform(math.log(1.2), math.log(2.0)))
     folder = out / f"{name}_{person}"
     try:
-        recorded = simulate(name, person, margin)
+        recorded = person_grips(name, person, margin)
     except hs.Error as error:
         print(f"{name} {person}: {str(error)[:200]}", file=sys.stderr)
         return None
