@@ -17,7 +17,7 @@ from ._hand import Hand
 from ._model import matrices, turned
 from ._object_motion import Motion, smooth_columns, smoothed
 from ._objects import Course, Link, Thing
-from ._sharing import Muscles, Places, Shared, costs, share, solver
+from ._sharing import SHARES, Muscles, Places, Shared, costs, share, solver
 from ._touch import HandShapes, Surface, Touch, contact_jacobian, segment, stops, touches
 
 Array = NDArray[np.float64]
@@ -30,6 +30,8 @@ SPIN = 3.75e-3
 """Largest moment about the normal over friction and normal force [m]: handmodels/finger_pad.yaml."""
 SHARING_SPREAD = 0.4
 """Deviation of the logarithm of how a person weighs the pressure of a place: chosen."""
+FINGER_SPREAD = 0.3
+"""The same of the shares of fingers: chosen."""
 MASS_SPREAD = 0.02
 """Of a mass that was stated: chosen."""
 LOADING = 0.4
@@ -327,9 +329,10 @@ class Solver:
         radii = np.array([self.hands.shapes[touch.hand].radii[self.hands.shapes[touch.hand].first[touch.shape]] for touch in found])
         keys = [1000 * touch.hand + touch.shape for touch in found]
         twins = [keys.count(key) > 1 for key in keys]
+        fingers = np.array([self._finger(touch) for touch in found], dtype=np.intp)
         places = Places(np.array([touch.place for touch in found]).reshape(-1, 3), np.array([touch.normal for touch in found]).reshape(-1, 3),
                         costs(radii, gaps, twins, self.reach) if found else np.zeros(0),
-                        np.array([self._finger(touch) for touch in found], dtype=np.intp))
+                        fingers, SHARES[np.maximum(fingers, 0) % 4])
         total = int(self.hands.starts[-1])
         jacobians = np.zeros((len(found), 3, total))
         for i, touch in enumerate(found):
@@ -379,6 +382,9 @@ class Draw(NamedTuple):
     margin: float
     mass: float
     sharing: dict[int, float]
+    """By key of a place: a factor on its cost."""
+    fingers: Array
+    """By finger of each hand: a factor on its share."""
     seed: int
 
 
@@ -389,7 +395,7 @@ def draws_of(asked: Asked, keys: Sequence[int]) -> list[Draw]:
         friction = max(0.1, asked.friction + asked.friction_spread * random.normal())
         margin = max(1.0, MARGIN * math.exp(MARGIN_SPREAD * random.normal()))
         out.append(Draw(friction, margin, 1 + MASS_SPREAD * random.normal(),
-                        {key: math.exp(SHARING_SPREAD * random.normal()) for key in keys}, asked.seed + 1000 + i))
+                        {key: math.exp(SHARING_SPREAD * random.normal()) for key in keys}, np.exp(FINGER_SPREAD * random.normal(size=8)), asked.seed + 1000 + i))
     return out
 
 
@@ -418,7 +424,8 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
 
         def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array]) -> Shared:
             muscles = of.muscles(bodies[place], frame.jacobians) if asked.muscles else None
-            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, steady, muscles, of.nnls)
+            total = float(np.linalg.norm(wrench[:3])) / mu
+            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, total, steady, muscles, of.nnls)
 
         def whole(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
             made = [None if frame is None else change(frame) for frame in frames]
@@ -514,9 +521,10 @@ def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw]
         def change(frame: _Frame) -> tuple[Places, Array]:
             random = np.random.default_rng((draw.seed, frame.row))
             weights = np.array([draw.sharing[key] for key in frame.keys])
+            shares = frame.places.shares * np.array([draw.fingers[max(finger, 0)] for finger in frame.places.fingers])
             moved = frame.places.points + noise / 2 * random.normal(size=frame.places.points.shape)
             wrench = frame.wrench * draw.mass + of.of.unsure * random.normal(size=6) * of.load[frame.row]
-            return Places(moved, frame.places.normals, frame.places.costs * weights, frame.places.fingers), wrench
+            return Places(moved, frame.places.normals, frame.places.costs * weights, frame.places.fingers, shares), wrench
         for i, (frame, shared) in enumerate(zip(frames, whole(draw.friction / draw.margin, change))):
             if frame is None or shared is None:
                 continue

@@ -30,8 +30,12 @@ PRESSURES = 0.1
 """Weight of pressures beside activations."""
 RADIUS = 8e-3
 """Of a finger pad whose pressure counts 1 [m]."""
+FARTHER = 20.0
+"""Cost from which a place does not count in that sum."""
 STEADY = 0.7
 """Weight of a change from the forces of neighbouring frames, against pressures."""
+TOTAL = 2.0
+"""Weight of the sum of normal forces that a person takes, against pressures: chosen."""
 EVEN = 2.0
 """Weight of a finger's difference from its share, against pressures: chosen."""
 SHARES = np.array([0.32, 0.32, 0.24, 0.12]) / 0.32
@@ -59,6 +63,8 @@ class Places(NamedTuple):
     """Weight of a newton's pressure."""
     fingers: NDArray[np.intp]
     """Hand and finger of each place as one number, 4 for each hand; -1: thumb, palm, and what does not touch."""
+    shares: Array
+    """Of each place's finger in the grip of its hand, over the index finger's."""
 
 
 class Muscles(NamedTuple):
@@ -110,10 +116,11 @@ def generators(of: Places, centre: Array, friction: float, spin: float) -> tuple
     return forces.reshape(-1, 3).T, moments.reshape(-1, 3).T
 
 
-def share(of: Places, wrench: Array, centre: Array, weight: float, friction: float, spin: float, steady: Optional[Array] = None,
-          muscles: Optional[Muscles] = None, nnls: Any = None) -> Shared:
+def share(of: Places, wrench: Array, centre: Array, weight: float, friction: float, spin: float, total: float = 0.0,
+          steady: Optional[Array] = None, muscles: Optional[Muscles] = None, nnls: Any = None) -> Shared:
     """:param wrench: force and moment about the centre that the object needs, world axes
     :param weight: of the object [N]: scale of forces
+    :param total: sum of normal forces that a person takes where fingers oppose each other [N]
     :param steady: normal forces of places in neighbouring frames [N]; NaN: not known
     """
     n = len(of.points)
@@ -125,13 +132,14 @@ def share(of: Places, wrench: Array, centre: Array, weight: float, friction: flo
     light, active = (1.0, 0) if muscles is None else (PRESSURES, muscles.torques.shape[1])
     sums = np.zeros((n, count))
     sums[np.repeat(np.arange(n), PER), np.arange(count)] = 1 / weight
-    rows = [np.vstack([forces, moments]) * scale[:, None], light * of.costs[:, None] * sums]
-    goals = [wrench * scale, np.zeros(n)]
+    touch = np.repeat(of.costs < FARTHER, PER) / weight
+    rows = [np.vstack([forces, moments]) * scale[:, None], light * of.costs[:, None] * sums, light * TOTAL * touch[None]]
+    goals = [wrench * scale, np.zeros(n), np.array([light * TOTAL * total / weight])]
     if steady is not None:
         known = np.isfinite(steady)
         rows.append(light * STEADY * sums[known])
         goals.append(light * STEADY * steady[known] / weight)
-    parts = _evenly(of.fingers, sums)
+    parts = _evenly(of, sums)
     if parts is not None:
         # Further unknowns: how hard the fingers of a hand press at all.
         own, means = parts
@@ -156,15 +164,15 @@ def share(of: Places, wrench: Array, centre: Array, weight: float, friction: flo
     return Shared(by.sum(axis=1), force, spin * (by[:, EDGES] - by[:, EDGES + 1]), shift, residual, x[len(x) - active:])
 
 
-def _evenly(fingers: NDArray[np.intp], sums: Array) -> Optional[tuple[Array, Array]]:
+def _evenly(of: Places, sums: Array) -> Optional[tuple[Array, Array]]:
     """Rows of the forces of fingers, shape (fingers, generators), and of their shares, shape (fingers, hands); None where no hand has two."""
-    known = [finger for finger in np.unique(fingers[fingers >= 0])]
+    known = [int(finger) for finger in np.unique(of.fingers[of.fingers >= 0])]
     known = [finger for finger in known if sum(other // 4 == finger // 4 for other in known) > 1]
     if not known:
         return None
     hands = sorted({finger // 4 for finger in known})
-    means = np.array([[SHARES[finger % 4] if finger // 4 == hand else 0.0 for hand in hands] for finger in known])
-    return np.array([sums[fingers == finger].sum(axis=0) for finger in known]), means
+    means = np.array([[float(of.shares[of.fingers == finger][0]) if finger // 4 == hand else 0.0 for hand in hands] for finger in known])
+    return np.array([sums[of.fingers == finger].sum(axis=0) for finger in known]), means
 
 
 def shifts(force: Array, moment: Array) -> Array:

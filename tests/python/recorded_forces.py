@@ -212,7 +212,7 @@ def write_recording(of: Recorded, folder: Path, seed: int, noise: float = NOISE)
         if name == "object":
             continue
         noisy = points + noise * random.normal(size=points.shape)
-        head += [f"{name}.{axis}[m]" for axis in "xyz"]
+        head += [f"{name.replace('_distal.tip', '_tip')}.{axis}[m]" for axis in "xyz"]
         values += list(noisy.T)
     poses = of.columns["object"].copy()
     poses[:, :3] += noise * random.normal(size=(len(poses), 3))
