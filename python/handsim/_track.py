@@ -3,7 +3,6 @@ from __future__ import annotations
 
 import math
 import os
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
@@ -14,6 +13,7 @@ from . import _core
 from ._c3d import as_csv, is_c3d
 from ._errors import input_error
 from ._guess import JOINTS, Guess, check_order, guess, points_of, sample
+from ._objects import without_objects
 from ._progress import Told
 from ._shipped import data_path
 from ._study_files import json_file, number, origin, study_names
@@ -278,7 +278,7 @@ def track(asked: Asked, told: Told = None, begin: Callable[[], object] = lambda:
     :raises Error: of kind input for a recording or another file that cannot be read
     """
     c3d = is_c3d(asked.recording)
-    with as_csv(asked.recording, asked.names, asked.up) if c3d else nullcontext(asked.recording) as path:
+    with as_csv(asked.recording, asked.names, asked.up) if c3d else without_objects(asked.recording) as path:
         points, guessed = (None, Guess(None, "")) if asked.markers else _convention(asked, path)
         work = _core.track(path, asked.person, model_file(asked), asked.markers or points, None if c3d else asked.up, asked.left_handed, asked.truth,
                            asked.fit_bones, asked.smooth, asked.noise, asked.seed)

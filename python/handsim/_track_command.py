@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any, Optional, Sequence
 
-from . import _conventions, _core, _inverse
+from . import _conventions, _core, _forces_command, _inverse
 from ._errors import input_error
 from ._files import ended, read_options, usage
 from ._progress import bar
@@ -34,6 +34,13 @@ hand of the person (docs/motion.md). RECORDING is a file .csv, .json, .trc, or w
   --truth FILE       known joint angles (.mot, .csv), to compare with
   --json             prints summary.json in place of the table
 
+Forces on an object that the recording has, too, in columns object.NAME.x[m] to .qz (docs/forces.md), into the folder forces:
+  --object NAME=FILE an object file, a shipped object by its name, or a URDF of one link or two
+  --support KIND     table, post or none: what the object rests on when it is not lifted; table
+  --friction F       of skin on it, where it was measured; 0.8
+  --muscles          shares forces by least muscle activation, and gives the activations
+  --uncertain N      draws of what is uncertain, for bands of 5 to 95 %
+
 Of a .c3d file alone:
   --names FILE       lines LABEL: NAME, the names of the file's labels in the marker set, or keypoints such as right.index_tip
 In place of all these, where a tracker's points lie on the hand, from a recording of each of several people:
@@ -41,8 +48,9 @@ In place of all these, where a tracker's points lie on the hand, from a recordin
 
 Example: handsim track keypoints.csv --out out/tracked
 """
-FLAGS = ("--keep-person", "--activations", "--no-smoothing", "--json")
-VALUES = ("--out", "--person", "--model", "--markers", "--noise", "--seed", "--truth", "--names", "--up", "--points", "--handedness")
+FLAGS = ("--keep-person", "--activations", "--no-smoothing", "--json", "--muscles")
+VALUES = ("--out", "--person", "--model", "--markers", "--noise", "--seed", "--truth", "--names", "--up", "--points", "--handedness",
+          "--object", "--support", "--friction", "--uncertain")
 
 
 def _length(text: Optional[str]) -> float:
@@ -66,6 +74,7 @@ def _asked(options: dict[str, Any]) -> Asked:
 
 def _work(options: dict[str, Any]) -> int:
     asked = _asked(options)
+    held = _forces_command.request(options, asked.recording)
     out = Path(options.get("--out") or Path("out") / asked.recording.stem)
     with bar(True, "track") as told:
         found, plotted = study(asked, out, told)
@@ -83,6 +92,12 @@ def _work(options: dict[str, Any]) -> int:
         status = print_files(out, plotted)
     if not tracked:
         return 1
+    if held is not None:
+        with bar(True, "forces") as told:
+            _, text, drawn = _forces_command.find(held, asked, found, out, told)
+        if "--json" not in options:
+            print(text, end="")
+            status = max(status, print_files(out / "forces", drawn))
     if "--activations" not in options:
         return status
     sys.stdout.flush()

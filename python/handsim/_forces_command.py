@@ -1,0 +1,90 @@
+"""Forces of a tracked recording: the part of ``handsim track`` that --object asks for."""
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
+
+from . import _core, _forces, _forces_files, _track
+from ._errors import input_error
+from ._hand import Hand
+from ._model import compose
+from ._objects import Course, Thing, read_courses, read_object
+from ._progress import Told
+from ._study_files import real_of, whole_option
+
+SUPPORTS = ("table", "post", "none")
+UP = re.compile(r"^ *up: *(-?y|z)\b", re.MULTILINE)
+FROM_Y = {"y": np.array([0, 0, 0, np.sqrt(0.5), np.sqrt(0.5), 0, 0]), "-y": np.array([0, 0, 0, np.sqrt(0.5), -np.sqrt(0.5), 0, 0])}
+"""The world of a recording whose y axis points up, or down."""
+
+
+class Request(NamedTuple):
+    """What is asked for of an object."""
+
+    thing: Thing
+    course: Course
+    asked: _forces.Asked
+
+
+def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
+    """Of the command's options; None without an object. :raises Error: of kind input"""
+    others = [name for name in ("--friction", "--support", "--uncertain", "--muscles") if name in options]
+    if "--object" not in options:
+        if others:
+            raise input_error(others[0], "no object", "--object NAME=FILE beside it")
+        return None
+    support = _track.choice(options, "--support", SUPPORTS) or "table"
+    friction = real_of("--friction", options["--friction"], 0.05, 3, "a coefficient, 0.05 to 3") if "--friction" in options else _forces.FRICTION
+    # A friction that was measured is known to a tenth.
+    spread = 0.1 * friction if "--friction" in options else _forces.FRICTION_SPREAD
+    draws = whole_option(options, "--uncertain", 2, 1000) or 0
+    return of_words(options["--object"], recording, _forces.Asked(friction, spread, support, "--muscles" in options, draws,
+                                                                  whole_option(options, "--seed", 0, 2**32 - 1) or 1))
+
+
+def of_words(word: str, recording: Path, asked: _forces.Asked) -> Request:
+    """:param word: NAME=FILE"""
+    thing = read_object(word)
+    return Request(thing, read_courses(recording, [thing.name])[thing.name], asked)
+
+
+def _upright(asked: _track.Asked, found: _track.Result, course: Course) -> Course:
+    """In a world whose z axis points up."""
+    file = asked.points or (_track.data_path() / f"handmodels/points/{found.guess.name}.yaml" if found.guess.name else None)
+    said = UP.search(file.read_text(encoding="utf-8")) if file else None
+    up = asked.up or (said[1] if said else "z")
+    if asked.left_handed:
+        raise input_error("--handedness", "left beside an object", "a recording with right-handed axes")
+    return course if up == "z" else course._replace(poses=compose(np.broadcast_to(FROM_Y[up], course.poses.shape), course.poses))
+
+
+def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bool) -> list[_forces.HandMotion]:
+    out = []
+    for each in found.hands:
+        if not len(each.tracked):
+            continue
+        hand = Hand(person=person, side=each.name, model=_track.model_file(asked), muscles=muscles)
+        names = list(hand.coordinates)
+        order = [each.axes.index(name if name in each.axes else f"{each.name}.{name}") for name in names]
+        seen = each.status == 0
+        q = np.where(seen[:, None], np.nan_to_num(each.angles[:, order]), np.nan)
+        out.append(_forces.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise))
+    return out
+
+
+def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told: Told = None) -> tuple[_forces.Result, str, bool]:
+    """Finds the forces and writes their files. :returns: them, the text for the screen, and False if gnuplot is missing or fails"""
+    folder = _core.output_folder(out / "forces", _forces_files.NAMES, [asked.recording, of.thing.file])
+    course = _upright(asked, found, of.course)
+    course = course._replace(times=course.times - found.start)
+    begin = time.process_time()
+    hands = motions(asked, found, out / "person.yaml", True)
+    result = _forces.solve(_forces.Solver(of.thing, found.times, course, hands, of.asked), told)
+    cpu = time.process_time() - begin
+    folder.clear()
+    drawn = _forces_files.write(of.thing, of.asked, result, cpu, out / "forces")
+    return result, _forces_files.screen_text(of.thing, of.asked, result, cpu), drawn

@@ -1,0 +1,180 @@
+"""Files and text of forces between hands and an object."""
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._forces import STATES, Asked, Result
+from ._objects import Thing
+from ._study_files import json_file, number, origin, plain
+
+Array = NDArray[np.float64]
+NAMES = ["contact_forces.csv", "contact_forces.sto", "loads.csv", "object.csv", "torques.sto", "activations.sto", "forces.json", "forces.csv", "forces.gp",
+         "finger_forces.png", "finger_forces.svg"]
+PARTS = ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz")
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.6g}"
+
+
+def _table(times: Array, columns: Sequence[tuple[str, Sequence[str]]]) -> bytes:
+    head = ",".join(["time[s]", *(name for name, _ in columns)])
+    rows = zip([f"{time:.12g}" for time in times], *(values for _, values in columns))
+    return ("\n".join([head, *map(",".join, rows)]) + "\n").encode()
+
+
+def _texts(values: Array) -> list[str]:
+    return [_number(value) for value in values.tolist()]
+
+
+def touching(of: Result) -> list[int]:
+    """Segments that bear a force in some frame."""
+    return [i for i in range(len(of.segments)) if of.normal[:, i].max(initial=0) > 1e-3]
+
+
+def contact_table(of: Result) -> bytes:
+    """A row for each frame: its state, the wrench, what is left of it, by finger normal forces with bands, by segment force, centre and friction."""
+    columns: list[tuple[str, Sequence[str]]] = [("state", [STATES[each] for each in of.state]), ("load", _texts(of.load))]
+    for what, values in (("wrench", of.wrench), ("residual", of.residual)):
+        for k, name in enumerate(("force.x[N]", "force.y[N]", "force.z[N]", "moment.x[N m]", "moment.y[N m]", "moment.z[N m]")):
+            columns.append((f"{what}.{name}", _texts(values[:, k])))
+    columns.append(("residual.share", _texts(of.share)))
+    for i, finger in enumerate(of.fingers):
+        if of.by_finger[:, i].max(initial=0) <= 1e-3:
+            continue
+        columns.append((f"{finger}.normal[N]", _texts(of.by_finger[:, i])))
+        if of.bands is not None:
+            columns += [(f"{finger}.normal.{word}[N]", _texts(of.bands[:, i, k])) for k, word in enumerate(("low", "high"))]
+    for i in touching(of):
+        name = of.segments[i]
+        if name not in of.fingers:  # the palm is a finger of its own
+            columns.append((f"{name}.normal[N]", _texts(of.normal[:, i])))
+        columns += [(f"{name}.force.{axis}[N]", _texts(of.force[:, i, k])) for k, axis in enumerate("xyz")]
+        columns += [(f"{name}.{axis}[m]", _texts(of.centre[:, i, k])) for k, axis in enumerate("xyz")]
+        columns += [(f"{name}.friction", _texts(of.used[:, i])), (f"{name}.gap[mm]", _texts(1e3 * of.gap[:, i]))]
+    return _table(of.times, columns)
+
+
+def load_table(of: Result) -> bytes:
+    """The forces on the hands, for `handsim inverse --loads`. A segment without a force has a row of zero beside those with one."""
+    lines = ["time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]"]
+    for row, time in enumerate(of.times.tolist()):
+        for i in touching(of):
+            near = of.normal[max(0, row - 1):row + 2, i].max() > 1e-6
+            if near:
+                place = np.nan_to_num(of.centre[row, i])
+                lines.append(",".join([f"{time:.12g}", of.segments[i], *(f"{each:.7g}" for each in (*place, *-of.force[row, i]))]))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def object_table(name: str, of: Result) -> bytes:
+    poses = of.motion.poses
+    moving = [("velocity", of.motion.velocity, "m/s"), ("angular_velocity", of.motion.turning, "rad/s"), ("acceleration", of.motion.acceleration, "m/s^2"),
+              ("angular_acceleration", of.motion.turning_up, "rad/s^2")]
+    columns: list[tuple[str, Sequence[str]]] = [(f"object.{name}.{part}", [number(each) for each in poses[:, k].tolist()]) for k, part in enumerate(PARTS)]
+    columns += [(f"object.{name}.{what}.{axis}[{unit}]", _texts(values[:, k])) for what, values, unit in moving for k, axis in enumerate("xyz")]
+    return _table(of.times, columns)
+
+
+class Figures:
+    """Of a recording."""
+
+    def __init__(self, of: Result) -> None:
+        lifted = of.lifted
+        self.frames, self.lifted = len(of.times), int(lifted.sum())
+        self.counts = {state: int(np.count_nonzero(of.state == k)) for k, state in enumerate(STATES)}
+        self.enough = float(np.mean(of.share[lifted] <= 0.1)) if lifted.any() else math.nan
+        self.residual = float(np.sqrt(np.mean(of.share[lifted]**2))) if lifted.any() else math.nan
+        held = of.normal.sum(axis=1) > 1e-6
+        self.fingers = {finger: (float(of.by_finger[:, i].max()), float(of.by_finger[held, i].mean())) for i, finger in enumerate(of.fingers)
+                        if held.any() and of.by_finger[:, i].max() > 1e-3}
+        self.effort = float(np.nanmax(of.effort)) if np.isfinite(of.effort).any() else math.nan
+        inside = np.where(of.normal > 1e-6, of.gap, np.nan)
+        self.deepest = -float(np.nanmin(inside)) if np.isfinite(inside).any() else math.nan
+        self.too_deep = np.flatnonzero(np.nanmin(np.where(np.isfinite(inside), inside, np.inf), axis=1) < -of.reach)
+        self.apart = np.flatnonzero(lifted & ~(np.where(np.isfinite(of.gap), of.gap, np.inf).min(axis=1) < of.reach))
+
+
+def margin(of: Result, asked: Asked) -> float:
+    """Friction over that which the most used pad takes, while lifted."""
+    used = of.used[of.lifted]
+    return asked.friction / float(np.nanmax(used)) if np.isfinite(used).any() and np.nanmax(used) > 0 else math.nan
+
+
+def summary(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
+    figures = Figures(of)
+    out: dict[str, Any] = {
+        "object": thing.name, "file": thing.file.name, "mass_kg": of.mass, "frames": figures.frames, **figures.counts, "lifted": figures.lifted,
+        "share_of_lifted_frames_with_residual_at_most_10_percent": figures.enough, "residual_share_rms": figures.residual,
+        "wrench_deviation": of.unsure.tolist(), "object_noise_mm": 1e3 * of.motion.noise[0], "object_noise_deg": math.degrees(of.motion.noise[1]),
+        "touches_within_mm": 1e3 * of.reach, "deepest_mm": 1e3 * figures.deepest, "frames_too_deep": figures.too_deep.tolist()[:1000],
+        "support_height_m": of.ground, "friction": asked.friction, "margin_against_slip": margin(of, asked), "effort": figures.effort,
+        "fingers": {finger: {"peak_N": peak, "mean_N": mean} for finger, (peak, mean) in figures.fingers.items()}, "cpu_s": cpu,
+        "cpu_ms_per_frame": 1e3 * cpu / max(1, figures.frames), **origin()}
+    return json_file({key: None if isinstance(value, float) and math.isnan(value) else value for key, value in out.items()})
+
+
+def _plot(of: Result) -> tuple[str, str, str]:
+    head = contact_table(of).partition(b"\n")[0].decode().split(",")
+    curves = []
+    fingers = [finger for finger in of.fingers if f"{finger}.normal[N]" in head]
+    inks = ("#1b6ca8", "#c8553d", "#3a7d44", "#8a5a9e", "#b5834f", "#4a4a4a")
+    for i, finger in enumerate(fingers):
+        ink, column = inks[i % len(inks)], head.index(f"{finger}.normal[N]") + 1
+        if of.bands is not None:
+            curves.append(f"'contact_forces.csv' skip 1 using 1:{column + 1}:{column + 2} with filledcurves fs solid 0.18 lc rgb '{ink}' notitle")
+        curves.append(f"'contact_forces.csv' skip 1 using 1:{column} with lines lw 1.6 lc rgb '{ink}' title '{plain(finger)}'")
+    share = head.index("residual.share") + 1
+    commands = ("  set multiplot layout 2,1\nset datafile separator ','\nset autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\n"
+                "set lmargin 10\nset rmargin 24\nset ylabel 'normal force [N]'\nset yrange [0:*]\n"
+                f"plot {', '.join(curves) or '0 notitle'}\nset xlabel 'time [s]'\nset ylabel 'share of the weight'\n"
+                f"plot 'contact_forces.csv' skip 1 using 1:{share} with lines lw 1.4 lc rgb '#c8553d' title 'residual', "
+                "0.1 with lines dt 2 lc rgb '#808080' title 'limit'\nunset multiplot\nset yrange [*:*]\nunset xlabel\n")
+    return "finger_forces", "noenhanced size 1200,800 font 'DejaVu Sans,10'", commands
+
+
+def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path) -> bool:
+    """:returns: False if gnuplot is missing or fails"""
+    figures = Figures(of)
+    rows = [f"{finger},{number(peak)},{number(mean)}\n" for finger, (peak, mean) in figures.fingers.items()]
+    for name, content in (("contact_forces.csv", contact_table(of)), ("loads.csv", load_table(of)), ("object.csv", object_table(thing.name, of)),
+                          ("forces.json", summary(thing, asked, of, cpu).encode()), ("forces.csv", ("finger,peak[N],mean[N]\n" + "".join(rows)).encode())):
+        _core.write_file(out / name, content)
+    _core.write_motion(out / "contact_forces.sto", f"{thing.name}: normal forces [N]", of.fingers, False, len(of.times), of.times, of.by_finger)
+    torque = np.isfinite(of.torque).all(axis=1)
+    _core.write_motion(out / "torques.sto", f"{thing.name}: torques about the joint axes with the contacts [N m]", of.axes, False, int(torque.sum()),
+                       of.times[torque], of.torque[torque])
+    if of.muscles:
+        active = np.isfinite(of.activation).all(axis=1)
+        _core.write_motion(out / "activations.sto", f"{thing.name}: activations", of.muscles, False, int(active.sum()), of.times[active],
+                           of.activation[active])
+    drawn: bool = _core.write_plots(out, "forces", "", [_plot(of)])
+    return drawn
+
+
+def screen_text(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
+    figures, counts = Figures(of), Figures(of).counts
+    out = (f"{thing.name}: {1e3 * of.mass:.4g} g, {figures.frames} frames: {counts['held']} held, {counts['supported']} on its support and touched, "
+           f"{counts['apart']} apart, {counts['short']} with too little contact, {counts['unseen']} unseen; noise {1e3 * of.motion.noise[0]:.2g} mm, "
+           f"{math.degrees(of.motion.noise[1]):.2g} deg\n")
+    if figures.lifted:
+        out += (f"  residual at most 10 % of the weight in {100 * figures.enough:.0f} % of {figures.lifted} lifted frames; RMS {100 * figures.residual:.3g} % "
+                "(every frame: residual.share of contact_forces.csv)\n")
+    for finger, (peak, mean) in figures.fingers.items():
+        out += f"  {finger:<16} {peak:6.2f} N at most, {mean:6.2f} N in the mean\n"
+    if figures.fingers:
+        out += f"  margin against slip {margin(of, asked):.3g} with friction {asked.friction:g}; effort {100 * figures.effort:.0f} % of the strength about an axis\n"
+    if len(figures.too_deep):
+        first = ", ".join(f"{of.times[row]:.2f}" for row in figures.too_deep[:5])
+        out += (f"  hand and object are more than their noise of {1e3 * of.reach:.1f} mm inside each other in {len(figures.too_deep)} frames, up to "
+                f"{1e3 * figures.deepest:.1f} mm (at {first} s{', ...' if len(figures.too_deep) > 5 else ''})\n")
+    if len(figures.apart):
+        first = ", ".join(f"{of.times[row]:.2f}" for row in figures.apart[:5])
+        out += f"  lifted, but nothing within {1e3 * of.reach:.1f} mm in {len(figures.apart)} frames (at {first} s{', ...' if len(figures.apart) > 5 else ''})\n"
+    return out + "  how hard opposite fingers squeeze does not show in motion: it is what people take, docs/forces.md\n" + f"  {cpu:.3g} s of CPU time\n"

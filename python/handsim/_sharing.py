@@ -1,0 +1,198 @@
+"""How the wrench that an object needs is shared by the places that touch it, in one frame.
+
+Forces lie in cones of friction of `EDGES` edges, each place holds a moment about its normal by spinning friction, and none pulls: sums of edges with
+factors of 0 or more. Of all that give the wrench, those of the least sum of squared pressures, or with muscles of squared activations, are taken, by
+non-negative least squares (scipy.optimize.nnls).
+"""
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Optional, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._errors import input_error
+
+Array = NDArray[np.float64]
+EDGES = 8
+"""Of a cone of friction."""
+PER = EDGES + 2
+"""Generators of a place: the edges, and a newton along the normal with the largest moment about it either way."""
+BALANCE = 100.0
+"""Weight of the force against that of pressures, both as shares of the weight."""
+UNSURE, UNEVEN = 2.5e-3, 0.4
+"""Deviation of a centre of pressure from its place [m], and of people's pressures from equal ones, as a share: they weigh moments against pressures. Chosen."""
+PAD = 5e-3
+"""How far a centre of pressure may lie from its place: the radius of a pad that is pressed flat (handmodels/finger_pad.yaml) [m]."""
+TORQUES = 30.0
+"""Weight of joint torques of 0.1 N m against an activation of 1."""
+PRESSURES = 0.1
+"""Weight of pressures beside activations."""
+RADIUS = 8e-3
+"""Of a finger pad whose pressure counts 1 [m]."""
+FARTHER = 20.0
+"""Cost from which a place does not count in that sum."""
+STEADY = 0.7
+"""Weight of a change from the forces of neighbouring frames, against pressures."""
+TOTAL = 2.0
+"""Weight of the sum of normal forces that a person takes, against pressures: chosen."""
+EVEN = 2.0
+"""Weight of a finger's difference from its share, against pressures: chosen."""
+SHARES = np.array([0.32, 0.32, 0.24, 0.12]) / 0.32
+"""Of index, middle, ring and little finger in people's grips (Yun et al., docs/grasping.md)."""
+AROUND = 2 * np.pi * np.arange(EDGES) / EDGES
+COSINES, SINES = np.cos(AROUND), np.sin(AROUND)
+
+
+def solver() -> Any:
+    try:
+        from scipy.optimize import nnls
+    except ImportError:
+        raise input_error("SciPy", "no Python module of this name", "it, for forces on objects: pip install scipy") from None
+    return nnls
+
+
+class Places(NamedTuple):
+    """Of a frame; n places."""
+
+    points: Array
+    """World [m], shape (n, 3)."""
+    normals: Array
+    """Out of the object."""
+    costs: Array
+    """Weight of a newton's pressure."""
+    fingers: NDArray[np.intp]
+    """Hand and finger of each place as one number, 4 for each hand; -1: thumb, palm, and what does not touch."""
+    shares: Array
+    """Of each place's finger in the grip of its hand, over the index finger's."""
+
+
+class Muscles(NamedTuple):
+    """Of the hands of a frame."""
+
+    torques: Array
+    """Of full activations, shape (coordinates, muscles) [N m]."""
+    needed: Array
+    """Without contacts, less what is passive, shape (coordinates,) [N m]."""
+    jacobians: Array
+    """Of the places, shape (n, 3, coordinates): velocity in the world by rates."""
+
+
+class Shared(NamedTuple):
+    normal: Array
+    """By place [N]."""
+    force: Array
+    """On the object, world axes, shape (n, 3) [N]."""
+    spin: Array
+    """Moment about the normal, by place [N m]."""
+    shift: Array
+    """Of the centres of pressure from their places, up to PAD, shape (n, 3) [m]."""
+    residual: Array
+    """What the places leave undone: force [N] and moment about the centre [N m], shape (6,)."""
+    activation: Array
+    """Of the muscles; none without."""
+
+
+def frames_of(normals: Array) -> tuple[Array, Array]:
+    """Two tangents of each normal."""
+    away = np.where(np.abs(normals[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
+    first = np.cross(normals, away)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return first, np.cross(normals, first)
+
+
+def generators(of: Places, centre: Array, friction: float, spin: float) -> tuple[Array, Array]:
+    """Forces on the object of the generators, shape (3, n PER), and moments about a centre, each of a newton along the normal.
+
+    :param spin: largest moment about the normal over the normal force [m]
+    """
+    first, second = frames_of(of.normals)
+    along = COSINES[:, None] * first[:, None] + SINES[:, None] * second[:, None]
+    forces = np.repeat(-of.normals[:, None], PER, axis=1)
+    forces[:, :EDGES] += friction * along
+    moments = np.cross((of.points - centre)[:, None], forces)
+    moments[:, EDGES] += spin * of.normals
+    moments[:, EDGES + 1] -= spin * of.normals
+    return forces.reshape(-1, 3).T, moments.reshape(-1, 3).T
+
+
+def share(of: Places, wrench: Array, centre: Array, weight: float, friction: float, spin: float, total: float = 0.0,
+          steady: Optional[Array] = None, muscles: Optional[Muscles] = None, nnls: Any = None) -> Shared:
+    """:param wrench: force and moment about the centre that the object needs, world axes
+    :param weight: of the object [N]: scale of forces
+    :param total: sum of normal forces that a person takes where fingers oppose each other [N]
+    :param steady: normal forces of places in neighbouring frames [N]; NaN: not known
+    """
+    n = len(of.points)
+    if n == 0:
+        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]))
+    forces, moments = generators(of, centre, friction, spin)
+    count = n * PER
+    scale = np.concatenate([np.full(3, BALANCE), np.full(3, UNEVEN / UNSURE)]) / weight
+    light, active = (1.0, 0) if muscles is None else (PRESSURES, muscles.torques.shape[1])
+    sums = np.zeros((n, count))
+    sums[np.repeat(np.arange(n), PER), np.arange(count)] = 1 / weight
+    touch = np.repeat(of.costs < FARTHER, PER) / weight
+    rows = [np.vstack([forces, moments]) * scale[:, None], light * of.costs[:, None] * sums, light * TOTAL * touch[None]]
+    goals = [wrench * scale, np.zeros(n), np.array([light * TOTAL * total / weight])]
+    if steady is not None:
+        known = np.isfinite(steady)
+        rows.append(light * STEADY * sums[known])
+        goals.append(light * STEADY * steady[known] / weight)
+    parts = _evenly(of, sums)
+    if parts is not None:
+        # Further unknowns: how hard the fingers of a hand press at all.
+        own, means = parts
+        rows = [np.hstack([each, np.zeros((len(each), means.shape[1]))]) for each in rows]
+        rows.append(light * EVEN * np.hstack([own, -means / weight]))
+        goals.append(np.zeros(len(own)))
+    if muscles is not None:
+        pulled = np.einsum("nkc,kng->cng", muscles.jacobians, forces.reshape(3, n, PER)).reshape(-1, count)
+        counts = np.abs(muscles.torques).max(axis=1) > 1e-6
+        rows = [np.hstack([each, np.zeros((len(each), active))]) for each in rows]
+        before = rows[0].shape[1] - active
+        pulled = np.hstack([pulled, np.zeros((len(pulled), before - count))])
+        rows += [TORQUES / 0.1 * np.hstack([-pulled[counts], muscles.torques[counts]]), np.hstack([np.zeros((active, before)), np.eye(active)])]
+        goals += [TORQUES / 0.1 * muscles.needed[counts], np.zeros(active)]
+    matrix, goal = np.vstack(rows), np.concatenate(goals)
+    x, _ = (nnls or solver())(matrix, goal, maxiter=50 * matrix.shape[1])
+    by = x[:count].reshape(n, PER)
+    residual = wrench - np.concatenate([forces @ x[:count], moments @ x[:count]])
+    force = np.einsum("kng,ng->nk", forces.reshape(3, n, PER), by)
+    shift = shifts(force, residual[3:])
+    residual[3:] -= np.cross(shift, force).sum(axis=0)
+    return Shared(by.sum(axis=1), force, spin * (by[:, EDGES] - by[:, EDGES + 1]), shift, residual, x[len(x) - active:])
+
+
+def _evenly(of: Places, sums: Array) -> Optional[tuple[Array, Array]]:
+    """Rows of the forces of fingers, shape (fingers, generators), and of their shares, shape (fingers, hands); None where no hand has two."""
+    known = [int(finger) for finger in np.unique(of.fingers[of.fingers >= 0])]
+    known = [finger for finger in known if sum(other // 4 == finger // 4 for other in known) > 1]
+    if not known:
+        return None
+    hands = sorted({finger // 4 for finger in known})
+    means = np.array([[float(of.shares[of.fingers == finger][0]) if finger // 4 == hand else 0.0 for hand in hands] for finger in known])
+    return np.array([sums[of.fingers == finger].sum(axis=0) for finger in known]), means
+
+
+def shifts(force: Array, moment: Array) -> Array:
+    """The least shifts of centres of pressure that give a moment, up to the radius of a pad [m]."""
+    x, y, z = force.T
+    none = np.zeros(len(force))
+    # moment = sum of shift x force
+    rows = np.stack([np.stack([none, z, -y], axis=1), np.stack([-z, none, x], axis=1), np.stack([y, -x, none], axis=1)]).reshape(3, -1)
+    square = rows @ rows.T
+    out = (rows.T @ np.linalg.solve(square + 1e-9 * max(float(np.trace(square)), 1e-12) * np.eye(3), moment)).reshape(-1, 3)
+    away = np.linalg.norm(out, axis=1).max(initial=0)
+    return np.asarray(out * min(1.0, PAD / away) if away > 0 else out)
+
+
+def costs(radii: Array, gaps: Array, twins: Sequence[bool], reach: float) -> Array:
+    """Weight of a newton by the area of its pad, and by how far it is from the surface.
+
+    :param radii: of the shapes [m]; area grows with their square
+    :param twins: another place of the same shape touches, too, and shares its area
+    :param reach: gap up to which a place counts as touching [m]
+    """
+    beyond = np.maximum(gaps - reach, 0) / reach
+    return np.asarray((RADIUS / radii)**2 * np.where(twins, np.sqrt(2.0), 1.0) * np.exp(np.minimum(3 * beyond, 12)))

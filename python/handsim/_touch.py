@@ -1,0 +1,234 @@
+"""Where recorded hands and objects touch: the gap between the shapes of a hand and the surface of an object, frame by frame."""
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._errors import input_error
+from ._hand import Hand
+from ._model import compose, inverse, product, turned
+from ._objects import Link
+
+Array = NDArray[np.float64]
+ALONG = 4e-3
+"""Between the places of a shape that are tested [m], at most."""
+FAR = 0.03
+"""A gap that is measured, at most [m]."""
+SECOND = 1e-3
+"""How much wider the gap at a second place of a shape may be, for two places to touch [m]."""
+CORNER, TIE = 6, 3e-4
+"""Points of a surface that are looked at, and how much further one may be to count as near as the nearest [m]."""
+APART = 6e-3
+"""Between two places of one shape that touch, at least [m]."""
+
+
+class Touch(NamedTuple):
+    """A place of a hand that touches, or may; world axes."""
+
+    hand: int
+    shape: int
+    """Row of `HandShapes.names`."""
+    link: int
+    """Of the object."""
+    place: Array
+    """On the object's surface [m]."""
+    normal: Array
+    """Out of the object."""
+    gap: float
+    """[m]; below 0: inside."""
+    offset: Array
+    """The place in the frame of the hand's body [m]."""
+
+
+class HandShapes:
+    """The shapes of a hand as round places: centres in frames of bodies, with radii."""
+
+    def __init__(self, hand: Hand) -> None:
+        self.hand = hand
+        shapes = hand.shapes
+        self.names: list[str] = []
+        """Of the body of each shape, such as index_distal."""
+        self.radius: Array
+        bodies = {name: i for i, name in enumerate(hand.bodies)}
+        centres, radii, of = [], [], []
+        for i in range(len(shapes["name"])):
+            row = shapes.row(i)
+            pose = np.concatenate([row["position"], row["quaternion"]])
+            edges = np.asarray(row["edges"], dtype=float)
+            if row["kind"] == "box":
+                # Balls along the longest edge, as thick as the shortest.
+                radius = float(edges.min()) / 2
+                along = np.eye(3)[int(np.argmax(edges))] * max(float(edges.max()) / 2 - radius, 0)
+                wide = np.eye(3)[int(np.argsort(edges)[1])] * max(float(np.sort(edges)[1]) / 2 - radius, 0)
+                grid = [u * along + v * wide for u in np.linspace(-1, 1, 9) for v in np.linspace(-1, 1, 9)]
+            else:
+                radius, half = float(row["radius"]), 0.0 if row["kind"] == "sphere" else float(row["length"]) / 2
+                grid = [np.array([0, 0, z]) for z in np.linspace(-half, half, max(2, int(np.ceil(2 * half / ALONG)) + 1) if half else 1)]
+            centres += list(turned(pose[3:], np.array(grid)) + pose[:3])
+            radii += [radius] * len(grid)
+            of += [(len(self.names), bodies[row["body"]])] * len(grid)
+            self.names.append(row["body"])
+        self.centres, self.radii = np.array(centres), np.array(radii)
+        self.shape, self.body = np.array(of).T
+        self.first = np.flatnonzero(np.diff(self.shape, prepend=-1))
+
+    def bodies(self, q: Array, wrist: Array) -> Array:
+        """Poses of the bodies in the world, shape (bodies, 7)."""
+        position, quaternion = _core.hand_poses(self.hand.scene._core, q)
+        return compose(np.broadcast_to(wrist, (len(position), 7)), np.concatenate([position, quaternion], axis=1))
+
+    def balls(self, bodies: Array) -> Array:
+        """Centres of the places in the world, shape (places, 3)."""
+        poses = bodies[self.body]
+        return np.asarray(turned(poses[:, 3:], self.centres) + poses[:, :3])
+
+
+class Surface:
+    """Of a link: distances from it."""
+
+    def __init__(self, link: Link) -> None:
+        try:
+            from scipy.spatial import cKDTree
+        except ImportError:
+            raise input_error("SciPy", "no Python module of this name", "it, for forces on objects: pip install scipy") from None
+        self.link = link
+        self.tree: Any = cKDTree(link.points)
+        self.low, self.high = link.points.min(axis=0), link.points.max(axis=0)
+
+    def distances(self, places: Array, reach: float) -> tuple[Array, NDArray[np.intp]]:
+        """Signed distances of places in the link's frame from its surface [m], inf beyond reach, and the nearest points of it."""
+        out = np.full(len(places), np.inf)
+        nearest = np.zeros(len(places), dtype=np.intp)
+        near = np.flatnonzero(((places > self.low - reach) & (places < self.high + reach)).all(axis=1))
+        if not len(near):
+            return out, nearest
+        away, at = self.tree.query(places[near], k=CORNER, distance_upper_bound=reach)
+        found = np.isfinite(away[:, 0])
+        near, at, away = near[found], at[found], away[found]
+        # At an edge several points are as near, of different faces: a place is outside where it is outside of one of them.
+        alike = away < away[:, :1] + TIE
+        at = np.where(alike, at, at[:, :1])
+        from_ = places[near, None] - self.link.points[at]
+        heights = np.where(alike, (from_ * self.link.normals[at]).sum(axis=2), -np.inf)
+        best = np.argmax(heights, axis=1)
+        rows = np.arange(len(near))
+        height, distance = heights[rows, best], away[:, 0]
+        # A place within the spacing of the foot of the perpendicular: the plane there is nearer than the point.
+        beside = np.sqrt(np.maximum(distance**2 - height**2, 0))
+        out[near] = np.where(beside < 1e-3, height, np.copysign(distance, height))
+        nearest[near] = at[rows, best]
+        return out, nearest
+
+
+def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Surface], places: Array, reach: float) -> list[Touch]:
+    """Of a hand and an object, nearest places of shapes within a gap.
+
+    :param bodies: poses of the hand's bodies
+    :param places: poses of the object's links
+    """
+    balls = shapes.balls(bodies)
+    out: list[Touch] = []
+    widest = float(shapes.radii.max())
+    for k, surface in enumerate(surfaces):
+        back = inverse(places[k])
+        distance, nearest = surface.distances(turned(back[3:], balls) + back[:3], reach + widest)
+        gaps = distance - shapes.radii
+        least = np.minimum.reduceat(gaps, shapes.first)
+        for shape in np.flatnonzero(least < reach):
+            own = np.arange(shapes.first[shape], shapes.first[shape + 1] if shape + 1 < len(shapes.first) else len(gaps))
+            chosen = [int(own[np.argmin(gaps[own])])]
+            others = own[(gaps[own] < gaps[chosen[0]] + SECOND) & (np.linalg.norm(balls[own] - balls[chosen[0]], axis=1) > APART)]
+            if len(others):
+                chosen.append(int(others[np.argmax(np.linalg.norm(balls[others] - balls[chosen[0]], axis=1))]))
+            for i in chosen:
+                normal = turned(places[k, 3:], surface.link.normals[nearest[i]])
+                body = inverse(bodies[shapes.body[i]])
+                place = balls[i] - (shapes.radii[i] + gaps[i]) * normal
+                out.append(Touch(hand, int(shape), k, place, normal, float(gaps[i]), turned(body[3:], place) + body[:3]))
+    return out
+
+
+def contact_jacobian(shapes: HandShapes, q: Array, wrist: Array, touch: Touch) -> Array:
+    """Velocity of the place on the hand by the rates of the coordinates, world axes, shape (3, coordinates)."""
+    body = shapes.hand.bodies.index(shapes.names[touch.shape])
+    return np.asarray(turned(wrist[3:], _core.hand_jacobian(shapes.hand.scene._core, q, body, touch.offset)[:3].T).T)
+
+
+class Moved(NamedTuple):
+    """A frame that was moved within its noise until it touches."""
+
+    q: list[Array]
+    wrists: list[Array]
+    object: Array
+    before: float
+    """RMS difference of gaps from those that the load asks for [m]."""
+    after: float
+    beyond: float
+    """The largest move over its standard deviation."""
+
+
+class Spread(NamedTuple):
+    """Standard deviations of a frame."""
+
+    angle: float
+    """[rad]"""
+    place: float
+    """Of a wrist [m]."""
+    turn: float
+    """Of a wrist [rad]."""
+    object_place: float
+    object_turn: float
+
+
+def _turn(q: Array, by: Array) -> Array:
+    out = product(np.concatenate([[1.0], by / 2]), q)
+    return np.asarray(out / np.linalg.norm(out))
+
+
+def close(shapes: Sequence[HandShapes], q: Sequence[Array], wrists: Sequence[Array], object_: Array, found: Sequence[Touch], depths: Array, spread: Spread,
+          limits: Sequence[tuple[Array, Array]], exact: float = 2e-4) -> Moved:
+    """The likeliest posture in which places are as deep as `depths` [m]: one step of Gauss and Newton.
+
+    :param limits: stops of each hand [rad]
+    """
+    goal = np.array([-depth - touch.gap for touch, depth in zip(found, depths)])
+    sizes = [len(each) for each in q]
+    starts = np.cumsum([0, *(n + 6 for n in sizes)])
+    rows = np.zeros((len(found), int(starts[-1]) + 6))
+    deviation = np.concatenate([*(np.concatenate([np.full(n, spread.angle), np.full(3, spread.place), np.full(3, spread.turn)]) for n in sizes),
+                                np.full(3, spread.object_place), np.full(3, spread.object_turn)])
+    for i, touch in enumerate(found):
+        at, n = int(starts[touch.hand]), sizes[touch.hand]
+        rows[i, at:at + n] = touch.normal @ contact_jacobian(shapes[touch.hand], q[touch.hand], wrists[touch.hand], touch)
+        rows[i, at + n:at + n + 3] = touch.normal
+        rows[i, at + n + 3:at + n + 6] = np.cross(touch.place - wrists[touch.hand][:3], touch.normal)
+        rows[i, -6:-3] = -touch.normal
+        rows[i, -3:] = -np.cross(touch.place - object_[:3], touch.normal)
+    scaled = rows * deviation
+    step = scaled.T @ np.linalg.solve(scaled @ scaled.T + exact**2 * np.eye(len(found)), goal) if len(found) else np.zeros(len(deviation))
+    move = deviation * step
+    out_q, out_wrists = [], []
+    for k, n in enumerate(sizes):
+        at = int(starts[k])
+        out_q.append(np.clip(q[k] + move[at:at + n], np.minimum(limits[k][0], q[k]), np.maximum(limits[k][1], q[k])))
+        out_wrists.append(np.concatenate([wrists[k][:3] + move[at + n:at + n + 3], _turn(wrists[k][3:], move[at + n + 3:at + n + 6])]))
+    moved = np.concatenate([object_[:3] + move[-6:-3], _turn(object_[3:], move[-3:])])
+    left = goal - rows @ move
+    rms = [float(np.sqrt(np.mean(each**2))) if len(each) else 0.0 for each in (goal, left)]
+    return Moved(out_q, out_wrists, moved, rms[0], rms[1], float(np.abs(step).max(initial=0)))
+
+
+def stops(hand: Hand) -> tuple[Array, Array]:
+    joints = hand.joints
+    return np.asarray(joints["low"]), np.asarray(joints["high"])
+
+
+def segment(name: str) -> tuple[str, str]:
+    """Finger and segment of a body's name: index_distal, palm."""
+    finger, _, part = name.partition("_")
+    return (finger, part) if part else (name, name)
+
+
