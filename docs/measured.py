@@ -552,7 +552,7 @@ def suite_table():
         grips = sorted(figure["value"] for case in grasps for figure in case["figures"] if figure["name"] == "grip" and figure["value"] is not None)
         both = [name for name, case in engine["cases"].items() if case["cpu_s"] and not case.get("why") and own[name]["cpu_s"]]
         cost = sum(engine["cases"][name]["cpu_s"] for name in both) / sum(own[name]["cpu_s"] for name in both) if both else None
-        grip = f"{number(grips[len(grips) // 2])} ({number(grips[0])} to {number(grips[-1])})" if grips else ""
+        grip = f"{number(grips[len(grips) // 2], 3)} ({number(grips[0], 3)} to {number(grips[-1], 3)})" if grips else ""
         rows.append([f"{engine['engine']} {engine['version']}", engine["options"], f"{len(held)} of {len(grasps)}",
                      f"{sum(map(is_quiet, held))}", f"{sum(case['verdict'] == 'held' for case in others)} of {len(others)}", grip, number(cost)])
     return table(["engine", "options", "grasps held", "of these quiet", "other cases held", "grip", "cost"], rows)
@@ -563,8 +563,12 @@ def suite_cases():
     names = list(next(iter(engines.values()))["cases"])
     rows = []
     for name in dict.fromkeys(name.partition(".")[0] for name in names):
-        own = [each for person in ("", ".small_woman", ".median_man", ".large_man") if (each := name + person) in names]
-        rows.append([f"`{name}`", *(", ".join(engine["cases"][each]["verdict"] for each in own) for engine in engines.values())])
+        own = [each for person in ("", ".large_man", ".median_man", ".small_woman") if (each := name + person) in names]
+        row = [f"`{name}`"]
+        for engine in engines.values():
+            verdicts = [engine["cases"][each]["verdict"] for each in own if each in engine["cases"]]
+            row.append(", ".join(dict.fromkeys(verdicts) if len(set(verdicts)) == 1 else verdicts) or "-")
+        rows.append(row)
     return table(["case", *(f"{engine['engine']} {engine['version']}" for engine in engines.values())], rows)
 
 

@@ -50,11 +50,14 @@ def run_engine(name, suite, out, packages, only):
     told.write_text(json.dumps({**json.loads(told.read_text()), "name": name}, indent=1) + "\n")
 
 
-def release_text(engine):
-    """A row for each case: verdict and figures in SI, with six digits."""
+def release_text(engine, suite):
+    """A row for each case: verdict and figures in SI, with six digits; the grip as a force."""
     rows = ["case,verdict," + ",".join(FIGURES)]
     for case in engine["cases"]:
         of = {figure["name"]: figure["value"] for figure in case["figures"]}
+        for spec in json.loads((suite / case["case"] / "case.json").read_text())["judge"]:
+            if spec["measure"] == "grip":
+                of["grip"] *= spec["of"]
         rows.append(",".join([case["case"], case["verdict"], *("" if of.get(name) is None else f"{of[name]:.6g}" for name in FIGURES)]))
     return "\n".join(rows) + "\n"
 
@@ -65,11 +68,13 @@ def main():
     parser.add_argument("--packages", type=Path, default=Path("build/peers/suite"))
     parser.add_argument("--only", nargs="*", default=[], choices=ENGINES, metavar="ENGINE", help=", ".join(ENGINES))
     parser.add_argument("--cases", nargs="*", default=[])
+    parser.add_argument("--suite", type=Path, help="an exported one in place of a new one")
     parser.add_argument("--release", type=Path)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    suite = options.out / "cases"
-    subprocess.run([sys.executable, "-m", "handsim", "export", "--suite", str(suite), "--quiet"], check=True, env=environment(None))
+    suite = options.suite or options.out / "cases"
+    if options.suite is None:
+        subprocess.run([sys.executable, "-m", "handsim", "export", "--suite", str(suite), "--quiet"], check=True, env=environment(None))
     for name in options.only or ENGINES:
         run_engine(name, suite, options.out, options.packages, options.cases)
     # Those of an earlier call, too, so that engines can run side by side.
@@ -78,7 +83,7 @@ def main():
     (options.out / "suite.json").write_text(json.dumps({"size": size, "engines": engines}, indent=1) + "\n")
     if options.release:
         options.release.parent.mkdir(parents=True, exist_ok=True)
-        options.release.write_text(release_text(next(engine for engine in engines if engine["name"] == "articulated")))
+        options.release.write_text(release_text(next(engine for engine in engines if engine["name"] == "articulated"), suite))
     return 0
 
 

@@ -13,7 +13,7 @@ import json
 import math
 import sys
 from pathlib import Path
-from typing import Any, Callable, NamedTuple, NoReturn, Optional
+from typing import Any, Callable, NamedTuple, NoReturn, Optional, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -152,8 +152,10 @@ class _Reader:
         if self.problems:
             self.stop()
         every = {body: np.array(rows) for body, rows in found.items()}
-        take = lambda names: {body: rows[:, [head.index(name) for name in names]] for body, rows in every.items()  # noqa: E731
-                              if all(name in head for name in names)}
+
+        def take(names: Sequence[str]) -> dict[str, Array]:
+            return {body: rows[:, [head.index(name) for name in names]] for body, rows in every.items() if all(name in head for name in names)}
+
         self._start(take(POSE), lines_of)
         return Motion(np.array(times), take(POSE), take(TWIST), take(FORCE),
                       {body: rows[:, 0] for body, rows in take(("normal",)).items()})
@@ -162,7 +164,10 @@ class _Reader:
              found: dict[str, list[list[float]]]) -> bool:
         """One line of the table. :returns: whether to go on"""
         cells = text.split(",")
-        at = lambda place: 1 + sum(len(each) + 1 for each in cells[:place])  # noqa: E731
+
+        def at(place: int) -> int:
+            return 1 + sum(len(each) + 1 for each in cells[:place])
+
         if len(cells) != len(head):
             self.say(line, 1, "row", f"{len(cells)} fields", f"{len(head)}, as in the head")
             return False

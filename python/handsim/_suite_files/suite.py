@@ -117,6 +117,7 @@ def run(engine: str, version: str, options: str, simulate: Callable[[Case, Resul
             told[case.name] = {"cpu_s": round(time.process_time() - begin, 4), "failed": f"{type(error).__name__}: {error}".splitlines()[0][:200]}
         results.write()
         print(case.name, told[case.name], file=sys.stderr, flush=True)
-    (options_given.out / "run.json").write_text(
-        json.dumps({"engine": engine, "version": version, "options": options, "cases": told}, indent=1) + "\n", encoding="utf-8")
+        # After each case: a driver that is stopped leaves what it has done.
+        (options_given.out / "run.json").write_text(
+            json.dumps({"engine": engine, "version": version, "options": options, "cases": told}, indent=1) + "\n", encoding="utf-8")
     return 0
