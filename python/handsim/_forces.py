@@ -18,7 +18,7 @@ from ._model import matrices, turned
 from ._object_motion import Motion, smooth_columns, smoothed
 from ._objects import Course, Link, Thing
 from ._sharing import SHARES, Muscles, Places, Shared, costs, share, solver
-from ._touch import HandShapes, Surface, Touch, contact_jacobian, segment, stops, touches
+from ._touch import HandShapes, Surface, Touch, contact_jacobian, segment, touches
 
 Array = NDArray[np.float64]
 GRAVITY = np.array([0, 0, -9.80665])
@@ -38,8 +38,8 @@ LOADING = 0.4
 """Within which hands take over the weight before an object leaves its support [s]: chosen."""
 NEAR = 1e-3
 """Gap within which a place touches, beside half the noise of hand and object, which are smoothed [m]."""
-WIDE = 3.0
-"""How many times that gap places are reckoned with, at a price."""
+WIDE = 0.012
+"""Gap within which places are reckoned with, at a price [m]: statistical hands and tracked thumbs are this far off."""
 SHORT = 0.1
 """Share of the weight: a frame with a larger residual has too little contact."""
 MOST_PLACES = 20
@@ -323,7 +323,7 @@ class Solver:
         for k, each in enumerate(self.motions):
             if self.hands.tracked[k][row]:
                 shapes = self.hands.shapes[k]
-                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row], WIDE * self.reach)
+                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row], max(WIDE, 2 * self.reach))
         found = sorted(found, key=lambda touch: touch.gap)[:MOST_PLACES]
         gaps = np.array([touch.gap for touch in found])
         radii = np.array([self.hands.shapes[touch.hand].radii[self.hands.shapes[touch.hand].first[touch.shape]] for touch in found])
@@ -395,7 +395,8 @@ def draws_of(asked: Asked, keys: Sequence[int]) -> list[Draw]:
         friction = max(0.1, asked.friction + asked.friction_spread * random.normal())
         margin = max(1.0, MARGIN * math.exp(MARGIN_SPREAD * random.normal()))
         out.append(Draw(friction, margin, 1 + MASS_SPREAD * random.normal(),
-                        {key: math.exp(SHARING_SPREAD * random.normal()) for key in keys}, np.exp(FINGER_SPREAD * random.normal(size=8)), asked.seed + 1000 + i))
+                        {key: math.exp(SHARING_SPREAD * random.normal()) for key in keys}, np.exp(FINGER_SPREAD * random.normal(size=8)),
+                        asked.seed + 1000 + i))
     return out
 
 
@@ -535,7 +536,3 @@ def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw]
             if of.asked.muscles:
                 activations[d, i] = np.minimum(shared.activation, 1)
     return fingers, torques, activations
-
-
-def limits_of(hands: Sequence[HandMotion]) -> list[tuple[Array, Array]]:
-    return [stops(each.hand) for each in hands]

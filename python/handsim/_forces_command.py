@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 
 from . import _core, _forces, _forces_files, _track
-from ._errors import input_error
+from ._errors import Error, input_error
 from ._hand import Hand
 from ._model import compose
 from ._objects import Course, Thing, read_courses, read_object
@@ -62,12 +62,22 @@ def _upright(asked: _track.Asked, found: _track.Result, course: Course) -> Cours
     return course if up == "z" else course._replace(poses=compose(np.broadcast_to(FROM_Y[up], course.poses.shape), course.poses))
 
 
+def _hand(person: Path, side: str, model: Path, muscles: bool) -> Hand:
+    """With muscles, for strengths, where its model has any. :raises Error: of kind input where it has none and they are asked for"""
+    try:
+        return Hand(person=person, side=side, model=model, muscles=True)
+    except Error:
+        if muscles:
+            raise
+        return Hand(person=person, side=side, model=model)
+
+
 def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bool) -> list[_forces.HandMotion]:
     out = []
     for each in found.hands:
         if not len(each.tracked):
             continue
-        hand = Hand(person=person, side=each.name, model=_track.model_file(asked), muscles=muscles)
+        hand = _hand(person, each.name, _track.model_file(asked), muscles)
         names = list(hand.coordinates)
         order = [each.axes.index(name if name in each.axes else f"{each.name}.{name}") for name in names]
         seen = each.status == 0
@@ -82,7 +92,7 @@ def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told
     course = _upright(asked, found, of.course)
     course = course._replace(times=course.times - found.start)
     begin = time.process_time()
-    hands = motions(asked, found, out / "person.yaml", True)
+    hands = motions(asked, found, out / "person.yaml", of.asked.muscles)
     result = _forces.solve(_forces.Solver(of.thing, found.times, course, hands, of.asked), told)
     cpu = time.process_time() - begin
     folder.clear()

@@ -169,12 +169,14 @@ def screen_text(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
     for finger, (peak, mean) in figures.fingers.items():
         out += f"  {finger:<16} {peak:6.2f} N at most, {mean:6.2f} N in the mean\n"
     if figures.fingers:
-        out += f"  margin against slip {margin(of, asked):.3g} with friction {asked.friction:g}; effort {100 * figures.effort:.0f} % of the strength about an axis\n"
+        out += (f"  margin against slip {margin(of, asked):.3g} with friction {asked.friction:g}; effort {100 * figures.effort:.0f} % "
+                "of the strength about an axis\n")
     if len(figures.too_deep):
         first = ", ".join(f"{of.times[row]:.2f}" for row in figures.too_deep[:5])
         out += (f"  hand and object are more than their noise of {1e3 * of.reach:.1f} mm inside each other in {len(figures.too_deep)} frames, up to "
                 f"{1e3 * figures.deepest:.1f} mm (at {first} s{', ...' if len(figures.too_deep) > 5 else ''})\n")
     if len(figures.apart):
         first = ", ".join(f"{of.times[row]:.2f}" for row in figures.apart[:5])
-        out += f"  lifted, but nothing within {1e3 * of.reach:.1f} mm in {len(figures.apart)} frames (at {first} s{', ...' if len(figures.apart) > 5 else ''})\n"
+        out += (f"  lifted, but nothing within {1e3 * of.reach:.1f} mm in {len(figures.apart)} frames (at {first} s"
+                f"{', ...' if len(figures.apart) > 5 else ''})\n")
     return out + "  how hard opposite fingers squeeze does not show in motion: it is what people take, docs/forces.md\n" + f"  {cpu:.3g} s of CPU time\n"

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._errors import Error, input_error
-from ._model import IDENTITY, Shape, compose, inverse, matrices, surface, turn_of, turned
+from ._model import IDENTITY, Shape, compose, matrices, surface, turn_of, turned
 from ._scene import load
 from ._shipped import find_file
 
@@ -338,8 +338,3 @@ def without_objects(path: Path) -> Iterator[Path]:
                 fields = line.rstrip("\r\n").split(",")
                 to.write(",".join(fields[i] for i in kept if i < len(fields)) + "\n")
         yield out
-
-
-def relative(a: Array, b: Array) -> Array:
-    """Pose b in the frame of pose a."""
-    return compose(inverse(a), b)

@@ -30,7 +30,9 @@ PRESSURES = 0.1
 """Weight of pressures beside activations."""
 RADIUS = 8e-3
 """Of a finger pad whose pressure counts 1 [m]."""
-FARTHER = 20.0
+DEAREST = 15.0
+"""Price of a place beyond the gap that touches, at most: less than a wrench that is left undone."""
+FARTHER = 10.0
 """Cost from which a place does not count in that sum."""
 STEADY = 0.7
 """Weight of a change from the forces of neighbouring frames, against pressures."""
@@ -195,4 +197,4 @@ def costs(radii: Array, gaps: Array, twins: Sequence[bool], reach: float) -> Arr
     :param reach: gap up to which a place counts as touching [m]
     """
     beyond = np.maximum(gaps - reach, 0) / reach
-    return np.asarray((RADIUS / radii)**2 * np.where(twins, np.sqrt(2.0), 1.0) * np.exp(np.minimum(3 * beyond, 12)))
+    return np.asarray((RADIUS / radii)**2 * np.where(twins, np.sqrt(2.0), 1.0) * np.minimum(np.exp(np.minimum(3 * beyond, 12)), DEAREST))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import input_error
 from ._hand import Hand
-from ._model import compose, inverse, product, turned
+from ._model import compose, inverse, turned
 from ._objects import Link
 
 Array = NDArray[np.float64]
@@ -51,7 +51,6 @@ class HandShapes:
         shapes = hand.shapes
         self.names: list[str] = []
         """Of the body of each shape, such as index_distal."""
-        self.radius: Array
         bodies = {name: i for i, name in enumerate(hand.bodies)}
         centres, radii, of = [], [], []
         for i in range(len(shapes["name"])):
@@ -155,75 +154,6 @@ def contact_jacobian(shapes: HandShapes, q: Array, wrist: Array, touch: Touch) -
     """Velocity of the place on the hand by the rates of the coordinates, world axes, shape (3, coordinates)."""
     body = shapes.hand.bodies.index(shapes.names[touch.shape])
     return np.asarray(turned(wrist[3:], _core.hand_jacobian(shapes.hand.scene._core, q, body, touch.offset)[:3].T).T)
-
-
-class Moved(NamedTuple):
-    """A frame that was moved within its noise until it touches."""
-
-    q: list[Array]
-    wrists: list[Array]
-    object: Array
-    before: float
-    """RMS difference of gaps from those that the load asks for [m]."""
-    after: float
-    beyond: float
-    """The largest move over its standard deviation."""
-
-
-class Spread(NamedTuple):
-    """Standard deviations of a frame."""
-
-    angle: float
-    """[rad]"""
-    place: float
-    """Of a wrist [m]."""
-    turn: float
-    """Of a wrist [rad]."""
-    object_place: float
-    object_turn: float
-
-
-def _turn(q: Array, by: Array) -> Array:
-    out = product(np.concatenate([[1.0], by / 2]), q)
-    return np.asarray(out / np.linalg.norm(out))
-
-
-def close(shapes: Sequence[HandShapes], q: Sequence[Array], wrists: Sequence[Array], object_: Array, found: Sequence[Touch], depths: Array, spread: Spread,
-          limits: Sequence[tuple[Array, Array]], exact: float = 2e-4) -> Moved:
-    """The likeliest posture in which places are as deep as `depths` [m]: one step of Gauss and Newton.
-
-    :param limits: stops of each hand [rad]
-    """
-    goal = np.array([-depth - touch.gap for touch, depth in zip(found, depths)])
-    sizes = [len(each) for each in q]
-    starts = np.cumsum([0, *(n + 6 for n in sizes)])
-    rows = np.zeros((len(found), int(starts[-1]) + 6))
-    deviation = np.concatenate([*(np.concatenate([np.full(n, spread.angle), np.full(3, spread.place), np.full(3, spread.turn)]) for n in sizes),
-                                np.full(3, spread.object_place), np.full(3, spread.object_turn)])
-    for i, touch in enumerate(found):
-        at, n = int(starts[touch.hand]), sizes[touch.hand]
-        rows[i, at:at + n] = touch.normal @ contact_jacobian(shapes[touch.hand], q[touch.hand], wrists[touch.hand], touch)
-        rows[i, at + n:at + n + 3] = touch.normal
-        rows[i, at + n + 3:at + n + 6] = np.cross(touch.place - wrists[touch.hand][:3], touch.normal)
-        rows[i, -6:-3] = -touch.normal
-        rows[i, -3:] = -np.cross(touch.place - object_[:3], touch.normal)
-    scaled = rows * deviation
-    step = scaled.T @ np.linalg.solve(scaled @ scaled.T + exact**2 * np.eye(len(found)), goal) if len(found) else np.zeros(len(deviation))
-    move = deviation * step
-    out_q, out_wrists = [], []
-    for k, n in enumerate(sizes):
-        at = int(starts[k])
-        out_q.append(np.clip(q[k] + move[at:at + n], np.minimum(limits[k][0], q[k]), np.maximum(limits[k][1], q[k])))
-        out_wrists.append(np.concatenate([wrists[k][:3] + move[at + n:at + n + 3], _turn(wrists[k][3:], move[at + n + 3:at + n + 6])]))
-    moved = np.concatenate([object_[:3] + move[-6:-3], _turn(object_[3:], move[-3:])])
-    left = goal - rows @ move
-    rms = [float(np.sqrt(np.mean(each**2))) if len(each) else 0.0 for each in (goal, left)]
-    return Moved(out_q, out_wrists, moved, rms[0], rms[1], float(np.abs(step).max(initial=0)))
-
-
-def stops(hand: Hand) -> tuple[Array, Array]:
-    joints = hand.joints
-    return np.asarray(joints["low"]), np.asarray(joints["high"])
 
 
 def segment(name: str) -> tuple[str, str]:

@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _accuracy, _core, _effects, _grasps, _inverse, _rollouts, _rollouts_run, _track
+from . import _accuracy, _core, _effects, _forces_command, _grasps, _inverse, _rollouts, _rollouts_run, _track
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
@@ -230,7 +230,8 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,
           markers: Optional[PathText] = None, truth: Optional[PathText] = None, fit_bones: bool = True,
           smooth: bool = True, noise: float = 0, seed: int = 1, names: Optional[PathText] = None, up: Optional[str] = None,
-          points: Optional[PathText] = None, handedness: Optional[str] = None,
+          points: Optional[PathText] = None, handedness: Optional[str] = None, object: Optional[str] = None, support: Optional[str] = None,
+          friction: Optional[float] = None, muscles: bool = False, uncertain: Optional[int] = None,
           out: Out = None, progress: Progress = None) -> Study:
     """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["right_wrist"]``) of recorded hands.
 
@@ -246,6 +247,12 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param up: the axis that points up, y or z; None: as a C3D file or the convention says, else z
     :param points: convention of the tracker: a file, or the name of a shipped one (``mano``); None: joints' centres
     :param handedness: of the recording's axes, right or left; None: as the convention says, else right
+    :param object: ``NAME=FILE`` of an object in the recording: forces on it (docs/forces.md) in ``tables["contact_forces"]``,
+        ``tables["object"]``, ``summaries["forces"]``
+    :param support: what it rests on: ``table`` (None, too), ``post`` or ``none``
+    :param friction: of skin on it, where it was measured; None: 0.8
+    :param muscles: forces by least muscle activation
+    :param uncertain: draws of what is uncertain, for bands
     """
     recording = path_of("recording", recording)
     flags(fit_bones=fit_bones, smooth=smooth)
@@ -256,8 +263,20 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         recording, _path("person", person), _path("model", model), _path("markers", markers), _path("truth", truth), fit_bones, smooth, noise, seed,
         _path("names", names), _track.choice(words, "up", ("y", "z")), None if points is None else find_file(points, "points", "handmodels/points"),
         None if side is None else side == "left"))
+    flags(muscles=muscles)
+    given = {"--object": object, "--support": support, "--friction": None if friction is None else str(real("friction", friction)),
+             "--uncertain": None if uncertain is None else str(whole("uncertain", uncertain, 2, 1000)), "--muscles": muscles or None}
+    held = _forces_command.request({name: value for name, value in given.items() if value is not None}, recording)
     with _folder(out) as folder, bar(progress, "track") as told:
-        return Study("track", folder, _track.screen_text(_track.study(asked, folder, told)[0]))
+        found, _ = _track.study(asked, folder, told)
+        if held is None or not any(len(hand.tracked) for hand in found.hands):
+            return Study("track", folder, _track.screen_text(found))
+        _, text, _ = _forces_command.find(held, asked, found, folder)
+        made, forces = Study("track", folder, _track.screen_text(found) + text), Study("forces", folder / "forces", "")
+        made.tables.update({**forces.tables, "contact_forces": read_csv(folder / "forces/contact_forces.csv")})
+        made.summaries.update(forces.summaries)
+        made.plots.update(forces.plots)
+        return made
 
 
 def validate(measurements: Optional[PathText] = None, *, uncertain: Optional[int] = None, client: Any = None, out: Out = None,
