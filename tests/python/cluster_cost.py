@@ -23,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from pathlib import Path
 
 from rollout_studies import Cluster, wait_for_workers
@@ -88,7 +89,7 @@ class Sleep:
 
 
 def sleeping_rows(work: Sleep, first: int, last: int) -> _rollouts.Rows:
-    time.sleep((last - first) * work.row + (work.late if first % 10 == 0 else 0))
+    time.sleep((last - first) * work.row + (work.late if zlib.crc32(b"%d" % first) % 10 == 0 else 0))
     return _rollouts.Rows(first, last, b"0" * 650 * (last - first), {}, [], (last - first) * work.row)
 
 
