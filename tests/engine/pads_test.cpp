@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "engine/contact_scenes.h"
+#include "handsim/engine/collision/collider.h"
 
 namespace handsim::engine {
 namespace {
@@ -366,6 +367,79 @@ TEST_P(Pads, SpinsByTheAreaOfItsContact) {
   test::run(*engine, 100);
   const double arm = 8.0 / 15 * 0.8 * std::sqrt(2 * kRadius * (depth + 1e-5));
   EXPECT_NEAR(engine->state().bodies[1].w.z(), 300 - 0.1 * arm * kG / (0.4 * kRadius * kRadius), 3);
+}
+
+/// What the points of a pad that lies on a plate do together at a moment: a capsule of 8 mm.
+struct Lying {
+  double force = 0, moment = 0;  ///< [N]; largest about the common normal, all points sliding [N m]
+  int count = 0;
+};
+Lying lying(double length, double depth, double tilt) {
+  enter_ode();
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{0, 0}};
+  model.materials = {test::material("pad", 0.8)};
+  test::add_solid(model, test::sized("plate", ShapeKind::box, 0, 0, Vec3(0.2, 0.2, 0.02)), 1,
+                  {Vec3(0, 0, -0.01), Quat::Identity()});
+  // Its lower end is as deep as told.
+  const double height = kRadius - depth + 0.5 * length * std::sin(tilt);
+  test::add_solid(model, test::sized("pad", ShapeKind::capsule, kRadius, length), 1,
+                  {Vec3(0, 0, height), rotation_quaternion({0, M_PI / 2 + tilt, 0})});
+  model.materials[0].compliance = finger_pad();
+  model.materials[0].spins_by_area = true;
+  // One surface alone is a pad.
+  model.materials.push_back(test::material("rigid", 0.8));
+  model.shapes[0].material = 1;
+  model::Effects effects;
+  effects.add(Effect::object_contact);
+  Collider collider(model, effects, false);
+  const model::State state = model::initial_state(model);
+  collider.place(state);
+  collider.collide(state, {});
+  Lying out;
+  for (const Touch& touch : collider.touches()) {
+    std::vector<double> forces;
+    Vec3 middle = Vec3::Zero();
+    for (int k = 0; k < touch.count; ++k, ++out.count) {
+      const Contact& at = collider.contacts()[touch.first + as_index(k)];
+      forces.push_back(collider.shares()[touch.first + as_index(k)] *
+                       touch.surface.compliance->elastic(at.depth).force);
+      out.force += forces.back();
+      middle += forces.back() * at.position;
+    }
+    middle /= out.force;
+    for (int k = 0; k < touch.count; ++k) {
+      const Contact& at = collider.contacts()[touch.first + as_index(k)];
+      out.moment += forces[as_index(k)] * (collider.spinning(touch, touch.first + as_index(k)) +
+                                           0.8 * (at.position - middle).head<2>().norm());
+    }
+  }
+  return out;
+}
+
+/// Mean distance of a paraboloid's pressure of radius 1 from a point that is off its middle: by quadrature.
+double mean_distance(double off) {
+  double sum = 0, of = 0;
+  for (int i = 0; i < 300; ++i)
+    for (int j = 0; j < 300; ++j) {
+      const double r = (i + 0.5) / 300, turn = 2 * M_PI * (j + 0.5) / 300, weight = r * (1 - r * r);
+      sum += weight * std::hypot(r * std::cos(turn) - off, r * std::sin(turn));
+      of += weight;
+    }
+  return sum / of;
+}
+
+// Oracle: quadrature of Coulomb's friction over the paraboloids of pressure of the points: the moment is
+// that of one paraboloid where they are near, and that of their distance where they are far.
+TEST(PadsOfSeveralPoints, SpinAsTheirPressureDoes) {
+  const double depth = 2e-3, radius = std::sqrt(2 * kRadius * depth);
+  for (const double share : {0.02, 0.2, 0.5, 1.0, 2.0}) {
+    const Lying found = lying(2 * share * radius, depth, 0);
+    ASSERT_EQ(found.count, 2);
+    const double want = 0.8 * found.force * radius * mean_distance(share);
+    EXPECT_NEAR(found.moment, want, 0.06 * want) << share;
+  }
 }
 
 }  // namespace

@@ -178,6 +178,24 @@ void Collider::share_stiffness(const Touch& touch, bool flat) {
   }
 }
 
+/// Several points are one pad: of paraboloids of pressure whose middles are off the common one, the moment is
+/// nearly that of the root of squares of their own arm and the distance, of which sliding friction at the
+/// points has the distance.
+double Collider::spinning(const Touch& touch, std::size_t contact) const {
+  const model::Material& surface = touch.surface;
+  const Contact& at = contacts_[contact];
+  const double alone = surface.spinning(surface.friction, at.depth);
+  if (touch.count == 1 || !surface.spins_by_area || !(surface.friction > 0)) return alone;
+  Vec3 middle = Vec3::Zero();
+  double sum = 0;
+  for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
+    middle += shares_[i] * contacts_[i].position;
+    sum += shares_[i];
+  }
+  const double off = surface.friction * at.normal.cross(at.position - middle / sum).norm();
+  return std::hypot(alone, off) - off;
+}
+
 /// Appends the points at which a fast pair is about to touch. @return how many
 int Collider::approach(std::size_t a, std::size_t b, bool touching, const model::State& state) {
   const std::span<const ManifoldPoint> points = approach_.find(a, b, touching, state, ways_);

@@ -54,6 +54,9 @@ class Collider {
   std::span<Touch> touches() { return touches_; }
   /// Share of the pair's stiffness and damping that each contact has where its surfaces are pads.
   std::span<const double> shares() const { return shares_; }
+  /// Largest moment about a contact's normal per normal force, beyond that of sliding friction at the touch's
+  /// other points [m].
+  double spinning(const Touch& touch, std::size_t contact) const;
   /// Points of two shapes at other poses; the list stays. Valid until the next call. For a collider without
   /// ODE bodies.
   std::span<const Contact> touch_at(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB);

@@ -80,6 +80,7 @@ void Contacts::join(const model::State& state, bool rigid_limits) {
     if (friction_ && iterative_) known.patch = &memory_.patches()[k];
     for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       known.share = collider_.shares()[i];
+      known.spinning = collider_.spinning(touch, i);
       known.pad = touch.surface.compliance.has_value();
       known.force = nullptr;
       // Friction of their own normal forces would wedge bodies that lie across each other.
@@ -234,7 +235,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   }
   // A pad with spinning but no rolling friction gets a motor: its row takes a speed or a limit.
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
-                     between.rolling_friction == 0 && between.spinning(between.friction, contact.depth) > 0;
+                     between.rolling_friction == 0 && known.spinning > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
   if (surface.mu > 0 && !known.sticks) set_friction_direction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
@@ -257,12 +258,11 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   if (known.force != nullptr && !known.pad && normal <= kLeastForce) normal = 0;
   surface.mu = surface.mu2 = known.sticks ? dInfinity : between.friction * normal;
   if (normal == 0) return;
-  const double spinning = between.spinning(between.friction, contact.depth);
-  if (spins_by_motor || (between.rolling_friction == 0 && spinning == 0)) return;
+  if (spins_by_motor || (between.rolling_friction == 0 && known.spinning == 0)) return;
   surface.mode |= dContactRolling;
   // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
   surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment) * normal;
-  surface.rhoN = std::max(spinning, kLeastMoment) * normal;
+  surface.rhoN = std::max(known.spinning, kLeastMoment) * normal;
 }
 
 /// The moment about the normal, up to the lever times the normal force: the known one, or the pad spring's.
@@ -278,8 +278,7 @@ void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Kn
   dJointSetAMotorAxis(motor, 0, 0, contact.normal.x(), contact.normal.y(), contact.normal.z());
   const double turn = known.patch != nullptr ? known.patch->turn : 0;
   dJointSetAMotorParam(motor, dParamVel, -side(contact) * kPullBack / step_ * turn);
-  dJointSetAMotorParam(motor, dParamFMax,
-                       touch.surface.spinning(touch.surface.friction, contact.depth) * force);
+  dJointSetAMotorParam(motor, dParamFMax, known.spinning * force);
 }
 
 /// Lays the first friction row along the change of velocity that it has to bring about: from what the

@@ -63,6 +63,7 @@ class Contacts {
   struct Known {
     bool pad = false;              ///< compliant surfaces
     double share = 1;              ///< of the pair's stiffness
+    double spinning = 0;           ///< largest moment about the normal per normal force [m]
     PadStep step;                  ///< of the pair's law
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits

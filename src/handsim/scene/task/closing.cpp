@@ -280,7 +280,7 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
       point.normal = hand_is_a ? Vec3(-contact.normal) : contact.normal;
       point.depth = contact.depth;
       point.friction = touch.surface.friction;
-      point.spinning = touch.surface.spinning(point.friction, point.depth);
+      point.spinning = collider_->spinning(touch, i);
       point.share = share;
       point.pad = touch.surface.compliance;
     }

@@ -118,8 +118,7 @@ class ContactDynamics {
   bool is_constrained(int dof) const { return constrained_[as_index(root_of_[as_index(dof)])]; }
   bool has_rows(const Touch& touch) const;
   void add_contacts(ContactProblem& p, double step);
-  void add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface, double share,
-                   double step);
+  void add_contact(ContactProblem& p, const Touch& touch, std::size_t index, double step);
   void compute_pair(ContactProblem& p, std::size_t index, int shape_a, int shape_b);
   void collect_moving_dofs(MovingDofs& of) const;
   BodyVelocity velocity_of(int shape) const;

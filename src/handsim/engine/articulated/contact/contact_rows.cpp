@@ -93,12 +93,14 @@ double ContactDynamics::compute_target(ContactRows& rows, const Contact& contact
 }
 
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(ContactProblem& p, const Contact& contact, const model::Material& surface,
-                                  double share, double step) {
+void ContactDynamics::add_contact(ContactProblem& p, const Touch& touch, std::size_t index, double step) {
+  const Contact& contact = collider_.contacts()[index];
+  const model::Material& surface = touch.surface;
+  const double share = collider_.shares()[index];
   // No friction between crossed bodies: normals on both sides of a finger would jam it.
   const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
-  const double spinning = friction_ ? surface.spinning(surface.friction, contact.depth) : 0;
+  const double spinning = friction_ ? collider_.spinning(touch, index) : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
   ContactRows& rows =
       p.add_contact(1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
@@ -175,9 +177,8 @@ void ContactDynamics::add_contacts(ContactProblem& p, double step) {
     if (pads_) pad_ = pads_->of(as_index(&touch - collider_.touches().data()));
     for (int index = 0; index < touch.count; ++index) {
       const std::size_t i = touch.first + as_index(index);
-      const Contact& contact = collider_.contacts()[i];
-      add_contact(p, contact, touch.surface, collider_.shares()[i], step);
-      warm_start(p.contacts.back(), contact, frames_.back(), index);
+      add_contact(p, touch, i, step);
+      warm_start(p.contacts.back(), collider_.contacts()[i], frames_.back(), index);
     }
   }
 }

@@ -43,7 +43,9 @@ void ContactSlopes::compute_responses(const Touch& touch, const model::State& st
     note(contact, "not yet touching: its place and normal are taken as fixed");
   }
   for (int direction = 0; direction < 6 && !coming; ++direction) difference(touch, x_WA, x_WB, direction);
-  if (!coming && touch.surface.compliance && contact_.collider_.shares_by_depth(any)) share_depths(touch);
+  if (coming || !touch.surface.compliance) return;
+  if (contact_.collider_.shares_by_depth(any)) share_depths(touch);
+  if (touch.surface.spins_by_area) compute_spinning(touch);
 }
 
 void ContactSlopes::difference(const Touch& touch, const Pose& x_WA, const Pose& x_WB, int direction) {
@@ -89,6 +91,38 @@ void ContactSlopes::share_depths(const Touch& touch) {
   for (std::size_t k = 0; k < as_index(touch.count) && sum > 0; ++k)
     if (contact_.collider_.shares()[touch.first + k] > kLeastShare)
       responses_[k].share = 2 / depth(k) * responses_[k].depth - change / sum;
+}
+
+/// Of Collider::spinning.
+void ContactSlopes::compute_spinning(const Touch& touch) {
+  const std::span<const double> shares = contact_.collider_.shares().subspan(touch.first);
+  Vec3 middle = Vec3::Zero();
+  Eigen::Matrix<double, 3, 6> moves = Eigen::Matrix<double, 3, 6>::Zero();
+  double sum = 0;
+  for (std::size_t k = 0; k < as_index(touch.count); ++k) {
+    const Vec3 from = contact_.contacts()[touch.first + k].position - about_;
+    middle += shares[k] * from;
+    moves += shares[k] * (responses_[k].place + from * responses_[k].share);
+    sum += shares[k];
+  }
+  middle /= sum;
+  for (std::size_t k = 0; k < as_index(touch.count); ++k) moves -= shares[k] * middle * responses_[k].share;
+  moves /= sum;
+  for (std::size_t k = 0; k < as_index(touch.count); ++k) {
+    const Contact& at = contact_.contacts()[touch.first + k];
+    const double friction = touch.surface.friction, alone = touch.surface.spinning(friction, at.depth);
+    if (!(alone > 0)) continue;
+    // The coefficient goes with the root of the depth.
+    Eigen::Matrix<double, 1, 6>& spin = responses_[k].spin = 0.5 / at.depth * responses_[k].depth;
+    const Vec3 from = at.position - about_ - middle;
+    const double along = at.normal.dot(from);
+    const Vec3 across = from - along * at.normal;
+    const double off = friction * across.norm(), whole = std::hypot(alone, off);
+    if (touch.count == 1 || !(off > 0)) continue;
+    const Eigen::Matrix<double, 1, 6> farther = friction * friction / off * across.transpose() *
+                                                (responses_[k].place - moves - along * responses_[k].normal);
+    spin = (alone * alone * spin + (off - whole) * farther) / (whole * (whole - off));
+  }
 }
 
 }  // namespace handsim::engine::articulated

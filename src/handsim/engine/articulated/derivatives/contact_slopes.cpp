@@ -232,6 +232,7 @@ ContactSlopes::Change ContactSlopes::moved(const Point& point, const Column& col
   out.normal = Vec3(of_b.head<3>()).cross(point.contact->normal) + response.normal * apart;
   out.depth = response.depth * apart;
   out.share = response.share * apart;
+  out.spin = response.spin * apart;
   out.end = at_point(column.end_a, c - a_.origin) - at_point(column.end_b, c - b_.origin);
   out.end.tail<3>() += Vec3(a_.end.head<3>() - b_.end.head<3>()).cross(out.place);
   if (point.by_approach == 0) return out;
@@ -265,10 +266,10 @@ Spatial ContactSlopes::wrench(const Point& point, const Change& change) const {
       r.segment<2>(first) = (disc.kind == Disc::Kind::sliding ? v : w).tail<2>();
   }
   Eigen::Matrix<double, 6, 1> p = -(point.law * r);
-  for (std::size_t k = 0; k < rows.disc_count && point.spin_by_depth != 0; ++k)
+  for (std::size_t k = 0; k < rows.disc_count && change.spin != 0; ++k)
     if (const Disc& disc = rows.discs[k]; disc.kind == Disc::Kind::spinning && disc.slides)
       p[static_cast<Eigen::Index>(disc.row)] -=
-          point.spin_by_depth * change.depth * disc.coefficient * rows.impulse[0] * disc.slip_x;
+          change.spin * disc.coefficient * rows.impulse[0] * disc.slip_x;
   Spatial out = wrench_of(rows, p.data(), E);
   const Vec3 moment = point.push.head<3>(), force = point.push.tail<3>();
   out.head<3>() += turn.cross(moment) + change.place.cross(force);
@@ -281,8 +282,6 @@ void ContactSlopes::compute_target(Point& point, const Touch& touch, double step
   const double depth = point.contact->depth, erp = contact_.erp_;
   const double inside = std::max(depth - kSurfaceLayer, 0.0);
   double target = 0;
-  // The coefficient goes with the root of the depth.
-  if (surface.spins_by_area && depth > 0) point.spin_by_depth = 0.5 / depth;
   if (const PadPoint* pad = point.rows->pad) {
     const double slope =
         pad->share * step * pad->gain * pad->pad->elastic(pad->depth - step * point.r[0]).slope;

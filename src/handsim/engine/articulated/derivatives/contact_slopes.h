@@ -13,11 +13,12 @@
 
 namespace handsim::engine::articulated {
 
-/// Derivatives of a contact's place, normal, depth and share of the pair's stiffness by a twist of shape a
-/// against shape b about a point; the angular part comes first.
+/// Derivatives of a contact's place, normal and depth, and relative ones of its share of the pair's stiffness
+/// and of its spinning coefficient, by a twist of shape a against shape b about a point; the angular part
+/// comes first.
 struct ContactResponse {
   Eigen::Matrix<double, 3, 6> place = Eigen::Matrix<double, 3, 6>::Zero(), normal = place;
-  Eigen::Matrix<double, 1, 6> depth = Eigen::Matrix<double, 1, 6>::Zero(), share = depth;
+  Eigen::Matrix<double, 1, 6> depth = Eigen::Matrix<double, 1, 6>::Zero(), share = depth, spin = depth;
 };
 
 /// The derivatives of the contacts of a step that was solved.
@@ -57,12 +58,12 @@ class ContactSlopes {
     Spatial end = Spatial::Zero(), start = Spatial::Zero();
   };
   /// Derivatives of a contact by the rate of a column: velocities of a against b at the contact at the end
-  /// and the start of the step, place, normal, depth, and relative change of its share of the pair's
-  /// stiffness.
+  /// and the start of the step, place, normal, depth, and relative changes of its share of the pair's
+  /// stiffness and of its spinning coefficient.
   struct Change {
     Spatial end = Spatial::Zero(), start = Spatial::Zero();
     Vec3 place = Vec3::Zero(), normal = Vec3::Zero();
-    double depth = 0, share = 0;
+    double depth = 0, share = 0, spin = 0;
   };
   /// A contact of the solution.
   struct Point {
@@ -75,7 +76,6 @@ class ContactSlopes {
     Spatial end, start;   ///< velocity of a against b there
     double by_depth = 0;  ///< derivatives of the target
     double by_approach = 0;
-    double spin_by_depth = 0;  ///< of the spinning coefficient, relative
   };
   void factor(const Eigen::MatrixXd& inertia);
   static Law6 law_of(const ContactRows& rows);
@@ -86,6 +86,7 @@ class ContactSlopes {
   void compute_responses(const Touch& touch, const model::State& start);
   void difference(const Touch& touch, const Pose& x_WA, const Pose& x_WB, int direction);
   void share_depths(const Touch& touch);
+  void compute_spinning(const Touch& touch);
   void compute_target(Point& point, const Touch& touch, double step) const;
   void add_contact(Point& point, const ContactResponse& response);
   Spatial twist(const Partner& side, int dof, const Vec3& place) const;
