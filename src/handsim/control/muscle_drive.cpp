@@ -1,6 +1,7 @@
 #include "handsim/control/muscle_drive.h"
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
@@ -90,7 +91,7 @@ bool StaticOptimisation::tie() {
   bool changed = false;
   const Eigen::VectorXd slope = own_Q_ * activation_ - own_c_;
   for (std::size_t m = 0; m < tied_.size(); ++m) {
-    const model::Spill *most = nullptr, *before = tied_[m];
+    const model::Spill *most = nullptr, *before = std::exchange(tied_[m], nullptr);
     for (const model::Spill& each : model_.muscles[m].spills)
       if (root_of(tied_, as_index(each.from)).muscle != m && (!most || reaches(each) > reaches(*most)))
         most = &each;
