@@ -25,7 +25,7 @@ from handsim.compare import _alone
 ROOT = Path(__file__).parents[2]
 FINGERS = ("index", "middle", "ring", "little")
 TILT, HEEL, PALM, FRICTION = np.radians(55), 0.045, 0.0165, 0.6
-HAND = _alone(hs.load(str(ROOT / "config/muscle_poses.yaml"), {"hands.0.wrist.mount": "universal"}), "median_man")
+HAND = _alone(hs.load(str(ROOT / "config/muscle_poses.yaml"), {"hands.0.wrist.mount": "universal", "hands.0.without": {"spill": 0}}), "median_man")
 STATICS = Statics(HAND)
 NAMES, MUSCLES = list(STATICS.names), list(HAND.muscles)
 AWAY = np.array([0, np.sin(TILT), -np.cos(TILT)])
