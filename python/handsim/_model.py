@@ -158,6 +158,8 @@ class Muscle(NamedTuple):
     """[optimal fibre lengths/s]"""
     excitable: float
     """Share of its excitation that reaches its fibres."""
+    spills: list[tuple[int, float]]
+    """Muscles, and the share of each one's activation that this one has at least where activations are chosen."""
     elastic: bool
     """Whether its tendon is."""
     isometric: float

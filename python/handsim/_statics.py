@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 FUSED = 2.02e-3
 """A joint of a smaller range is fused [rad]: bone holds its moment."""
 GIVES = np.radians(20)
-"""A posture is one within this angle of each joint: over it tissue and resting muscles hold moments, too. Chosen; docs/muscles.md says which
+"""A posture is one within this angle of each joint: over it tissue, resting muscles and ligaments hold moments, too. Chosen; docs/muscles.md says which
 rows it moves."""
 AT_STOP = 1e-6
 """An axis this near to its stop lies on it [rad]."""
@@ -44,8 +44,8 @@ class NotHeld(Error):
         super().__init__(f"{where}: largest force: {detail}", "physics", fault=Fault(0.0, where, "largest force", detail))
 
 
-def largest(gain: Array, equal: Array, to: Array, most: Array, less: Optional[Array] = None) -> Array:
-    """The x of the largest ``gain @ x`` with ``equal @ x == to``, ``less @ x <= 0`` and ``0 <= x <= most``: a linear program, by HiGHS.
+def largest(gain: Array, equal: Array, to: Array, most: Array, less: Optional[Array] = None, than: Optional[Array] = None) -> Array:
+    """The x of the largest ``gain @ x`` with ``equal @ x == to``, ``less @ x <= than`` (0 without it) and ``0 <= x <= most``: a linear program, by HiGHS.
 
     :param most: inf: no bound
     :raises NotHeld: where no x is within the bounds
@@ -55,7 +55,7 @@ def largest(gain: Array, equal: Array, to: Array, most: Array, less: Optional[Ar
         from scipy.optimize import linprog
     except ImportError:
         raise input_error("SciPy", "no Python module of this name", "it, for largest forces: pip install scipy") from None
-    found = linprog(-gain, less, None if less is None else np.zeros(len(less)), equal, to, np.stack([np.zeros(len(most)), most], axis=1), method="highs")
+    found = linprog(-gain, less, than if than is not None or less is None else np.zeros(len(less)), equal, to, np.stack([np.zeros(len(most)), most], axis=1), method="highs")
     if found.status == 2:
         raise NotHeld
     if not found.success:
@@ -111,6 +111,12 @@ class Statics:
         self.names = [f"{joint.name.partition('.')[2]}.{axis.name}" for joint, axis in joints]
         self.low, self.high, self.rest, self.stiffness = np.array([(axis.low, axis.high, axis.rest, axis.stiffness) for _, axis in joints]).T
         self.moves = ~(self.high - self.low < FUSED)
+        spills = [(i, from_, share) for i, muscle in enumerate(model.muscles) for from_, share in muscle.spills]
+        self.spills = np.zeros((len(spills), len(model.muscles)))
+        """What reaches a muscle of another one's effort, less what it has itself: not above 0 in activations that a person chooses. Shape
+        (spills, muscles)."""
+        for row, (muscle, other, share) in enumerate(spills):
+            self.spills[row, [other, muscle]] = share, -1
 
     def at(self, pose: Mapping[str, float], rest: bool = False) -> Array:
         """Coordinates of a pose [rad]; others at 0, or with ``rest`` at their tissue's rest."""
@@ -139,23 +145,26 @@ class Statics:
         return np.asarray(rest @ arms + self.stiffness * (self.rest - q))
 
     def _gives(self, q: Array, row: int) -> float:
-        """Moment of tissue and resting muscles within the posture [N m]."""
+        """Moment of tissue, resting muscles and bands, such as ligaments, within the posture [N m]."""
         away = np.zeros(len(q))
         away[row] = GIVES
-        return abs(float(self.passive(q + away)[row] - self.passive(q - away)[row])) / 2
+        return abs(float(self.moments(q + away)[1][row] - self.moments(q - away)[1][row])) / 2
 
     def moments(self, q: Array) -> tuple[Array, Array]:
         """Moment of each muscle's full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
         arms, _, active, rest, bands = self.muscles(q)
         return np.asarray(arms.T * active), np.asarray(rest @ arms + self.stiffness * (self.rest - q) + bands)
 
-    def press(self, q: Array, rows: Sequence[int], forces: Array, gain: Optional[ArrayLike] = None, less: Optional[Array] = None) -> Pressed:
-        """The largest sum of forces that a hand exerts while nothing moves.
+    def press(self, q: Array, rows: Sequence[int], forces: Array, gain: Optional[ArrayLike] = None, less: Optional[Array] = None,
+              least: bool = False) -> Pressed:
+        """The largest sum of forces that a hand exerts while nothing moves. Activations are those that a person can choose: where a muscle
+        is active, its neighbours are, too (`spills`).
 
         :param rows: coordinates that have to balance; others are held
         :param forces: torques [N m] of a newton of each force on the outside, shape (coordinates, forces)
         :param gain: of each force; 1 without it
         :param less: sums of forces that stay below 0, shape (sums, forces)
+        :param least: of all activations that press so, those of the smallest sum
         :raises NotHeld: where the hand does not hold the posture
         """
         held = [i for i in sorted(set(rows)) if self.moves[i]]
@@ -169,8 +178,16 @@ class Statics:
         most = np.concatenate([np.full(count, np.inf), np.ones(muscles), np.where(on_stop, np.inf, 2 * gives)])
         gains = np.zeros(len(most))
         gains[:count] = 1 if gain is None else gain
-        limits = None if less is None else np.hstack([less, np.zeros((len(less), len(most) - count))])
-        x = largest(gains, equal, outside[held] - side * gives, most, limits)
+        limits = np.zeros((len(self.spills) + (0 if less is None else len(less)), len(most)))
+        limits[:len(self.spills), count:count + muscles] = self.spills
+        if less is not None:
+            limits[len(self.spills):, :count] = less
+        to = outside[held] - side * gives
+        x = largest(gains, equal, to, most, limits)
+        if least:  # the smallest sum of activations that press so
+            lazy = np.zeros(len(most))
+            lazy[count:count + muscles] = -1
+            x = largest(lazy, equal, to, most, np.vstack([limits, -gains]), np.append(np.zeros(len(limits)), -(1 - 1e-9) * (gains @ x)))
         return Pressed(max(0.0, float(gains @ x)), x[:count], np.clip(x[count:count + muscles], 0, 1))
 
     def axes(self, q: Array, body: str) -> Array:
@@ -270,6 +287,25 @@ def tip_force(of: Statics, q: Array, finger: str, direction: str, friction: floa
     point = body, np.array([0, of.middle(segment) if segment else of.tip(finger), 0])
     edges = cone(np.array(DIRECTIONS[direction], dtype=float), friction) @ of.axes(q, body).T
     return of.press(q, [*of.rows(finger + "_"), *balanced], of.torques(q, point, edges)).sum
+
+
+def enslaving(of: Statics, q: Array, finger: str, by: str) -> float:
+    """What a fingertip presses in the palmar direction on a surface that does not move while another finger presses as much as it can, over
+    the finger's own largest force. No more muscles are active than that needs, and those that its effort reaches (`Statics.spills`): they turn
+    the finger, whose joints give as their tissue and resting muscles do. Zeroed at rest.
+
+    :param by: the finger that presses
+    """
+    def largest_of(tip: str) -> tuple[Array, Pressed]:
+        body = tip + "_distal"
+        newton = of.torques(q, (body, np.array([0, of.tip(tip), 0])), -of.axes(q, body)[:, 2][None])
+        return newton[:, 0], of.press(q, of.rows(tip + "_"), newton, least=True)
+
+    newton, own = largest_of(finger)
+    rows = [i for i in of.rows(finger + "_") if of.moves[i]]
+    moment = (of.moments(q)[0] @ largest_of(by)[1].activations)[rows]
+    newton, gives = newton[rows], np.array([of._gives(q, i) for i in rows])
+    return max(0.0, float((newton * moment / gives).sum() / (newton * newton / gives).sum())) / own.sum
 
 
 def polytope(of: Statics, finger: str, point: str, body: str, pose: Mapping[str, float], across: int, mirror: int = 1,

@@ -15,7 +15,7 @@ from ._errors import Error, input_error
 from ._rollouts import Executor, Threads, map_units
 from ._scene import Scene
 from ._simulation import Simulation
-from ._statics import DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, fault, matrix_of, pinch, tip_force
+from ._statics import DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, enslaving, fault, matrix_of, pinch, tip_force
 from ._statistics import Uncertainty, uncertainty_of
 
 Row = dict[str, Any]
@@ -186,6 +186,7 @@ def _whole(key: str) -> Callable[[Statics, Row], float]:
 KINDS: dict[str, Callable[[Statics, Row], float]] = {
     "moment_arms": lambda of, row: float(_arms(of, row).mean()), "excursion": _excursion, "tip_force_share": _tip_share,
     "tip_force": lambda of, row: tip_force(of, of.at(row["pose"]), row["finger"], row["direction"], row["friction"], row.get("segment"), _balanced(of, row)),
+    "enslaving": lambda of, row: enslaving(of, of.at(row["pose"]), row["finger"], row["by"]),
     "pinch_force": lambda of, row: pinch(of, of.at(row["pose"]), row["finger"], row["friction"], _balanced(of, row)),
     "joint_moment": _joint_moment, "loaded_rotation": _rotation, "coupled_angle": _coupled, "pulley_force": _pulley,
     "passive_moment": lambda of, row: float(of.passive(of.at(row["pose"], rest=True))[of.names.index(row["axis"])]),

@@ -10,7 +10,8 @@ activations of 0 to 1, moments of the joints balance, those of the wrist too (py
 grip are those of a simulation that closes the fingers on the bar; there only normal forces count, since friction does little in it.
 Priors are 0.3 of the logarithm for finger flexors and 0.4 to 0.6 for others. The shipped forces are the fit of 2026-11-27 from the forces of before, with friction at the bar, and then: finger flexors, wrist extensors and EDC3 to
 EDM times 1.3, with which the simulated grip (`grip_force` of handsim validate) is the norm's; FDP2 at half and FDS2 at 200 N; ECRB and
-ECRL in the ratio of their areas; DI1 140 N, PI1 as before, other interossei times 1.04."""
+ECRL in the ratio of their areas; DI1 140 N, PI1 as before, other interossei times 1.04. With the ligaments of the MCPs and `spill` all but
+the extensors of the fingers are the fit of 2026-11-28 from there."""
 import sys
 from pathlib import Path
 
@@ -24,10 +25,9 @@ from handsim.compare import _alone
 ROOT = Path(__file__).parents[2]
 FINGERS = ("index", "middle", "ring", "little")
 TILT, HEEL, PALM, FRICTION = np.radians(55), 0.045, 0.0165, 0.6
-HAND = _alone(hs.load(str(ROOT / "config/muscle_poses.yaml"), {"hands.0.wrist.mount": "universal"}), "median_man")
+HAND = _alone(hs.load(str(ROOT / "config/muscle_poses.yaml"), {"hands.0.wrist.mount": "universal", "hands.0.without": {"spill": 0}}), "median_man")
 STATICS = Statics(HAND)
 NAMES, MUSCLES = list(STATICS.names), list(HAND.muscles)
-GIVES = np.radians(20) * np.asarray(STATICS.stiffness)
 AWAY = np.array([0, np.sin(TILT), -np.cos(TILT)])
 
 
@@ -56,14 +56,16 @@ class Program:
         self.muscles, self.rest = STATICS.moments(q)
         self.columns, self.gains, self.rows, self.across, self.owners = np.array(columns).T, np.array(gains, dtype=float), balanced, across, owners
         low, high = (np.abs(q - np.asarray(stops)) < 1e-6 for stops in (STATICS.low, STATICS.high))
-        self.held = [(None if high[i] else -GIVES[i], None if low[i] else GIVES[i]) for i in balanced]
+        gives = {i: STATICS._gives(q, i) for i in balanced}
+        self.held = [(None if high[i] else -gives[i], None if low[i] else gives[i]) for i in balanced]
 
     def solve(self, factors):
         forces, muscles, held = self.columns.shape[1], len(MUSCLES), len(self.rows)
         zero = np.zeros(muscles + held)
         equal = np.hstack([self.columns[self.rows], -(self.muscles * factors)[self.rows], -np.eye(held)])
-        walls = None if self.across is None else np.array([np.r_[sign * self.across - FRICTION * self.gains, zero] for sign in (1, -1)])
-        found = linprog(-np.r_[self.gains, zero], A_eq=equal, b_eq=self.rest[self.rows], A_ub=walls, b_ub=None if walls is None else np.zeros(2),
+        walls = np.array([np.r_[np.zeros(forces), spill, np.zeros(held)] for spill in STATICS.spills] +
+                         ([] if self.across is None else [np.r_[sign * self.across - FRICTION * self.gains, zero] for sign in (1, -1)]))
+        found = linprog(-np.r_[self.gains, zero], A_eq=equal, b_eq=self.rest[self.rows], A_ub=walls, b_ub=np.zeros(len(walls)),
                         bounds=[(0, None)] * forces + [(0, 1)] * muscles + self.held, method="highs")
         return (0.0, np.zeros(muscles), {}) if found.x is None else (
             -found.fun, found.x[forces:forces + muscles],

@@ -1,5 +1,8 @@
 #include "handsim/hand/grip_strength.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "scene_files.h"
@@ -72,6 +75,17 @@ TEST(GripStrength, GrowsWithChildrenAndFallsWithElders) {
     EXPECT_FALSE(girl.extrapolated) << age;
     before = girl.norm;
   }
+  // Nobody grows stronger by a birthday: a boy who grows 65 mm a year gains less than half of his grip in
+  // one.
+  const auto boy = [&](double age) {
+    return grip_strength(table, surveyed(Sex::male, std::min(1.74, 0.77 + 0.065 * age), age));
+  };
+  for (double age = 2; age < 18.5; age += 0.01) {
+    EXPECT_LT(boy(age + 0.01).norm / boy(age).norm, 1 + 0.01 * 0.5) << age;
+    EXPECT_GE(boy(age + 0.01).norm, boy(age).norm) << age;
+    EXPECT_LT(std::abs(boy(age + 0.01).deviation / boy(age).deviation - 1), 0.01) << age;
+  }
+  EXPECT_NEAR(grip_strength(table, surveyed(Sex::female, 1.3, 6.25)).norm, (78.5 + 117.7) / 2, 1e-9);
   const double old = grip_strength(table, surveyed(Sex::female, 1.62, 80)).norm;
   EXPECT_NEAR(old / grip_strength(table, surveyed(Sex::female, 1.62, 30)).norm, 0.6, 0.06);
 }

@@ -48,7 +48,7 @@ std::vector<double> torques_of(const model::Model& model, const model::State& st
 // the answer is a minimum: the gradient points out of the box at each bound (Karush-Kuhn-Tucker, by
 // differences).
 TEST(StaticOptimisation, FindsTheLeastSquaresThatGiveTheTorques) {
-  const scene::Scene scene = hand_scene();
+  const scene::Scene scene = hand_scene({"hands.0.without=[spill]"});
   const model::State state = model::initial_state(scene.model);
   StaticOptimisation find(scene.model, all_dofs(scene.model));
   std::mt19937 random(3);
@@ -70,6 +70,43 @@ TEST(StaticOptimisation, FindsTheLeastSquaresThatGiveTheTorques) {
     // A missing torque of a thousandth of the joint's strength counts as an activation of 1.
     for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_NEAR(got[i], wanted[i], 0.02) << i;
   }
+}
+
+// Oracle: shares of handmodels/muscles.yaml: whoever bends the little finger bends the ring finger, too,
+// whose extensors then hold it. The torques are those asked for; without the key each muscle is as lazy as
+// before.
+TEST(StaticOptimisation, LeavesNoNeighbourOut) {
+  const scene::Scene scene = hand_scene(), apart = hand_scene({"hands.0.without=[spill]"});
+  const scene::Scene half = hand_scene({"hands.0.without={spill: 0.5}"});
+  const auto muscle = [&](const char* name) {
+    return static_cast<std::size_t>(std::ranges::find(scene.model.muscles, name, &model::Muscle::name) -
+                                    scene.model.muscles.begin());
+  };
+  const std::size_t little = muscle("right.FDP5"), ring = muscle("right.FDP4"),
+                    opposes = muscle("right.EDC4");
+  const auto share = [&](const model::Model& model) {
+    for (const model::Spill& each : model.muscles[ring].spills)
+      if (each.from == static_cast<int>(little)) return each.share;
+    return 0.0;
+  };
+  EXPECT_EQ(share(scene.model), 0.5);
+  EXPECT_EQ(share(half.model), 0.25);
+  EXPECT_EQ(share(apart.model), 0);
+  const model::State state = model::initial_state(scene.model);
+  std::vector<double> given(scene.model.muscles.size());
+  given[little] = 0.4;
+  const std::vector<double> wanted = torques_of(scene.model, state, given);
+  StaticOptimisation find(scene.model, all_dofs(scene.model)), find_apart(apart.model, all_dofs(apart.model));
+  const std::span<const double> found = find.solve(state, wanted), lazy = find_apart.solve(state, wanted);
+  const std::vector<double> got = torques_of(scene.model, state, found);
+  for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_NEAR(got[i], wanted[i], 0.02) << i;
+  for (std::size_t m = 0; m < found.size(); ++m)
+    for (const model::Spill& each : scene.model.muscles[m].spills)
+      EXPECT_GE(found[m], each.share * found[static_cast<std::size_t>(each.from)] - 1e-3)
+          << scene.model.muscles[m].name;
+  EXPECT_GT(found[ring], 0.1);
+  EXPECT_LT(lazy[ring], 0.05);
+  EXPECT_GT(found[opposes], lazy[opposes] + 0.05);
 }
 
 // Oracle: a torque beyond the muscles' leaves them at their bounds, and what is missing is said.

@@ -130,6 +130,27 @@ def test_arms_at_the_wrist_follow_published_ones_to_the_ends_of_its_range(tmp_pa
     assert max(found[len(wanted):]) < -1e-3
 
 
+def test_enslaving_is_what_spills_of_another_fingers_effort(tmp_path):
+    """Oracle: shares of muscles.yaml by hand. A finger that another one takes along presses less than by itself, neighbours more than fingers
+    further away, and the ring finger most where the little one presses; its flexors have at least the share of the file, and fingers without
+    `spill` are alone."""
+    def row(finger, by, hand=None):
+        pose = {f"{f}_{joint}.flexion": f"{angle} deg" for f in _statics.FINGERS for joint, angle in (("mcp", 20), ("pip", 30), ("dip", 15))}
+        return {"kind": "enslaving", "finger": finger, "by": by, "pose": pose, "measured": 0, "spread": 1, **IS, **({"hand": hand} if hand else {})}
+
+    pairs = [("middle", "index"), ("little", "index"), ("ring", "little"), ("little", "ring"), ("middle", "ring")]
+    path = file_of(tmp_path, [row(*pair) for pair in pairs] + [row("ring", "little", "apart")], variants={"apart": {"without": ["spill"]}})
+    found = [row.ours for row in Measurements(path).run().rows]
+    assert 0 < found[1] < found[0] < 1 and 1 > found[2] > max(found[3], found[4]) > 0 and found[5] == 0
+    of = _statics.alone(_core.measurements(path).hand("man", "", {}))
+    muscles, q = of.hand.muscles, of.at({})
+    body = "little_distal", np.array([0, of.tip("little"), 0])
+    pressed = of.press(q, of.rows("little_"), of.torques(q, body, -of.axes(q, body[0])[:, 2][None]), least=True)
+    activation = dict(zip(muscles, pressed.activations))
+    assert activation["FDP4"] >= 0.5 * activation["FDP5"] - 1e-9 > 0.01
+    assert activation["FDP4"] == pytest.approx(max(0.5 * activation["FDP5"], 0.05 * activation["FDP2"], 0.15 * activation["FDP3"]), abs=1e-9)
+
+
 def thumb(ip, direction="dorsal"):
     return {"kind": "tip_force", "finger": "thumb", "segment": "thumb_proximal", "direction": direction,
             "pose": {"thumb_mcp.flexion": "15 deg", "thumb_ip.flexion": f"{ip} deg"}}
@@ -258,8 +279,9 @@ def changed(tmp_path, **keys):
 
 def test_an_ulnar_block_claws_the_ring_finger(tmp_path):
     """Oracle: what hand surgery calls an ulnar claw: the same pull of extensor and flexors, with the interossei and the lumbrical of the ring
-    finger paralysed, extends its MCP and flexes its PIP. A muscle whose nerve is blocked still pulls at rest."""
-    shares = {"EDC4": 0.05, "FDP4": 0.02, "FDS4": 0.02, "LU4": 0.1, "DI4": 0.1, "PI2": 0.1}
+    finger paralysed, extends its MCP and flexes its PIP. A muscle whose nerve is blocked still pulls at rest. The pull leaves the MCP where its
+    collateral ligaments are slack."""
+    shares = {"EDC4": 0.06, "FDP4": 0.02, "FDS4": 0.02, "LU4": 0.1, "DI4": 0.1, "PI2": 0.1}
     angles = []
     for keys, lost in (({"strength": 1}, ()), ({"without": ["ulnar_nerve_at_wrist"]}, ("LU4", "DI4", "PI2"))):
         of = changed(tmp_path, **keys)

@@ -1,6 +1,7 @@
 #include "handsim/control/muscle_drive.h"
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 #include <Eigen/Cholesky>
@@ -20,6 +21,23 @@ constexpr int kBlockPivots = 20;
 /// Solutions with what muscles give at the last one's activations, which are counted as at least so much.
 constexpr int kPasses = 4;
 constexpr double kLeastActivation = 0.02;
+
+/// The muscle that a muscle is tied to in the end, and its share of that.
+struct Root {
+  std::size_t muscle = 0;
+  double share = 1;
+  Eigen::Index at() const { return static_cast<Eigen::Index>(muscle); }
+};
+
+Root root_of(const std::vector<const model::Spill*>& tied, std::size_t muscle) {
+  Root out = {muscle};
+  while (const model::Spill* spill = tied[out.muscle])
+    out = {as_index(spill->from), out.share * spill->share};
+  return out;
+}
+/// Solutions of the active set of what spills, until no muscle lacks more than kSpilled of that.
+constexpr int kSpillPasses = 8;
+constexpr double kSpilled = 1e-4;
 
 }  // namespace
 
@@ -65,6 +83,52 @@ StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<st
   activation_ = Eigen::VectorXd::Zero(muscles);
   bound_.assign(as_index(static_cast<int>(muscles)), 0);
   out_.resize(bound_.size());
+}
+
+/// Ties muscles that have less than what reaches them to the muscle that it reaches them from, and frees
+/// those that should have more. @returns whether any has changed
+bool StaticOptimisation::tie() {
+  bool changed = false;
+  const Eigen::VectorXd slope = own_Q_ * activation_ - own_c_;
+  for (std::size_t m = 0; m < tied_.size(); ++m) {
+    const model::Spill *most = nullptr, *before = std::exchange(tied_[m], nullptr);
+    for (const model::Spill& each : model_.muscles[m].spills)
+      if (root_of(tied_, as_index(each.from)).muscle != m && (!most || reaches(each) > reaches(*most)))
+        most = &each;
+    const auto at = static_cast<Eigen::Index>(m);
+    const double lacks = most ? reaches(*most) - activation_[at] : 0;
+    // A tied muscle has its share, and is freed where more of it costs less.
+    if (before ? slope[at] < 0 || lacks < -kSpilled : lacks < kSpilled) most = nullptr;
+    changed = changed || most != before;
+    tied_[m] = most;
+  }
+  return changed;
+}
+
+double StaticOptimisation::reaches(const model::Spill& spill) const {
+  return std::min(1.0, spill.share * activation_[spill.from]);
+}
+
+/// The problem of muscles that are not tied; the others have their share.
+void StaticOptimisation::reduce() {
+  Q_ = own_Q_;
+  c_ = own_c_;
+  const auto each_tied = [&](const auto& f) {
+    for (std::size_t m = 0; m < tied_.size(); ++m)
+      if (tied_[m]) f(static_cast<Eigen::Index>(m), root_of(tied_, m));
+  };
+  each_tied([&](Eigen::Index m, const Root& root) { Q_.col(root.at()) += root.share * own_Q_.col(m); });
+  const Eigen::MatrixXd by_row = Q_;
+  each_tied([&](Eigen::Index m, const Root& root) {
+    Q_.row(root.at()) += root.share * by_row.row(m);
+    c_[root.at()] += root.share * own_c_[m];
+  });
+  each_tied([&](Eigen::Index m, const Root&) {
+    Q_.row(m).setZero();
+    Q_.col(m).setZero();
+    Q_(m, m) = 1;
+    c_[m] = 0;
+  });
 }
 
 /// Q and c of a . Q a / 2 - c . a.
@@ -148,6 +212,24 @@ std::span<const double> StaticOptimisation::solve(const model::State& state, std
   for (int pass = 0; pass < (rested ? kPasses : 1); ++pass) {
     assemble(state, torques, rested, pass > 0);
     minimise();
+    tied_.assign(out_.size(), nullptr);
+    own_Q_ = Q_, own_c_ = c_;
+    for (int i = 0; i < kSpillPasses && tie(); ++i) {
+      reduce();
+      minimise();
+      const Eigen::VectorXd found = activation_;
+      for (std::size_t m = 0; m < tied_.size(); ++m) {
+        const Root root = root_of(tied_, m);
+        activation_[static_cast<Eigen::Index>(m)] =
+            tied_[m] ? std::max(least_, root.share * found[root.at()]) : found[root.at()];
+      }
+    }
+    const Eigen::VectorXd chosen = activation_;
+    for (std::size_t m = 0; m < tied_.size(); ++m)
+      for (const model::Spill& each : model_.muscles[m].spills) {
+        double& value = activation_[static_cast<Eigen::Index>(m)];
+        value = std::max(value, std::min(1.0, each.share * chosen[each.from]));
+      }
   }
   for (std::size_t i = 0; i < out_.size(); ++i) {
     double& value = activation_[static_cast<Eigen::Index>(i)];

@@ -25,7 +25,8 @@ struct MusclePlan {
 /// @throws nothing; columns that name no muscle are problems, with the nearest one.
 MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics& diagnostics);
 
-/// Smallest activations for torques, in a model at a state.
+/// Smallest activations for torques, in a model at a state. A muscle has no less than what reaches it of the
+/// others' activations (model::Spill).
 class StaticOptimisation {
  public:
   /// The model must outlive this object. @param dofs whose torques count. @param least activation:
@@ -46,15 +47,19 @@ class StaticOptimisation {
  private:
   void assemble(const model::State& state, std::span<const double> torques, bool rested, bool again);
   void minimise();
+  bool tie();
+  double reaches(const model::Spill& spill) const;
+  void reduce();
 
   const model::Model& model_;
   double least_;
+  std::vector<const model::Spill*> tied_;  ///< what each muscle has exactly; null: it has more
   std::vector<std::size_t> dofs_;
   std::vector<std::optional<Eigen::Index>> row_;  ///< of each coordinate; absent: does not count
   Eigen::MatrixXd arms_;                          ///< torque per activation [N m], dofs by muscles
   Eigen::VectorXd wanted_, missing_, activation_;
-  Eigen::MatrixXd Q_;
-  Eigen::VectorXd c_;
+  Eigen::MatrixXd Q_, own_Q_;  ///< own: before muscles are tied
+  Eigen::VectorXd c_, own_c_;
   std::vector<signed char> bound_;  ///< -1 at 0, 1 at 1, 0 between: kept from solve to solve
   std::vector<double> out_;
 };

@@ -203,7 +203,9 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
     const auto found = dof_of.find(index.name + "." + axis.name);
     dofs.push_back(found == dof_of.end() ? std::nullopt : std::optional(found->second));
   }
+  const auto before = static_cast<int>(model.muscles.size());
   for (model::Muscle muscle : hand.muscles.muscles) {
+    for (model::Spill& each : muscle.spills) each.from += before;
     muscle.name = index.name + "." + muscle.name;
     muscle.length -= place(muscle.path, hand.axes, dofs);
     if (muscle.slack_length > 0) muscle.tendon_strain = placement.tendon_strain;

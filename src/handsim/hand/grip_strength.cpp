@@ -1,11 +1,15 @@
 #include "handsim/hand/grip_strength.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace handsim::hand {
 
 namespace {
+
+/// The middle of the youngest adults' ages, 17 to 19 [years].
+constexpr double kGrown = 18.5;
 
 GripNorm read_norm(MapReader reader) {
   GripNorm norm;
@@ -42,6 +46,34 @@ const GripNorm& nearest(const GripTable& table, Sex sex, double age, double stat
   return *best;
 }
 
+/// Mean and standard deviation of a row [N], for shorter people by the areas of their muscles.
+std::array<double, 2> strength_in(const GripNorm& norm, double stature) {
+  const double shortness = std::min(1.0, stature / norm.stature.first), area = shortness * shortness;
+  return {area * norm.mean, area * norm.deviation};
+}
+
+double middle_age(const GripNorm& norm) { return (norm.age.first + norm.age.second + 1) / 2; }
+
+/// Of one sex. Children grow within a group of ages: up to the middle of the youngest adults a norm is linear
+/// in age between the middles of its groups.
+std::array<double, 2> norm_at(const GripTable& table, Sex sex, double age, double stature) {
+  std::array<double, 2> out = strength_in(nearest(table, sex, age, stature), stature);
+  const GripNorm *below = nullptr, *above = nullptr;
+  for (const GripNorm& each : table.norms) {
+    const double middle = middle_age(each);
+    if (each.sex != sex || middle > kGrown) continue;
+    if (middle <= age && (!below || middle > middle_age(*below))) below = &each;
+    if (middle > age && (!above || middle < middle_age(*above))) above = &each;
+  }
+  if (!below || !above) return out;
+  const double first = middle_age(*below), last = middle_age(*above), share = (age - first) / (last - first);
+  // At a middle several rows are told apart by stature.
+  const auto from = strength_in(nearest(table, sex, first, stature), stature);
+  const auto to = strength_in(nearest(table, sex, last, stature), stature);
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = (1 - share) * from[i] + share * to[i];
+  return out;
+}
+
 }  // namespace
 
 GripTable read_grip_table(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -67,9 +99,9 @@ GripStrength grip_strength(const GripTable& table, const Person& person) {
   for (const Sex sex : {Sex::male, Sex::female}) {
     if (person.sex != Sex::unknown && person.sex != sex) continue;
     const GripNorm& norm = nearest(table, sex, age, person.stature);
-    const double shortness = std::min(1.0, person.stature / norm.stature.first), area = shortness * shortness;
-    out.norm += area * norm.mean;
-    variance += area * area * norm.deviation * norm.deviation;
+    const auto [mean, deviation] = norm_at(table, sex, age, person.stature);
+    out.norm += mean;
+    variance += deviation * deviation;
     out.extrapolated = out.extrapolated || distance_outside({norm.age.first, norm.age.second + 1}, age) > 0 ||
                        distance_outside(norm.stature, person.stature) > 0;
     ++rows;

@@ -39,7 +39,8 @@ struct GripStrength {
 inline constexpr double kDefaultAge = 30;
 
 /// The row of the person's sex whose age and stature are nearest, times (stature / its smallest)^2 for
-/// shorter people: areas of muscles; unknown sex: the mean of both.
+/// shorter people: areas of muscles. Of children, linear in age between the middles of their groups. Unknown
+/// sex: the mean of both.
 GripStrength grip_strength(const GripTable& table, const Person& person);
 
 }  // namespace handsim::hand

@@ -63,11 +63,14 @@ class FileReader {
     file_.bands.push_back(std::move(band));
   }
 
-  void read_nerves(MapReader reader) {
-    for (const std::string& nerve : reader.keys()) {
-      MapReader shares = reader.map(nerve);
+  /// Shares of muscles by a nerve, or by a muscle.
+  void read_shares(MapReader reader, std::map<std::string, std::map<std::string, double>>& out,
+                   bool by_muscle) {
+    for (const std::string& from : reader.keys()) {
+      if (by_muscle) check_muscle(reader, from, from);
+      MapReader shares = reader.map(from);
       for (const std::string& name : shares.keys()) {
-        file_.nerves[nerve][name] = shares.number(name, {Dimension::none, 0, 1});
+        out[from][name] = shares.number(name, {Dimension::none, 0, 1});
         check_muscle(shares, name, name);
       }
     }
@@ -249,7 +252,8 @@ MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
   FileReader rows(axes, file);
   reader.each("muscles", 1, kMostMuscles, [&](MapReader row) { rows.read_muscle(std::move(row)); });
   reader.each("bands", 0, kMostMuscles, [&](MapReader row) { rows.read_band(std::move(row)); });
-  if (reader.has("nerves")) rows.read_nerves(reader.map("nerves"));
+  if (reader.has("nerves")) rows.read_shares(reader.map("nerves"), file.nerves, false);
+  if (reader.has("spill")) rows.read_shares(reader.map("spill"), file.spill, true);
   reader.each("pulleys", 0, kMostMuscles, [&](MapReader row) { rows.read_pulley(std::move(row)); });
   reader.finish();
   return file;
@@ -289,6 +293,13 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     muscle.length =
         muscle.slack_length + muscle.fibre_length * along + model::path_state(muscle.path, rest).excursion;
   }
+  const auto place = [&](const std::string& name) {
+    return std::ranges::find(out.muscles, name, &model::Muscle::name) - out.muscles.begin();
+  };
+  for (const auto& [from, shares] : file.spill)
+    for (const auto& [to, share] : shares)
+      if (share > 0)
+        out.muscles[as_index(place(to))].spills.push_back({static_cast<int>(place(from)), share});
   for (const BandSpec& spec : file.bands)
     out.bands.push_back({spec.tendon.name, scaled(spec.tendon.path, scale), spec.stiffness * scale,
                          spec.damping * scale * scale, spec.rest * scale, spec.both_ways});

@@ -59,6 +59,8 @@ struct MuscleFile {
   std::vector<BandSpec> bands;
   /// By the name of a nerve at a level: the muscles that hang on it, with the share of each.
   std::map<std::string, std::map<std::string, double>> nerves;
+  /// By a muscle: the neighbours that its effort reaches, with the share of each (model::Spill).
+  std::map<std::string, std::map<std::string, double>> spill;
   std::vector<PulleySpec> pulleys;
   std::map<std::string, double> spread;  ///< as HandSpec::spread
 };

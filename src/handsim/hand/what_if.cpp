@@ -13,7 +13,8 @@ namespace handsim::hand {
 
 namespace {
 
-constexpr double kLeastForce = 1e-6;  ///< of a muscle that is gone [N]
+constexpr const char* kSpill = "spill";  ///< of efforts to neighbours, under `without`
+constexpr double kLeastForce = 1e-6;     ///< of a muscle that is gone [N]
 const Quantity kLost = {Dimension::none, 0, 1};
 const Quantity kHeldAngle = {Dimension::angle, -M_PI, M_PI};
 using Names = std::vector<std::string>;
@@ -107,8 +108,14 @@ class Muscles {
   void lose(MapReader& reader, const std::string& key, const std::string& name, double share) {
     Names names = names_;
     for (const auto& [nerve, muscles] : file_.nerves) names.push_back(nerve);
-    if (!known(reader, key, name, names, "a nerve at a level, or a muscle of the hand")) return;
+    if (!file_.spill.empty()) names.emplace_back(kSpill);
+    if (!known(reader, key, name, names, "a nerve at a level, a muscle of the hand, or spill")) return;
     if (!used_.insert(name).second) reader.problem(key, name + " a second time", "each once");
+    if (name == kSpill) {
+      for (auto& [from, shares] : file_.spill)
+        for (auto& [to, part] : shares) part *= 1 - share;
+      return;
+    }
     const auto nerve = file_.nerves.find(name);
     if (nerve == file_.nerves.end()) {
       of(name).force = std::max(kLeastForce, (1 - share) * of(name).force);

@@ -53,6 +53,12 @@ double hold(TendonPath& path, int dof, double angle);
 /// Strains of an elastic tendon at the largest isometric force.
 inline constexpr double kLeastTendonStrain = 1e-4, kMostTendonStrain = 0.5;
 
+/// What a voluntary effort cannot leave out: a muscle is at least as active as this share of another one.
+struct Spill {
+  int from = 0;  ///< the other muscle, in Model::muscles
+  double share = 0;
+};
+
 /// A Hill-type muscle. Its fibres lie at `pennation` where they have their optimal length.
 struct Muscle {
   std::string name;        ///< unique, e.g. `right.FDP2`
@@ -69,6 +75,9 @@ struct Muscle {
   double max_speed = 10;            ///< fastest shortening [optimal fibre lengths/s]
   double initial = 0;               ///< activation at the start, 0..1
   double excitable = 1;  ///< share of its excitation that reaches its fibres, 0..1: a blocked nerve
+  /// Who chooses activations is bound by these (static optimisation, largest forces); a given excitation is
+  /// not.
+  std::vector<Spill> spills;
   /// Strain of the tendon at the largest isometric force; absent: the tendon is rigid.
   std::optional<double> tendon_strain;
 };

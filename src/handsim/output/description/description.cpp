@@ -153,6 +153,10 @@ Json muscle_json(const model::Muscle& muscle, std::span<const double> q) {
           {"deactivation_time", muscle.deactivation_time},
           {"max_speed", muscle.max_speed},
           {"excitable", muscle.excitable},
+          {"spills", each_of(muscle.spills,
+                             [](const model::Spill& each) {
+                               return Json::array({each.from, each.share});
+                             })},
           {"elastic", muscle.tendon_strain.has_value()},
           {"isometric", model::isometric_force(muscle, excursion)},
           {"passive", model::passive_force(muscle, excursion)}};

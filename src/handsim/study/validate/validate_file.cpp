@@ -32,6 +32,7 @@ constexpr KindForm kForms[] = {
     {"tip_force_share", D::none, "1", 1, "finger muscles", "any palmar dorsal distal proximal"},
     {"tip_force", D::force, "N", 1, "finger friction balanced segment",
      "palmar dorsal distal proximal ulnar radial"},
+    {"enslaving", D::none, "1", 1, "finger by"},
     {"pinch_force", D::force, "N", 1, "finger friction balanced"},
     {"grip_force", D::force, "N", 1, "friction balanced scene tilts"},
     {"joint_moment", D::torque, "N m", 1, "axis balanced muscles", "positive negative"},
@@ -153,6 +154,7 @@ class RowReader {
     if (key == "muscle") row[key] = known_name(reader, key, muscles_, "a muscle of the hand");
     if (key == "finger" || (key == "free_finger" && reader.has("finger")))
       row["finger"] = known_name(reader, "finger", fingers_, "a finger of the hand");
+    if (key == "by") row[key] = known_name(reader, key, fingers_, "a finger of the hand");
     if (key == "friction") row[key] = reader.number(key, {Dimension::none, 0, 10}, 0);
     if (key == "balanced" && reader.has(key)) {
       row[key] = known_names(reader, key, axes_, "axes of the hand");
