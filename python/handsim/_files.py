@@ -51,6 +51,21 @@ def write_file(path: Path, content: bytes) -> None:
     _core.write_file(path, content)
 
 
+class NewFolder:
+    """Of a ``with``: folders that are made within it up to a path go away with an error that comes before their files."""
+
+    def __init__(self, path: Path) -> None:
+        self._made = [each for each in (path, *path.parents) if not os.path.lexists(each)]
+
+    def __enter__(self) -> "NewFolder":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for each in self._made:
+            with suppress(OSError):  # there are files in it
+                each.rmdir()
+
+
 class OutputFolder:
     """The folder of a command's files, from before its work to the end of ``with``. Other commands cannot use it meanwhile.
 
@@ -66,7 +81,7 @@ class OutputFolder:
             device or link, an input, or of anybody but this command
         """
         self.path = path_of("--out", out)
-        self._made = [each for each in (self.path, *self.path.parents) if not os.path.lexists(each)]
+        self._new = NewFolder(self.path)
         every = [own, *names]
         try:
             self._core = _core.output_folder(self.path, [glob.escape(name) for name in every], [Path(each) for each in inputs])
@@ -74,18 +89,13 @@ class OutputFolder:
             if foreign and not self._begins(own, mark):
                 raise input_error("--out", f"{self.path}, whose {', '.join(foreign)} this command did not write", "another folder, or one without them")
         except Error:
-            self._remove()
+            self._new.__exit__()
             raise
 
     def _begins(self, name: str, mark: bytes) -> bool:
         with suppress(OSError), open(self.path / name, "rb") as file:
             return file.read(len(mark)) == mark
         return False
-
-    def _remove(self) -> None:
-        for each in self._made:
-            with suppress(OSError):  # there are files in it
-                each.rmdir()
 
     def write(self, files: Mapping[str, bytes]) -> None:
         """Replaces those of an earlier output; the first is `own`. :raises Error: of kind output on a full disk"""
@@ -105,7 +115,7 @@ class OutputFolder:
 
     def __exit__(self, *_: object) -> None:
         del self._core  # ends the lock
-        self._remove()
+        self._new.__exit__()
 
 
 def ended(work: Callable[[], int]) -> int:

@@ -95,8 +95,10 @@ def _of_csv(lines: Sequence[str]) -> Optional[Sample]:
 
 
 def _of_trc(lines: Sequence[str]) -> Optional[Sample]:
-    names = lines[3].split("\t") if len(lines) > 3 else []
-    return _of_columns({name: [i, i + 1, i + 2] for i, name in enumerate(names) if i >= 2 and name}, [line.split("\t") for line in lines[5:] if line.strip()])
+    between = "," if "\t" not in lines[0] else "\t"  # spreadsheets save it with commas
+    names = lines[3].split(between) if len(lines) > 3 else []
+    return _of_columns({name: [i, i + 1, i + 2] for i, name in enumerate(names) if i >= 2 and name},
+                       [line.split(between) for line in lines[5:] if line.strip(", \t")])
 
 
 def _frames(text: str) -> Iterator[Any]:

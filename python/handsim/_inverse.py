@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import input_error
-from ._files import ended, read_options
+from ._files import NewFolder, ended, read_options
 from ._overrides import command_overrides
 from ._progress import Told, bar
 from ._rollouts_command import drawn
@@ -276,14 +276,15 @@ def study(scene: Scene, asked: Asked, check: bool, out: Path, told: Told = None)
     """The whole study, with its files. :returns: what was found, summary.json, and False if gnuplot is missing or fails"""
     more = [f"{name}.{kind}" for name, kind in (("torques", "sto"), ("motion", "mot"), ("forward", "mot"), ("activations", "sto"), ("excitations", "sto"),
                                                  ("reserves", "sto"))]
-    folder = _core.output_folder(out, [*study_names("summary", ["torques"]), *more], [*files_of(scene), *asked.files])
-    found = compute(scene, asked, check, told)
-    folder.clear()
-    _write_tables(found, check, out)
-    summary = summary_text(asked, found)
-    _core.write_file(out / "summary.csv", csv_text(HEAD, [_axis_row(axis) for axis in found.axes]).encode())
-    _core.write_file(out / "summary.json", summary.encode())
-    return found, summary, _core.write_plots(out, "summary", "data = 'torques.sto'\nset datafile separator '\\t'\n", [_plot(found)])
+    with NewFolder(out):
+        folder = _core.output_folder(out, [*study_names("summary", ["torques"]), *more], [*files_of(scene), *asked.files])
+        found = compute(scene, asked, check, told)
+        folder.clear()
+        _write_tables(found, check, out)
+        summary = summary_text(asked, found)
+        _core.write_file(out / "summary.csv", csv_text(HEAD, [_axis_row(axis) for axis in found.axes]).encode())
+        _core.write_file(out / "summary.json", summary.encode())
+        return found, summary, _core.write_plots(out, "summary", "data = 'torques.sto'\nset datafile separator '\\t'\n", [_plot(found)])
 
 
 # The command.

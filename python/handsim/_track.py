@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._c3d import as_csv, is_c3d
 from ._errors import input_error
+from ._files import NewFolder
 from ._guess import JOINTS, Guess, check_order, guess, points_of, sample
 from ._objects import without_objects
 from ._progress import Told
@@ -93,6 +94,19 @@ class Hand(NamedTuple):
         return math.sqrt(sum(rms * rms for rms in found) / len(found)) if found else None
 
 
+class Between(NamedTuple):
+    """Where two hands were inside each other, before their wrists were moved apart."""
+
+    frames: int
+    depth: float
+    """The deepest [m]."""
+    time: float
+    """Of it [s]."""
+    where: str
+    moved: float
+    """Of each wrist, at most [m]."""
+
+
 class Result(NamedTuple):
     """What was tracked."""
 
@@ -103,6 +117,7 @@ class Result(NamedTuple):
     """Of the fits [s]."""
     warnings: list[str]
     hands: list[Hand]
+    between: Between
     title: str
     """Of the person."""
     named: bool
@@ -203,12 +218,14 @@ def summary_text(asked: Asked, of: Result) -> str:
         hands.append(entry)
     points = {"points": {name.partition(".")[2]: row for name, row in zip(of.hands[0].features, of.shares.tolist())}} if len(of.shares) else {}
     taken = {"name": of.guess.name} if of.guess.name else {}
+    between = {"hands_overlap": {"frames": of.between.frames, "deepest_mm": 1e3 * of.between.depth, "time_s": of.between.time, "where": of.between.where,
+                                 "moved_mm": 1e3 * of.between.moved}} if of.between.frames else {}
     convention = {"convention": {**taken, "by": of.guess.by}} if of.guess.by else {}
     return json_file({
         "recording": asked.recording.name, "frames": len(of.times), "start_s": of.start, "added_noise_mm": 1e3 * asked.noise, "cpu_s": of.cpu,
         "frames_of_a_hand_per_s": len(of.times) * len(of.hands) / of.cpu if of.cpu > 0 else 0.0, **origin(),
         "person": {"bones_mm": {bone: 1e3 * length for bone, length in of.bones.items()}, **{f"{key}_mm": 1e3 * value for key, value in of.size.items()}},
-        **points, **convention, "warnings": of.warnings, "hands": hands})
+        **points, **convention, **between, "warnings": of.warnings, "hands": hands})
 
 
 def _angle_plot(hand: Hand) -> tuple[str, str, str]:
@@ -284,7 +301,7 @@ def track(asked: Asked, told: Told = None, begin: Callable[[], object] = lambda:
                            asked.fit_bones, asked.smooth, asked.noise, asked.seed)
         begin()
         of = work.run(told)
-    of["hands"] = [Hand(*hand) for hand in of["hands"]]
+    of["hands"], of["between"] = [Hand(*hand) for hand in of["hands"]], Between(*of["between"])
     of["warnings"] = [each.replace(str(path), str(asked.recording)) for each in of["warnings"]]
     return Result(**of, guess=guessed)
 
@@ -297,9 +314,10 @@ def study(asked: Asked, out: Path, told: Told = None) -> tuple[Result, bool]:
     """
     inputs = [each for each in (asked.recording, asked.person, asked.markers, asked.points, asked.names, asked.truth, model_file(asked)) if each]
     held = list[_core.OutputFolder]()
-    found = track(asked, told, lambda: held.append(_core.output_folder(out, names(), inputs)))
-    held[0].clear()
-    return found, write(asked, found, out)
+    with NewFolder(out):
+        found = track(asked, told, lambda: held.append(_core.output_folder(out, names(), inputs)))
+        held[0].clear()
+        return found, write(asked, found, out)
 
 
 def screen_text(of: Result) -> str:
@@ -319,6 +337,9 @@ def screen_text(of: Result) -> str:
         fingers = hand.difference(True)
         if fingers is not None:
             out += f"       difference from the known angles at the flexion axes of the fingers: {DEGREES * fingers:.3g} deg RMS\n"
+    if of.between.frames:
+        out += (f"hands inside each other in {of.between.frames} frames, up to {1e3 * of.between.depth:.2g} mm ({of.between.where} at {of.between.time:.2f} s): "
+                f"each wrist is moved away by up to {1e3 * of.between.moved:.2g} mm\n")
     if len(of.size) == 2:
         out += f"hand length {1e3 * of.size['hand_length']:.1f} mm, breadth {1e3 * of.size['hand_breadth']:.1f} mm; "
     out += f"{of.cpu:.3g} s of CPU time\n"

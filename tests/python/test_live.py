@@ -706,6 +706,99 @@ def test_no_joint_is_faster_than_20_rad_per_s_when_200_ms_of_frames_are_missing(
     assert len(fastest) >= 6 and max(fastest) < 20
 
 
+@pytest.fixture(scope="module")
+def other_hand():
+    """Of the median man, with bones that are 15 % shorter."""
+    lengths = hs.Hand(stature=1.755, mass=84.5, sex="male").segments
+    bones = {name: 0.85 * length for name, length in zip(lengths["name"], lengths["length"]) if name != "palm"}
+    return HandFilter(hs.load("every_pose", {"hands.0.person": {"stature": 1.755, "mass": 84.5, "sex": "male", "bones": bones}}, engine="articulated"), 0)
+
+
+def streamed(filter_, seconds, shown=lambda points, pose: points, side="right", scene="every_pose", **hand):
+    """A follower in step that has seen a moving hand for so long, the errors of its angles after 4 s [rad], shape (frames, axes), and what the session tells."""
+    session = Session(hs.load(scene, engine="articulated"))
+    follower = Follower(session)
+    times, pose = moving(filter_, 5, seconds=seconds)
+    poses, out = [pose(t) for t in times], []
+    angles, tracked = np.array(poses)[:, 7:], follower._hands[side]
+    for t, each in zip(times, poses):
+        follower.message({"t": float(t), "hands": {side: {"joints": shown(filter_.points(each), each), **hand}}})
+        if t > 3.2:
+            tracked.measured.close()
+        if t > 4:
+            out.append(tracked.filter.late_angles() - [np.interp(t - DELAY, times, column) for column in angles.T])
+    follower.close()
+    return np.array(out), session
+
+
+def dorsal(points, pose):
+    """The wrist's point 20 mm dorsal of the joint."""
+    w, x, y, z = pose[3:7]
+    out = points.copy()
+    out[0] += 0.02 * np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    return out
+
+
+# Oracle: the angles of the hand that is streamed, every axis in every frame. The bound is the goal, 5 deg; without measuring, errors are 30 deg.
+def test_a_hand_of_other_proportions_is_measured_in_its_first_seconds(other_hand, monkeypatch):
+    errors, session = streamed(other_hand, 8, lambda points, pose: dorsal(points, pose).tolist())
+    assert np.degrees(np.abs(errors).max()) < 5
+    found = session.tracked["right"]
+    assert 3 <= found["seconds"] < 4 and found["points"] is None and any("wrist by" in each for each in session.notices)
+    monkeypatch.setattr("handsim._live.measured.MOMENTS", ())
+    assert np.degrees(np.abs(streamed(other_hand, 5, lambda points, pose: dorsal(points, pose).tolist())[0]).max()) > 15
+
+
+# Oracle: the convention whose order, names and number the points have.
+@pytest.mark.parametrize("name, listed", [("mano_joints", True), ("openxr", True), ("openxr", False), ("webxr", True)])
+def test_a_stream_tells_its_convention(other_hand, name, listed):
+    from handsim._live.measured import shipped
+
+    layout = shipped(name, "")
+
+    def shown(points, _):
+        if not listed:
+            return dict(zip(layout.names, points.tolist()))
+        out = np.repeat(points[9:10], layout.count, axis=0)
+        out[layout.picked] = points
+        return out.tolist()
+
+    errors, session = streamed(other_hand, 4.1, shown)
+    found = session.tracked["right"]
+    assert found["points"] == name and ("names" if not listed else "order" if name == "mano_joints" else "number") in found["by"]
+    assert np.isfinite(errors).all()
+
+
+# Oracle: which hand it is.
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_a_hand_that_is_streamed_as_the_other_one_is_noticed(side):
+    scene = hs.load("every_pose", engine="articulated")
+    other = HandFilter(scene, next(i for i, name in enumerate(scene.hands) if name != side))
+    _, session = streamed(other, 3.4, lambda points, _: points.tolist(), side)
+    assert "under the wrong name" in session.tracked[side]["trouble"] and session.tracked[side]["trouble"] in session.notices
+    own = HandFilter(scene, scene.hands.index(side))
+    _, session = streamed(own, 3.4, lambda points, _: points.tolist(), side)
+    assert "trouble" not in session.tracked[side]
+
+
+def test_doubtful_points_of_a_stream_count_as_not_seen():
+    scene = hs.load("every_pose", engine="articulated")
+    follower, filter_ = Follower(Session(scene)), HandFilter(scene, 0)
+    points = filter_.points(np.concatenate(([0, 0, 0.3, 1, 0, 0, 0], np.full(len(filter_.axes), 0.2))))
+    spoilt = points + np.where(np.arange(21) == 8, 0.015, 0)[:, None]
+    sure = [0.2 if i == 8 else 0.9 for i in range(21)]
+    for joints, confidence in ((spoilt, sure), (points, None)):
+        follower.message({"t": 0.0, "hands": {"right": {"joints": joints.tolist(), "confidence": confidence}}})
+        found = follower._hands["right"].filter.points(follower._hands["right"].filter.pose)
+        assert np.abs(found - points)[:8].max() < 2e-3
+        follower._hands["right"].filter.lose()
+    follower.message({"t": 1.0, "hands": {"right": {"joints": points.tolist(), "confidence": 0.1}}})
+    assert follower._hands["right"].filter.time is None
+    with pytest.raises(hs.Error, match="confidence: got .*need a number from 0 to 1"):
+        follower.message({"t": 1.1, "hands": {"right": {"joints": points.tolist(), "confidence": [0.5]}}})
+    follower.close()
+
+
 def test_a_lost_hand_relaxes_slowly(can):
     session = Session(can)
     follower = Follower(session)

@@ -102,7 +102,7 @@ def test_bad_recordings_are_refused(tmp_path, content, said):
         (tmp_path / "a.csv").write_text(content)
     done = command("track", tmp_path / "a.csv", "--out", tmp_path / "out")
     assert done.returncode == 2 and said in done.stderr, done.stderr
-    assert not any((tmp_path / "out").iterdir())
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("words, said", [

@@ -359,6 +359,8 @@
     const factor = state.playing ? `${state.factor.toFixed(2)} × real time, ${(100 * state.load).toFixed(0)} % of a core` : 'paused';
     status.textContent = `${state.time.toFixed(3)} s; ${state.engine}, step ${Table.text(1e3 * state.step)} ms; ${factor}`
       + (state.lateness_p99_ms !== null && state.playing ? `; 99 % of steps within ${state.lateness_p99_ms.toFixed(2)} ms` : '');
+    measured.replaceChildren(...Object.entries(state.tracked).map(([name, of]) => element('div', {}, of.trouble ? of.trouble
+      : `${name} hand: length ${of.hand_length_mm} mm, breadth ${of.hand_breadth_mm} mm, measured in ${of.seconds} s; points ${of.points ? `as ${of.points} has them, by ${of.by}` : `: ${of.by}`}; noise ${of.noise_mm} mm`)));
     past.textContent = state.past ? `${(state.present - state.time).toFixed(2)} s before the present: play goes on from here` : '';
     past.hidden = !state.past;
     verdicts.replaceChildren(...(state.verdicts || []).map(v => {
@@ -460,7 +462,7 @@
   // Elements.
   const label = element('div', {class: 'label', 'aria-live': 'off'}), legend3d = element('div', {class: 'legend3d'});
   const screen = element('div', {class: 'screen'}, label, legend3d), layers = element('div', {class: 'parts', id: 'layers'}), panel = element('div', {class: 'panel'});
-  const status = element('span', {class: 'status', id: 'status'}), past = element('span', {class: 'past', hidden: true}), notice = element('p', {class: 'notice', hidden: true, click: () => { problem = ''; said = state.said; tellNotices(); }});
+  const status = element('span', {class: 'status', id: 'status'}), past = element('span', {class: 'past', hidden: true}), measured = element('p', {class: 'dim', id: 'measured'}), notice = element('p', {class: 'notice', hidden: true, click: () => { problem = ''; said = state.said; tellNotices(); }});
   const verdicts = element('tbody'), curves = element('section', {class: 'plots'});
   const playButton = element('button', {type: 'button', id: 'play', click: () => send('play', {on: !state.playing})}, '▶ play');
   const speeds = [0.1, 0.2, 0.5, 1, 2, 5, 10];
@@ -476,7 +478,7 @@
     Home: () => seek(state.start), End: () => send('present'), r: resetCamera, s: () => view && view.hasSkin && setLook(looks[(looks.indexOf(view.look()) + 1) % 3]), '+': () => view && view.orbit.zoom(0.9), '-': () => view && view.orbit.zoom(1.1), Escape: () => pull.end()};
   const help = [['Space', 'play, pause'], ['→', 'one step (in the past: a frame)'], ['←', 'a frame back'], ['Home End', 'a minute back, the present'], ['c f a', 'contact points, forces, joint axes'], ['r', 'camera of the pictures'], ['+ −', 'zoom']];
   document.body.append(
-    element('header', {}, element('h1', {}, data.title), element('p', {class: 'dim'}, status, ' ', past), notice),
+    element('header', {}, element('h1', {}, data.title), element('p', {class: 'dim'}, status, ' ', past), measured, notice),
     element('main', {class: 'live'},
       element('div', {}, screen, element('div', {class: 'track'}, slider),
         element('div', {class: 'bar'}, playButton, button('|▸ step', () => send('step', {steps: 1}), {id: 'step'}), speedBox, button('present', () => send('present'), {id: 'present'}),

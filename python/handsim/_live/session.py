@@ -59,6 +59,8 @@ class Session:
         """Simulated seconds in a second, and the share of a core, of the last half second."""
         self.built, self.said = 0, 0
         """Counts of scenes that were built anew, and of notices."""
+        self.tracked: dict[str, Any] = {}
+        """By hand what was measured of it in a stream; replaced, not changed."""
         self.broken: Optional[str] = None
         """Why the session has paused by itself."""
         self.problem: Optional[BaseException] = None
@@ -372,5 +374,5 @@ class Session:
 
     def _tell(self) -> dict[str, Any]:
         own = {"playing": self.playing, "speed": self.speed, "factor": round(self.factor, 3), "load": round(self.load, 3),
-               "notices": self.notices, "said": self.said, "recording_full": self.log.lost, "built": self.built}
+               "notices": self.notices, "said": self.said, "recording_full": self.log.lost, "built": self.built, "tracked": self.tracked}
         return tell(self.course, self.history, list(self.lateness)[-256:], self.broken, own)

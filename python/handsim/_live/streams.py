@@ -1,6 +1,7 @@
 """Tracked hands that drive a session: frames from UDP, standard input or the page's socket.
 
-A frame has 21 points (camera trackers), 25 (WebXR) or 26 (OpenXR), of one hand or two, as JSON or packed (docs/live.md).
+A frame has 21 points (camera trackers), 25 (WebXR), 26 (OpenXR) or those of the stream's convention, of one hand or two, as JSON or
+packed (docs/live.md). What the hand's own bones are, and where the points lie on it, is measured from its first seconds (`measured`).
 """
 from __future__ import annotations
 
@@ -18,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._errors import Error, input_error
+from .._shipped import find_file
 from .commands import Command, is_number, shown
+from .measured import KEYPOINTS, Found, Layout, Measured, guessed, shipped
 from .session import Session
 from .tracker import LONGEST_GAP, HandFilter
 
@@ -48,12 +51,15 @@ PRESS_TIME = 0.2
 WRIST_SPEED = 2.0
 """Largest, of a driven wrist that follows [m/s]."""
 
+LEAST_CONFIDENCE = 0.5
+"""A point with less was not seen; chosen, as for `handsim track`."""
+FIRST = 10
+"""Frames of 21 points without names, by whose bones their order is guessed."""
+
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 # Of 26 and 25 points those that cameras have: no palm, no metacarpals of fingers.
 OF_26 = [1, 2, 3, 4, 5, *(i for first in (7, 12, 17, 22) for i in range(first, first + 4))]
 PICKED = {21: list(range(21)), 25: [i - 1 for i in OF_26], 26: OF_26}
-KEYPOINTS = ["wrist", "thumb_cmc", "thumb_mcp", "thumb_ip", "thumb_tip",
-             *(f"{finger}_{joint}" for finger in FINGERS[1:] for joint in ("mcp", "pip", "dip", "tip"))]
 OPENXR = ["wrist", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "thumb_tip",
           *(f"{finger}_{joint}" for finger in FINGERS[1:] for joint in ("proximal", "intermediate", "distal", "tip"))]
 WEBXR = ["wrist", "thumb-metacarpal", "thumb-phalanx-proximal", "thumb-phalanx-distal", "thumb-tip",
@@ -61,17 +67,23 @@ WEBXR = ["wrist", "thumb-metacarpal", "thumb-phalanx-proximal", "thumb-phalanx-d
            for joint in ("phalanx-proximal", "phalanx-intermediate", "phalanx-distal", "tip"))]
 
 
-def points_of(joints: Any) -> Array:
-    """The 21 points of a list or of a mapping by name [m]. :raises Error: of kind input"""
+def _names_of(joints: Mapping[str, Any], layout: Optional[Layout]) -> list[str]:
+    return max(([layout.names] if layout else []) + [KEYPOINTS, OPENXR, WEBXR], key=lambda names: sum(name in joints for name in names))
+
+
+def points_of(joints: Any, layout: Optional[Layout] = None) -> Array:
+    """The 21 points of a list or of a mapping by name [m]. :param layout: of a list; else by its length. :raises Error: of kind input"""
+    picks = {layout.count: layout.picked} if layout else PICKED
     if isinstance(joints, Mapping):
-        names = max((KEYPOINTS, OPENXR, WEBXR), key=lambda names: sum(name in joints for name in names))
+        names = _names_of(joints, layout)
         if not any(name in joints for name in names):
             raise input_error("joints", ", ".join(map(str, list(joints)[:3])) or "no name", "names of cameras, OpenXR or WebXR")
         joints = [joints.get(name) for name in names]
-    if not isinstance(joints, (list, np.ndarray)) or len(joints) not in PICKED:
-        raise input_error("joints", f"{len(joints)} points" if isinstance(joints, list) else type(joints).__name__,
-                          "21, 25 or 26 points, or a mapping by name")
-    picked = PICKED[len(joints)]
+        picks = PICKED
+    if not isinstance(joints, (list, np.ndarray)) or len(joints) not in picks:
+        raise input_error("joints", f"{len(joints)} points" if isinstance(joints, (list, np.ndarray)) else type(joints).__name__,
+                          f"{layout.count} points, or a mapping by name" if layout else "21, 25 or 26 points, or a mapping by name")
+    picked = picks[len(joints)]
     if isinstance(joints, np.ndarray):
         return np.where((np.abs(joints) < 1e3).all(axis=1, keepdims=True), joints, np.nan)[picked]
     out = np.full((21, 3), np.nan)
@@ -84,6 +96,32 @@ def points_of(joints: Any) -> Array:
         if all(is_number(x) and abs(x) < 1e3 for x in point):
             out[row] = point
     return out
+
+
+def layout_of(joints: Any) -> Optional[Layout]:
+    """By names or number of the points; None for 21 without names."""
+    if isinstance(joints, Mapping):
+        names = _names_of(joints, None)
+        style = {OPENXR[1]: "openxr", WEBXR[1]: "webxr"}.get(names[1])
+        return shipped(style, "its names") if style else Layout.of(None, "its names")
+    style = {25: "webxr", 26: "openxr"}.get(len(joints))
+    return shipped(style, f"the number of its points, {len(joints)}") if style else None
+
+
+def doubtful(points: Array, joints: Any, sure: Any, picked: Sequence[int]) -> Array:
+    """Points of which the tracker is not sure are not seen.
+
+    :param sure: of all, or a list of a number for each of `joints`
+    :raises Error: of kind input
+    """
+    if sure is None:
+        return points
+    numbers = [sure] * len(joints) if not isinstance(sure, list) else sure
+    if len(numbers) != len(joints) or isinstance(sure, list) and isinstance(joints, Mapping) or not all(is_number(each) and 0 <= each <= 1 for each in numbers):
+        raise input_error("confidence", shown(sure), "a number from 0 to 1, or a list of one for each point of a list")
+    if not isinstance(sure, list):
+        return points if sure >= LEAST_CONFIDENCE else np.full_like(points, np.nan)
+    return np.where(np.array(sure, float)[list(picked)][:, None] >= LEAST_CONFIDENCE, points, np.nan)
 
 
 def read_packed(data: bytes) -> dict[str, Any]:
@@ -109,7 +147,13 @@ class Tracked:
 
     def __init__(self, session: Session, index: int) -> None:
         facts = session.facts
+        self.index = index
         self.filter = HandFilter(facts.scene, index)
+        self.layout: Optional[Layout] = None
+        """Of the stream's points; None until it is known."""
+        self.first: list[Array] = []
+        """Frames from which the layout is guessed."""
+        self.measured = Measured()
         self.name = facts.scene.hands[index]
         places = {axis: i for i, axis in enumerate(facts.axes)}
         pairs = [(i, places[axis]) for i, axis in enumerate(self.filter.axes) if axis in places]
@@ -134,6 +178,8 @@ class Follower:
     def __init__(self, session: Session, streams: Sequence[str] = ()) -> None:
         self.session = session
         self.origin, self.up, self.press = "first", "z", 1.0
+        self.stated: Optional[Layout] = None
+        """The convention of the stream's points, where it is said."""
         self.faults, self.frames = 0, 0
         self.last_fault = ""
         self._sources: list[Any] = []
@@ -171,6 +217,8 @@ class Follower:
                 if options[key] not in known:
                     raise input_error("stream", f"{key}={options[key]}", f"{key} as one of {', '.join(known)}")
                 setattr(self, key, options.pop(key))
+        if "points" in options:
+            self.stated = Layout.of(find_file(options.pop("points"), "points", "handmodels/points"), "points=")
         if "press" in options:
             try:
                 self.press = float(options.pop("press"))
@@ -179,7 +227,7 @@ class Follower:
             if not 0 <= self.press <= 3:
                 raise input_error("stream", stream, "press from 0 to 3")
         if options:
-            raise input_error("stream", stream, "no other options than origin, up and press")
+            raise input_error("stream", stream, "no other options than origin, up, points and press")
         if url.scheme == "udp":
             try:
                 port, host = url.port, url.hostname
@@ -212,6 +260,8 @@ class Follower:
     def close(self) -> None:
         self._closed.set()
         self._watch.join()
+        for tracked in self._hands.values():
+            tracked.measured.close()
 
     def _udp(self, heard: socket.socket) -> None:
         with heard:
@@ -259,9 +309,9 @@ class Follower:
             moment = born
         if not is_number(moment):
             raise input_error("t", shown(moment), "seconds")
-        read = {side: points_of(hand.get("joints") if isinstance(hand, Mapping) else None) for side, hand in hands.items()}
         with self._lock:
             self._refresh()
+            read = {side: self._read(self._hands.get(side), hand) for side, hand in hands.items()}
             for side, points in read.items():
                 tracked = self._hands.get(side)
                 if tracked is not None:
@@ -275,17 +325,56 @@ class Follower:
         facts = self.session.facts
         if facts is self._facts:
             return
-        offsets = {side: each.offset for side, each in self._hands.items()}
+        before = self._hands
         self._facts = facts
         self._hands = self._find_hands()
-        for side, offset in offsets.items():
+        for side, old in before.items():
             if side in self._hands:
-                self._hands[side].offset = offset
+                new = self._hands[side]
+                new.offset, new.layout = old.offset, old.layout
+                if new.filter.axes == old.filter.axes:  # the same model: what was measured holds
+                    new.measured, new.filter = old.measured, old.filter
         self._targets = self._wrists = None
+
+    def _read(self, tracked: Optional[Tracked], hand: Any) -> Array:
+        """The 21 points of a hand, of which the layout becomes known meanwhile. :raises Error: of kind input"""
+        joints = hand.get("joints") if isinstance(hand, Mapping) else None
+        layout = self.stated or (tracked.layout if tracked else None)
+        if layout and not self.stated and isinstance(joints, (list, np.ndarray)) and len(joints) != layout.count:
+            layout = None  # another tracker
+        points = points_of(joints, layout)
+        picked = layout.picked if layout else PICKED.get(len(joints), PICKED[21])
+        points = doubtful(points, joints, hand.get("confidence"), picked)
+        if tracked is None or tracked.layout is layout is not None:
+            return points
+        layout = layout or layout_of(joints)
+        if layout is None:
+            tracked.first.append(points)
+            if len(tracked.first) < FIRST:
+                return points
+            layout, tracked.first = guessed(np.array(tracked.first)), []
+            if layout.picked != PICKED[21]:  # angles up to now are of points in another order
+                tracked.filter.lose()
+                points = points[layout.picked]
+        tracked.layout, tracked.measured = layout, Measured()
+        return points
+
+    def _take(self, tracked: Tracked, found: Found) -> None:
+        """What was measured of a hand, in place of frames that are scaled."""
+        self.session.tracked = {**self.session.tracked, tracked.name: found.state}
+        for text in found.warnings:
+            self.session.notice(text)
+        if found.fit is not None:
+            tracked.filter, tracked.offset = HandFilter(self._facts.scene, tracked.index, found.fit), None
 
     def _follow(self, tracked: Tracked, points: Array, moment: float, born: float) -> None:
         if self.up == "y":
             points = np.stack((points[:, 0], -points[:, 2], points[:, 1]), axis=1)
+        found, tracked.measured.found = tracked.measured.found, None
+        if found is not None:
+            self._take(tracked, found)
+        if tracked.layout is not None and tracked.measured.add(points, moment):
+            tracked.measured.start(self._facts.scene, tracked.index, tracked.layout)
         gap, before = born - tracked.heard, tracked.filter.time
         if not tracked.filter.update(points, moment):
             return

@@ -57,8 +57,10 @@ def turned(by: Array, q: Array) -> Array:
 class HandFilter:
     """Angles of one hand of a scene from frames of 21 points."""
 
-    def __init__(self, scene: Scene, hand: int) -> None:
-        self._fit = _core.hand_fit(scene._core, hand)
+    def __init__(self, scene: Scene, hand: int, fit: Optional[_core.HandFit] = None) -> None:
+        """:param fit: of the tracked hand's own size, once that is known; else frames are scaled to the scene's hand"""
+        self._fit = fit or _core.hand_fit(scene._core, hand)
+        self._own = fit is not None
         name = scene.hands[hand]
         self.axes = [f"{name}.{axis}" for axis in self._fit.axes()]
         known = {axis: row for axis, row in zip(scene.coordinates, scene.limits)}
@@ -109,7 +111,7 @@ class HandFilter:
 
     def _scale(self, points: Array, share: float) -> None:
         """Learns the size of the tracked hand, by the lengths of its palm."""
-        if np.isfinite(points[[0, *PALM]]).all():
+        if not self._own and np.isfinite(points[[0, *PALM]]).all():
             ratio = float(np.median(np.linalg.norm(points[PALM] - points[0], axis=1) / self._palm))
             self.scale += share * (min(2.0, max(0.5, ratio)) - self.scale)
 

@@ -1,8 +1,10 @@
 #include <pybind11/eigen.h>
 
+#include "handsim/app/commands.h"
 #include "handsim/core/error.h"
 #include "handsim/python/bindings.h"
-#include "handsim/study/track/pose_fit.h"
+#include "handsim/python/signals.h"
+#include "handsim/study/track/track.h"
 
 namespace handsim::python {
 
@@ -18,6 +20,44 @@ PoseFit fit_of(const SceneHandle& of, std::size_t hand) {
   const hand::HandSpec& spec = *of.scene->spec.hands.at(hand).model;
   const hand::BuiltHand& built = of.scene->hands.at(hand);
   return {study::HandTree(spec, built, of.scene->model.hands.at(hand).side), study::keypoints(spec, built)};
+}
+
+/// What `track` finds in frames of 21 points of one hand, of a person whom nobody has named.
+/// @param points a row for each frame; not finite: not seen. @param names of the points in the convention,
+/// without one those of keypoints
+/// @return the fit of that hand; its length and breadth [m]; noise of a coordinate [m]; numbers of tracked
+/// frames and of those that show the other hand; warnings
+py::tuple measured_fit(const SceneHandle& of, std::size_t hand, const std::vector<double>& times,
+                       const Array& points, const std::vector<std::string>& names,
+                       const std::optional<std::filesystem::path>& convention) {
+  if (names.size() != 21 || points.cols() != 63 || points.rows() != static_cast<Eigen::Index>(times.size()))
+    throw input_error("measured_fit", "arrays of another shape", "a time and 21 points for each frame");
+  const scene::HandEntry& entry = of.scene->spec.hands.at(hand);
+  const model::Side side = of.scene->model.hands.at(hand).side;
+  study::TrackInput input;
+  input.model = *entry.model, input.person = entry.person, input.person_named = false;
+  if (convention)
+    input.markers = app::load_kind(*convention, scene::FileKind::marker_set, study::read_marker_set);
+  study::Recording recording;
+  recording.file = side == model::Side::left ? "left" : "right", recording.times = times;
+  for (Eigen::Index i = 0; i < 21; ++i)
+    for (Eigen::Index k = 0; k < points.rows(); ++k)
+      if (const Vec3 p = points.row(k).segment<3>(3 * i); p.allFinite())
+        recording.channels[recording.file + "." + names[as_index(i)]].points.add(as_index(k), p);
+  const study::TrackResult found = without_gil([&] { return study::run_track(input, recording); });
+  const hand::BuiltHand built = hand::build_hand(input.model, found.person);
+  std::vector<study::Feature> all = study::features_for(input, built, side), features;
+  for (std::size_t i = 0; i < found.shares.size(); ++i) all[i].shares = found.shares[i];
+  for (const std::string& name : names)
+    for (const study::Feature& each : all)
+      if (each.name == recording.file + "." + name) features.emplace_back(each).from.reset();
+  if (features.size() != names.size())
+    throw input_error("points", "a convention without some of the 21 keypoints", "one with all of them");
+  const study::TrackedHand& tracked = found.hands.front();
+  return py::make_tuple(PoseFit(study::HandTree(input.model, built, side), std::move(features)),
+                        *found.person.hand_length, *found.person.hand_breadth, tracked.noise,
+                        tracked.count(study::FrameStatus::tracked),
+                        tracked.count(study::FrameStatus::swapped), found.warnings);
 }
 
 /// Points that are not finite were not seen.
@@ -56,7 +96,9 @@ py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, con
     throw input_error("follow", "arrays of another hand", "those of this one");
   const Matrix moved = ahead * motion;
   const HandPose at = self.tree().moved(pose_of(self, pose), moved.row(0).transpose());
-  auto [r, J] = self.rows(frame_of(points), at, std::vector<bool>(21));
+  const study::Rows all = self.rows(frame_of(points), at, std::vector<bool>(21));
+  VectorXd r = all.residuals.head(63);
+  Eigen::MatrixXd J = all.jacobian.topRows(63);
   int seen = 0, near = 0;
   for (Eigen::Index i = 0; i < 21; ++i) {
     const bool there = points.row(i).allFinite(), far = r.segment<3>(3 * i).norm() > reach;
@@ -86,13 +128,15 @@ py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, con
 
 void bind_fit(py::module_& module) {
   module.def("hand_fit", &fit_of);
+  module.def("measured_fit", &measured_fit);
   bind_class<PoseFit>(module, "HandFit")
       .def("axes", [](const PoseFit& self) { return names(self.tree().axes()); })
       .def("points",
            [](PoseFit& self, const VectorXd& pose) {
              return Matrix(self.rows(study::MeasuredFrame(21, {Vec3::Zero(), {}}), pose_of(self, pose),
                                      std::vector<bool>(21))
-                               .residuals.reshaped<Eigen::RowMajor>(21, 3));
+                               .residuals.head(63)
+                               .reshaped<Eigen::RowMajor>(21, 3));
            })
       .def("find", [](PoseFit& self, const Points& points,
                       double outlier) { return numbers_of(self.find(frame_of(points), outlier).pose); })

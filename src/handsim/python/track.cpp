@@ -67,6 +67,8 @@ py::dict run(const study::TrackInput& input, const py::object& progress) {
   out["warnings"] = found.warnings;
   py::list hands;
   for (const study::TrackedHand& hand : found.hands) hands.append(fields_of(hand));
+  const study::BetweenHands& between = found.between;
+  out["between"] = py::make_tuple(between.frames, between.depth, between.time, between.where, between.moved);
   out["hands"] = hands, out["title"] = input.person.title, out["named"] = input.person_named;
   if (found.person.hand_length) size["hand_length"] = *found.person.hand_length;
   if (found.person.hand_breadth) size["hand_breadth"] = *found.person.hand_breadth;

@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 """What `handsim track` makes of captured sequences of other people's hands, and whether the scenes that it writes run.
 
-usage: captured.py HANDSIM OUT [--points NAME] [--only NAME...] [--run]
+usage: captured.py HANDSIM OUT [--points NAME] [--others] [--only NAME...] [--run]
+
+--others tracks the sequences of each person with a convention that is fitted on one sequence of each other person
+(`track --convention-from`), in place of --points.
 
 The folder of the sequences is HANDSIM_RECORDINGS: its files are not part of the project, and the tests that need it are skipped
 without it. A file NAME.npz has `right` and `left`, (n, 21, 3) in metres at 30 frames a second, zeros where there is no hand. Prints
@@ -11,8 +14,10 @@ a row for each sequence and writes OUT/captured.csv:
 - rms: of the distances of the 21 points from the fitted ones, over all tracked frames [mm];
 - thumb: deepest overlap of a segment of the thumb with the palm [mm];
 - angle: largest over the fingers' PIP and DIP and the thumb's MCP and IP of the RMS difference between the fitted flexion and the
-  angle between the points' own bones [deg], and which joint;
-- check, ode, articulated: exit statuses of `check` and of `run` on both engines of the scene that is written.
+  angle between the points' own bones [deg], and which joint; then that of each joint; without frames whose bones bend backwards;
+- overlap: deepest overlap of the two hands [mm], and its time [s];
+- check, ode, articulated: exit statuses of `check` and of `run` on both engines of the scene that is written;
+- replay: of the runs, the RMS difference of all angles from the tracked ones while nothing touches a hand, and 0.2 s after that [deg].
 """
 from __future__ import annotations
 
@@ -62,18 +67,22 @@ def table(path: Path) -> tuple[list[str], list[list[str]]]:
     return rows[0], rows[1:]
 
 
-def own_angles(points: np.ndarray) -> dict[str, np.ndarray]:
-    """Angles between the points' own bones [deg], by joint."""
+def own_angles(points: np.ndarray, right: bool) -> dict[str, np.ndarray]:
+    """Flexion between the points' own bones [deg], by joint; NaN where a finger's joint is bent backwards, as no hand's here is."""
     out = {}
+    ulnar = points[:, 17] - points[:, 5]
     for joint, (a, b, c) in JOINTS.items():
         u, v = points[:, b] - points[:, a], points[:, c] - points[:, b]
         cosine = np.sum(u * v, axis=1) / (np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1))
         out[joint] = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        if not joint.startswith("thumb"):
+            palmar = np.cross(u, ulnar) * (1 if right else -1)
+            out[joint][np.sum(v * palmar, axis=1) < 0] = np.nan
     return out
 
 
-def differences(source: Path, out: Path) -> dict[str, float]:
-    """RMS difference of each joint's flexion from the points' own bones [deg], over both hands."""
+def differences(source: Path, out: Path, start: float) -> dict[str, float]:
+    """RMS difference of each joint's flexion from the points' own bones [deg], over both hands. :param start: of the tables in the recording [s]"""
     data = np.load(source)
     squares: dict[str, list[np.ndarray]] = {joint: [] for joint in JOINTS}
     for side in ("right", "left"):
@@ -81,11 +90,11 @@ def differences(source: Path, out: Path) -> dict[str, float]:
             continue
         names, rows = table(out / f"{side}.mot")
         values = np.array(rows, float)
-        frames = np.round(values[:, 0] * RATE).astype(int)
-        own = own_angles(data[side][:, ORDER][frames].astype(float))
+        frames = np.round((values[:, 0] + start) * RATE).astype(int)
+        own = own_angles(data[side][:, ORDER][frames].astype(float), side == "right")
         for joint in JOINTS:
-            squares[joint].append((np.abs(values[:, names.index(f"{side}.{joint}.flexion")]) - own[joint])**2)
-    return {joint: float(np.sqrt(np.mean(np.concatenate(each)))) for joint, each in squares.items()}
+            squares[joint].append((values[:, names.index(f"{side}.{joint}.flexion")] - own[joint])**2)
+    return {joint: float(np.sqrt(np.nanmean(np.concatenate(each)))) for joint, each in squares.items()}
 
 
 def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bool) -> dict[str, Any]:
@@ -113,17 +122,60 @@ def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bo
     row["rms"] = round(math.sqrt(np.mean(squares)), 2)
     row["thumb"] = round(max((pair["deepest_mm"] for hand in summary["hands"] for pair in hand["overlaps"]["pairs"]
                               if "palm" in pair["where"] and "thumb" in pair["where"]), default=0.0), 1)
-    angles = differences(source, out)
+    angles = differences(source, out, summary["start_s"])
     worst = max(angles, key=lambda joint: angles[joint])
     row["angle"], row["joint"] = round(angles[worst], 1), worst
+    row.update({joint: round(each, 1) for joint, each in angles.items()})
+    if summary.get("hands_overlap"):
+        row["overlap"], row["overlap_time"] = (round(summary["hands_overlap"][key], 2) for key in ("deepest_mm", "time_s"))
     if run and done.returncode == 0:
         scene = str(out / "scene.yaml")
         row["check"] = subprocess.run([handsim, "check", scene], capture_output=True).returncode
         for engine in ("ode", "articulated"):
-            ran = subprocess.run([handsim, "run", scene, "--engine", engine, "--quiet", "--out", str(folder / engine)], capture_output=True, text=True)
+            ran = subprocess.run([handsim, "run", scene, "--engine", engine, "--set", "record.contacts=true", "--quiet", "--out", str(folder / engine)], capture_output=True, text=True)
             (folder / f"{engine}.txt").write_text(ran.stdout + ran.stderr)
             row[engine] = ran.returncode
+            if ran.returncode == 0:
+                row[f"{engine}_replay"] = round(replay(out, folder / engine), 2)
     return row
+
+
+def replay(tracked: Path, run: Path) -> float:
+    """RMS difference of a run's angles from the tracked ones, over all axes and both hands, where nothing has touched the hand for 0.2 s [deg]."""
+    names, rows = table(run / "trajectory.mot")
+    values = np.array(rows, float)
+    contacts = table(run / "contacts.csv")
+    squares = []
+    for side in ("right", "left"):
+        if not (tracked / f"{side}.mot").exists():
+            continue
+        axes, known = table(tracked / f"{side}.mot")
+        own = np.array(known, float)
+        touch = np.unique([float(row[0]) for row in contacts[1] if row[1].startswith(side) or row[2].startswith(side)] or [-1.0])
+        since = values[:, 0] - touch[np.clip(np.searchsorted(touch, values[:, 0], side="right") - 1, 0, None)]
+        free = (since > 0.2) | (since < 0)
+        # Frames that were tracked, not the gaps between them.
+        near = np.abs(values[:, :1] - own[None, :, 0]).min(axis=1) < 0.5 / RATE
+        for axis in axes[1:]:
+            expected = np.interp(values[:, 0], own[:, 0], own[:, axes.index(axis)])
+            squares.append((values[:, names.index(axis)] - expected)[free & near]**2)
+    return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares and sum(map(len, squares)) else 0.0
+
+
+def convention(handsim: str, sources: list[Path], person: str, folder: Path) -> Path:
+    """Fitted on the first sequence of each person but one."""
+    first: dict[str, Path] = {}
+    for source in sources:
+        first.setdefault(source.stem.partition("_")[0], source)
+    files = []
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, source in first.items():
+        if name != person:
+            files.append(folder / f"{source.stem}.json")
+            files[-1].write_text(json.dumps(recording(source)))
+    out = folder / f"without_{person}.yaml"
+    subprocess.run([handsim, "track", "--convention-from", *map(str, files), "--points", "mediapipe", "--out", str(out)], check=True, capture_output=True)
+    return out
 
 
 def main() -> int:
@@ -131,16 +183,24 @@ def main() -> int:
     parser.add_argument("handsim")
     parser.add_argument("out", type=Path)
     parser.add_argument("--points")
+    parser.add_argument("--others", action="store_true")
     parser.add_argument("--only", nargs="*", default=[""])
     parser.add_argument("--run", action="store_true")
     arguments = parser.parse_args()
     if "HANDSIM_RECORDINGS" not in os.environ:
         print("skipped: HANDSIM_RECORDINGS names no folder of captured sequences")
         return 0
-    sources = [each for each in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob("*.npz")) if each.name.startswith(tuple(arguments.only))]
+    every = sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob("*.npz"))
+    sources = [each for each in every if each.name.startswith(tuple(arguments.only))]
     rows = []
+    others: dict[str, Path] = {}
     for source in sources:
         points = ["--points", arguments.points] if arguments.points else []
+        if arguments.others:
+            person = source.stem.partition("_")[0]
+            if person not in others:
+                others[person] = convention(arguments.handsim, every, person, arguments.out / "conventions")
+            points = ["--points", str(others[person])]
         rows.append(measure(arguments.handsim, source, arguments.out / source.stem, points, arguments.run))
         print(*(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     columns = list(dict.fromkeys(key for row in rows for key in row))

@@ -3,7 +3,10 @@
 #include <filesystem>
 #include <fstream>
 
+#include <fmt/format.h>
+
 #include "handsim/study/track/person_fit.h"
+#include "handsim/study/track/track_checks.h"
 #include "scene_files.h"
 #include "study/track/synthetic_recording.h"
 
@@ -123,6 +126,7 @@ TEST(Points, WithTheirConventionGiveSizeAndAnglesBack) {
   person.hand_length = 0.178;
   person.hand_breadth = 0.081;
   MovingHand truth(input, person, model::Side::left);
+  truth.thumb = 0.3;
   truth.features = features_of(*input.markers, input.model, model::Side::left);
   std::mt19937 random(1);
   Recording recording;
@@ -137,6 +141,81 @@ TEST(Points, WithTheirConventionGiveSizeAndAnglesBack) {
   EXPECT_NEAR(*result.person.hand_length, 0.178, 0.0027);
   EXPECT_NEAR(*result.person.hand_breadth, 0.081, 0.0025);
   EXPECT_NEAR(result.hands.at(0).noise, 1e-3, 1e-4);
+}
+
+/// The largest error of a PIP joint for a tracker whose knuckles lie 12 mm distal of the joints, and whose
+/// proximal bones are shorter by 30 %, but which turn as the hand's [rad].
+double error_of_pip(const std::string& head) {
+  TrackInput input = test::shipped_input();
+  input.smooth = false;
+  std::string text = head + "points:\n";
+  MovingHand truth(input, input.person, model::Side::right);
+  for (const Feature& each : truth.features)
+    text +=
+        fmt::format("  - {{name: {}, segment: {}, at: [{}, {}, 0], spread: [0.1, 0.1, 0.1]}}\n", each.name,
+                    each.segment ? input.model.segments[*each.segment].name : "palm", 0, each.shares.y());
+  input.markers = convention(text);
+  Recording recording;
+  recording.times = test::frame_times(60, 30);
+  for (std::size_t k = 0; k < recording.times.size(); ++k) {
+    const HandPose pose = truth.pose(recording.times[k]);
+    truth.tree.place(pose.angles);
+    Vec3 at = Vec3::Zero(), joint = Vec3::Zero();
+    for (std::size_t i = 0; i < truth.features.size(); ++i) {
+      const Vec3 here = truth.tree.point(truth.features[i]);
+      const bool knuckle = i >= 5 && i % 4 == 1, proximal = i >= 5 && i % 4 == 2;
+      at = i < 5     ? here
+           : knuckle ? Vec3(here + Vec3(0, 0.012, 0))
+                     : Vec3(at + (proximal ? 0.7 : 1) * (here - joint));
+      joint = here;
+      recording.channels["right." + truth.features[i].name].points.add(k, pose.wrist * at);
+    }
+  }
+  const TrackResult result = run_track(input, recording);
+  double out = 0;
+  for (std::size_t k = 0; k < recording.times.size(); ++k)
+    for (std::size_t i = 0; i < truth.tree.axes().size(); ++i)
+      if (truth.tree.axes()[i].name.ends_with("_pip.flexion"))
+        out = std::max(out, std::abs(result.hands.at(0).frames[k].pose.angles[i] -
+                                     truth.pose(recording.times[k]).angles[i]));
+  return out;
+}
+
+// Oracle: the angles of the hand whose bones the tracker's follow.
+TEST(Points, DirectionsOfATrackersBonesCountWhereItsJointsLieElsewhere) {
+  const double places = error_of_pip(""), some = error_of_pip("bones: \"15 mm\"\n"),
+               more = error_of_pip("bones: \"60 mm\"\n");
+  EXPECT_LT(some, places);
+  EXPECT_LT(more, some);
+}
+
+// Oracle: how far the hand was pushed into the other one.
+TEST(Points, HandsInsideEachOtherAreToldAndMovedApart) {
+  TrackInput input = test::shipped_input();
+  input.fit_bones = false;
+  MovingHand right(input, input.person, model::Side::right), left(input, input.person, model::Side::left);
+  std::mt19937 random(1);
+  Recording recording;
+  recording.times = test::frame_times(40, 20);
+  right.record("right", 0, random, recording);
+  left.record("left", 0, random, recording);
+  // The left palm comes onto the right one.
+  for (auto& [name, channel] : recording.channels)
+    if (name.starts_with("left"))
+      for (std::size_t k = 0; k < recording.times.size(); ++k)
+        *channel.points.at(k) +=
+            right.pose(recording.times[k]).wrist.p - left.pose(recording.times[k]).wrist.p + Vec3(0, 0, 0.02);
+  TrackResult together = run_track(input, recording);
+  EXPECT_GT(together.between.frames, 35U);
+  EXPECT_GT(together.between.depth, 5e-3);
+  EXPECT_NE(together.between.where.find(" and left."), std::string::npos) << together.between.where;
+  EXPECT_GT(together.between.moved, 1e-3);
+  const BetweenHands before = together.between;
+  together.between = {};
+  part_hands(input.model, hand::build_hand(input.model, together.person), together);
+  // Hands with fingers on both sides of each other are not parted whole.
+  EXPECT_LT(together.between.frames, before.frames);
+  EXPECT_LT(together.between.depth, before.depth);
 }
 
 // Oracle: the percentile of such a breadth among adults.

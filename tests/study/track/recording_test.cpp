@@ -37,6 +37,21 @@ TEST(Recording, ReadsCsvWithUnitsNumbersOfKeypointsAndGaps) {
   EXPECT_EQ(read.channels.at("s").orientations.at(1)->y(), 1);
 }
 
+// Oracle: the same file with tabs.
+TEST(Recording, ATrcThatASpreadsheetHasSavedIsReadAsWithTabs) {
+  std::string text =
+      "PathFileType\t4\t(X/Y/"
+      "Z)\ta.trc\t\t\nDataRate\tNumFrames\tNumMarkers\tUnits\t\t\t\n100\t2\t1\tmm\t\t\t\n"
+      "Frame#\tTime\tA\t\t\n\t\tX1\tY1\tZ1\n\t\t\t\t\n1\t0\t1\t2\t3\n2\t0.5\t\t\t\n";
+  const Recording tabs = read_text("a.trc", text);
+  std::ranges::replace(text, '\t', ',');
+  const Recording commas = read_text("a.trc", text);
+  EXPECT_EQ(commas.times, (std::vector<double>{0, 0.5}));
+  EXPECT_EQ(commas.times, tabs.times);
+  EXPECT_EQ(*commas.channels.at("A").points.at(0), *tabs.channels.at("A").points.at(0));
+  EXPECT_FALSE(commas.channels.at("A").points.at(1));
+}
+
 TEST(Recording, MayBeginWithAByteOrderMark) {
   const std::string text = "time[s],right.8.x[mm],right.8.y[mm],right.8.z[mm]\n0,1,2,3\n";
   EXPECT_EQ(*read_text("a.csv", "\xef\xbb\xbf" + text).channels.at("right.index_tip").points.at(0),

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "handsim/engine/collision/segments.h"
+
 namespace handsim::engine {
 
 namespace {
@@ -21,19 +23,10 @@ double gap_along(const Extent& a, const Mat3& R_A, const Extent& b, const Mat3& 
   return (apart - wide).maxCoeff() - a.round - b.round;
 }
 
-/// Squared distance of segments through p and q, half as long as a and b reach (Ericson 2005, section 5.1.9).
+/// Squared distance of segments through p and q, half as long as a and b reach.
 double square_between(const Vec3& p, const Vec3& a, const Vec3& q, const Vec3& b) {
-  const Vec3 r = p - q;
-  const double aa = a.squaredNorm(), bb = b.squaredNorm(), ab = a.dot(b), ar = a.dot(r), br = b.dot(r);
-  const double det = aa * bb - ab * ab;
-  const auto within = [](double x) { return std::clamp(x, -1.0, 1.0); };
-  double s = det > 0 ? within((ab * br - ar * bb) / det) : 0;
-  double t = bb > 0 ? (ab * s + br) / bb : 0;
-  if (std::abs(t) > 1 || !(bb > 0)) {
-    t = within(t);
-    s = aa > 0 ? within((ab * t - ar) / aa) : 0;
-  }
-  return (r + s * a - t * b).squaredNorm();
+  const auto [s, t] = nearest_of_segments(p, a, q, b);
+  return (p - q + s * a - t * b).squaredNorm();
 }
 
 bool segment(const Shape& shape) {

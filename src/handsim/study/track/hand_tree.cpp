@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/engine/collision/segments.h"
 
 namespace handsim::study {
 
@@ -34,6 +35,52 @@ HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, mode
       axes_.push_back({row.joint.name + "." + axis.name, axis.stop ? axis.stop->low : -M_PI,
                        axis.stop ? axis.stop->high : M_PI, axis.name == "flexion"});
   state_ = model::state_at(model_, std::vector<double>(axes_.size()));
+  find_pairs(spec, hand);
+}
+
+void HandTree::find_pairs(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
+  const model::HandIndex& index = model_.hands.front();
+  std::vector<int> palm = index.palm_parts, thumb;
+  palm.push_back(index.palm);
+  const auto among = [](const std::vector<int>& bodies, int body) {
+    return std::ranges::find(bodies, body) != bodies.end();
+  };
+  for (std::size_t row = 0; row < spec.segments.size(); ++row) {
+    const int body = index.bodies[as_index(hand.segments[row].body)];
+    // The first segment is jointed to the palm: its capsule begins in it.
+    if (spec.segments[row].finger == kFingers.front() && spec.segments[row].parent && !among(palm, body))
+      thumb.push_back(body);
+  }
+  for (const model::Shape& a : model_.shapes)
+    for (const model::Shape& b : model_.shapes)
+      if (a.kind == model::ShapeKind::capsule && b.kind == a.kind && among(thumb, a.body) &&
+          among(palm, b.body))
+        pairs_.emplace_back(&a - model_.shapes.data(), &b - model_.shapes.data());
+}
+
+HandTree::Capsule HandTree::capsule(const model::Shape& shape) const {
+  const Pose x = state_.bodies[as_index(shape.body)].pose() * shape.pose;
+  return {shape.name, x.p, x.q * Vec3(0, 0, 0.5 * shape.length), shape.radius};
+}
+
+std::vector<HandTree::Capsule> HandTree::capsules() const {
+  std::vector<Capsule> out;
+  for (const model::Shape& each : model_.shapes)
+    if (each.kind == model::ShapeKind::capsule) out.push_back(capsule(each));
+  return out;
+}
+
+std::optional<HandTree::Inside> HandTree::inside(std::size_t pair, double least) const {
+  const model::Shape &shape_a = model_.shapes[pairs_[pair].first],
+                     &shape_b = model_.shapes[pairs_[pair].second];
+  const Capsule a = capsule(shape_a), b = capsule(shape_b);
+  const auto [s, t] = engine::nearest_of_segments(a.at, a.along, b.at, b.along);
+  const Vec3 at_a = a.at + s * a.along, at_b = b.at + t * b.along, apart = at_a - at_b;
+  const double distance = apart.norm(), depth = a.radius + b.radius - distance;
+  if (depth < least || distance < 1e-9) return std::nullopt;
+  const Eigen::RowVector3d inwards = -apart.transpose() / distance;
+  return Inside{depth, inwards * (model::jacobian(model_, state_, shape_a.body, at_a).topRows<3>() -
+                                  model::jacobian(model_, state_, shape_b.body, at_b).topRows<3>())};
 }
 
 HandPose HandTree::moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const {

@@ -30,6 +30,10 @@ struct Feature {
   Vec3 shares = Vec3::Zero();
   Vec3 spread = Vec3::Zero();  ///< standard deviation of the shares between trackers and people
   bool base = false;           ///< on the palm or at a joint of it: hardly moves against it
+  /// The point at the other end of a bone of the tracker, whose segment is `bone`: its direction counts, too.
+  std::optional<std::size_t> from;
+  std::size_t bone = 0;
+  double arm = 0;  ///< a bone that is turned by 1 rad counts as a point that is this far off [m]
 };
 
 /// An axis of the hand's joints.
@@ -61,6 +65,22 @@ class HandTree {
   Mat3 by_shares(const Feature& feature) const;
   /// Jacobian of a feature's point by the angles, in the hand frame.
   model::Jacobian jacobian(const Feature& feature) const;
+  struct Capsule {
+    std::string name;
+    Vec3 at, along;  ///< centre, and from there to the centre of a cap
+    double radius;
+  };
+  /// All of the hand, in the hand frame, at the last placed angles.
+  std::vector<Capsule> capsules() const;
+  /// How deep a part of the thumb lies in one of the palm, and what that is by the angles.
+  struct Inside {
+    double depth = 0;  ///< [m]
+    Eigen::RowVectorXd by_angles;
+  };
+  /// Of pairs that may touch; fixed for a hand.
+  std::size_t pairs() const { return pairs_.size(); }
+  /// Of one of them, at the last placed angles; nothing where it is less than `least` [m].
+  std::optional<Inside> inside(std::size_t pair, double least) const;
 
  private:
   /// The frame of the palm or of a segment, fixed to a body of the model.
@@ -73,12 +93,15 @@ class HandTree {
     return frames_[feature.segment ? *feature.segment + 1 : 0];
   }
   Pose pose(const Feature& feature) const;
+  Capsule capsule(const model::Shape& shape) const;
+  void find_pairs(const hand::HandSpec& spec, const hand::BuiltHand& hand);
 
   model::Side side_;
   model::Model model_;  ///< the hand on a fixed palm, its frame at the origin of the world
   model::State state_;
   std::vector<Frame> frames_;  ///< of the palm, then of the segments
   std::vector<TreeAxis> axes_;
+  std::vector<std::pair<std::size_t, std::size_t>> pairs_;  ///< capsules of thumb and palm, by their shapes
 };
 
 /// The 21 keypoints of camera trackers, in their usual order: wrist, then from the thumb to the little finger

@@ -54,6 +54,32 @@ RecordingFormat read_format(MapReader reader, const std::vector<MarkerSpec>& poi
   return out;
 }
 
+/// The point at which each segment begins, and at which the last one ends: of those in the palm the most
+/// distal one of the finger. Bones lie between them.
+void join_bones(std::vector<Feature>& features, const hand::HandSpec& spec, double arm) {
+  const auto begin = [&](std::size_t row) {
+    std::optional<std::size_t> out;
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      const Feature& each = features[i];
+      const bool here = each.segment == row && each.shares.y() < kNearBase,
+                 in_palm = !spec.segments[row].parent && !each.segment &&
+                           each.name.find("." + spec.segments[row].finger + "_") != std::string::npos;
+      if ((here || in_palm) && (!out || each.shares.y() > features[*out].shares.y())) out = i;
+    }
+    return out;
+  };
+  for (std::size_t i = 0; i < features.size() && arm > 0; ++i) {
+    if (!features[i].segment) continue;
+    const std::size_t row = *features[i].segment;
+    const bool end = features[i].shares.y() >= kNearBase;
+    const std::optional<std::size_t> bone = end ? row : spec.segments[row].parent;
+    if (!bone) continue;
+    features[i].from = begin(*bone);
+    features[i].bone = *bone;
+    features[i].arm = arm;
+  }
+}
+
 }  // namespace
 
 MarkerSet read_marker_set(const YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -72,6 +98,7 @@ MarkerSet read_marker_set(const YamlNode& node, const std::string& path, Diagnos
     reader.each("points", 1, kMostItems,
                 [&](MapReader point) { out.markers.push_back(read_point(std::move(point))); });
     out.format = read_format(reader.map("recording"), out.markers);
+    out.bones = reader.number("bones", {Dimension::length, 0, 0.2}, 0);
   }
   if (reader.sound() && out.markers.empty())
     reader.problem("markers", "none", "at least one marker, sensor or point");
@@ -93,13 +120,19 @@ std::vector<Feature> features_of(const MarkerSet& set, const hand::HandSpec& spe
       continue;
     }
     const std::string before = marker.hand ? "" : side == model::Side::right ? "right." : "left.";
-    Feature& feature = out.emplace_back(Feature{marker.kind, before + marker.name, std::nullopt, marker.at,
-                                                marker.rotation, marker.shares, marker.spread});
+    Feature& feature = out.emplace_back();
+    feature.kind = marker.kind;
+    feature.name = before + marker.name;
+    feature.at = marker.at;
+    feature.rotation = marker.rotation;
+    feature.shares = marker.shares;
+    feature.spread = marker.spread;
     if (found != known.begin()) feature.segment = as_index(found - known.begin() - 1);
     feature.base = !feature.segment || (!spec.segments[*feature.segment].parent && marker.at.isZero() &&
                                         std::abs(marker.shares.y()) < kNearBase);
   }
   if (!problems.empty()) throw Error(problems);
+  join_bones(out, spec, set.bones);
   return out;
 }
 

@@ -25,6 +25,7 @@ struct MarkerSpec {
 struct MarkerSet {
   std::vector<MarkerSpec> markers;
   std::optional<RecordingFormat> format;  ///< of a tracker's files
+  double bones = 0;                       ///< Feature::arm of the bones between a finger's points [m]
 
   bool is_convention() const { return format.has_value(); }
 };

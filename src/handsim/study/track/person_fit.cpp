@@ -12,12 +12,10 @@
 namespace handsim::study {
 
 namespace {
-
 constexpr std::size_t kMostHandFrames = 60;  ///< of a hand
-constexpr double kSpread =
-    0.05;  ///< of a size, relative to the predicted one, where no file gives it: chosen
-constexpr double kUnknownSpread = 0.25;  ///< of the length of a hand of which nobody says whose: chosen
-// Of ln length and ln breadth of adults, as many men as women, and of ln breadth given length: the survey.
+constexpr double kSpread = 0.05;         ///< of a size by the predicted one, where no file gives it: chosen
+constexpr double kUnknownSpread = 0.25;  ///< of the length of an unknown hand: chosen
+// Of ln length and ln breadth of adults, and of ln breadth given length: the survey's men and women.
 constexpr double kAdultSpread = 0.063, kAdultBreadthSpread = 0.079, kAdultShapeSpread = 0.056;
 constexpr double kLeastCoordinateNoise = 1e-7;  ///< of a coordinate [m]
 constexpr double kOutlier = 0.05;               ///< a point farther from the fit is left out [m]
@@ -177,7 +175,6 @@ struct Normal {
   Eigen::VectorXd right;
   double squares = 0, spare = 0;  ///< squared residuals [m^2]; their number less that of pose parameters
   double lagged = 0;              ///< products of residuals with those of the frame before, in the palm [m^2]
-
   std::size_t frames = 0;
 
   /// Frames that count as one: what goes on from frame to frame does not average out.
@@ -189,8 +186,9 @@ struct Normal {
   explicit Normal(Eigen::Index size)
       : matrix(Eigen::MatrixXd::Zero(size, size)), right(Eigen::VectorXd::Zero(size)) {}
 
-  /// @param r residuals, J by the pose, D by the sizes.
-  void add(const Eigen::VectorXd& r, const Eigen::MatrixXd& J, const Eigen::MatrixXd& D) {
+  /// @param r residuals, J by the pose, D by the sizes. @param points their rows of features
+  void add(const Eigen::VectorXd& r, const Eigen::MatrixXd& J, const Eigen::MatrixXd& D,
+           Eigen::Index points) {
     const Eigen::MatrixXd own = J.transpose() * J;
     const double least = 1e-12 * own.diagonal().maxCoeff();
     const Eigen::LDLT<Eigen::MatrixXd> factor(own +
@@ -198,8 +196,8 @@ struct Normal {
     const Eigen::MatrixXd rest = D - J * factor.solve(J.transpose() * D);
     matrix += rest.transpose() * rest;
     right -= rest.transpose() * r;
-    squares += r.squaredNorm();
-    spare += static_cast<double>(r.size() - J.cols());
+    squares += r.head(points).squaredNorm();
+    spare += static_cast<double>(points - J.cols());
   }
 };
 
@@ -302,14 +300,16 @@ class Fit {
     const hand::BuiltHand built = hand::build_hand(spec_, unknowns_.person(values));
     std::vector<PoseFit> out;
     for (const HandFrames& hand : hands_)
-      out.emplace_back(HandTree(spec_, built, hand.side), unknowns_.placed(hand.features, values));
+      out.emplace_back(HandTree(spec_, built, hand.side), unknowns_.placed(hand.features, values))
+          .set_noise(unknowns_.convention ? noise_ : 0);
     return out;
   }
 
-  /// Residuals in the axes of the hand frame.
+  /// Residuals of features in the axes of the hand frame.
   static Eigen::VectorXd in_palm(const Rows& at, const Used& of) {
+    const auto count = static_cast<Eigen::Index>(of.frame.size());
     const Mat3 turn = of.fit.pose.wrist.q.toRotationMatrix().transpose();
-    return Eigen::MatrixXd(turn * at.residuals.reshaped(3, at.residuals.size() / 3)).reshaped();
+    return Eigen::MatrixXd(turn * at.residuals.head(3 * count).reshaped(3, count)).reshaped();
   }
 
   Normal linearise(std::vector<PoseFit>& fits) const {
@@ -333,13 +333,13 @@ class Fit {
             D.block<3, 1>(static_cast<Eigen::Index>(3 * feature), i) =
                 each.frame[feature].weight * turn * fits[h].by_shares(feature).col(axis);
         }
-        for (Eigen::Index i = 0; i < sizes; ++i)
-          D.col(i) = (moved[static_cast<std::size_t>(i)][h]
-                          .rows(each.frame, each.fit.pose, each.fit.rejected)
-                          .residuals -
-                      at.residuals) /
-                     kStep;
-        out.add(at.residuals, free_columns(at.jacobian, each.fit.pose, fits[h].tree()), D);
+        // A thumb that would pass into the palm moves aside; it does not make the palm narrower.
+        const auto points = static_cast<Eigen::Index>(3 * each.frame.size());
+        for (Eigen::Index i = 0; i < sizes; ++i) {
+          const Rows there = moved[as_index(i)][h].rows(each.frame, each.fit.pose, each.fit.rejected);
+          D.col(i).head(points) = (there.residuals - at.residuals).head(points) / kStep;
+        }
+        out.add(at.residuals, free_columns(at.jacobian, each.fit.pose, fits[h].tree()), D, points);
         const Eigen::VectorXd now = in_palm(at, each);
         if (before.size() > 0) out.lagged += before.dot(now);
         ++out.frames;

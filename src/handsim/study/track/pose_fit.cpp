@@ -51,7 +51,7 @@ std::vector<Eigen::Index> free_parameters(const HandTree& tree, const HandPose& 
 }  // namespace
 
 Rows PoseFit::rows(const MeasuredFrame& frame, const HandPose& pose, const std::vector<bool>& rejected) {
-  const auto count = static_cast<Eigen::Index>(3 * features_.size());
+  const auto count = static_cast<Eigen::Index>(6 * features_.size() + tree_.pairs());
   const auto angles = static_cast<Eigen::Index>(pose.angles.size());
   Rows out{Eigen::VectorXd::Zero(count), Eigen::MatrixXd::Zero(count, 6 + angles)};
   const Mat3 rotation = pose.wrist.q.toRotationMatrix();
@@ -76,7 +76,24 @@ Rows PoseFit::rows(const MeasuredFrame& frame, const HandPose& pose, const std::
       rows.middleCols<3>(3) = inverse;
       rows.rightCols(angles) = inverse * rotation * tree_.jacobian(feature).bottomRows<3>();
     }
+    if (!feature.from || rejected[*feature.from] || !frame[*feature.from].point) continue;
+    const Vec3 measured = (*frame[i].point - *frame[*feature.from].point).normalized();
+    Feature segment;
+    segment.segment = feature.bone;
+    const Vec3 along = rotation * (tree_.orientation(segment) * Vec3::UnitY());
+    const auto first = static_cast<Eigen::Index>(3 * (features_.size() + i));
+    out.residuals.segment<3>(first) = feature.arm * (along - measured);
+    const Mat3 by_turn = -feature.arm * cross_matrix(along);
+    out.jacobian.block<3, 3>(first, 3) = by_turn;
+    out.jacobian.middleRows<3>(first).rightCols(angles) =
+        by_turn * rotation * tree_.jacobian(segment).bottomRows<3>();
   }
+  for (std::size_t i = 0; i < tree_.pairs() && firm_ > 0; ++i)
+    if (const auto inside = tree_.inside(i, kGive)) {
+      const auto row = static_cast<Eigen::Index>(6 * features_.size() + i);
+      out.residuals[row] = firm_ * (inside->depth - kGive);
+      out.jacobian.row(row).tail(angles) = firm_ * inside->by_angles;
+    }
   return out;
 }
 

@@ -30,8 +30,12 @@ struct FitResult {
   bool rejects() const { return std::ranges::find(rejected, true) != rejected.end(); }
 };
 
+/// A thumb lies in the palm as deep as skin gives way, and deeper with this deviation: both chosen [m].
+inline constexpr double kGive = 1e-3, kSkin = 0.5e-3;
+
 /// Residuals [m] at a pose, times the points' weights, and their derivatives by position, turn in world axes,
-/// angles; those of unused features are 0.
+/// angles; those of unused features are 0. Three of each feature, then three of the bone that
+/// ends at each, then one of each of HandTree::pairs().
 struct Rows {
   Eigen::VectorXd residuals;
   Eigen::MatrixXd jacobian;
@@ -41,6 +45,10 @@ class PoseFit {
  public:
   PoseFit(HandTree tree, std::vector<Feature> features)
       : tree_(std::move(tree)), features_(std::move(features)) {}
+
+  /// The thumb stays out of the palm as firmly as points that are off by so much in a coordinate let it [m];
+  /// points that are exact (0, at first) say themselves where it is.
+  void set_noise(double noise) { firm_ = noise / kSkin; }
 
   const HandTree& tree() const { return tree_; }
   const std::vector<Feature>& features() const { return features_; }
@@ -61,6 +69,7 @@ class PoseFit {
 
   HandTree tree_;
   std::vector<Feature> features_;
+  double firm_ = 0;
 };
 
 }  // namespace handsim::study

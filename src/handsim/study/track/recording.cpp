@@ -163,9 +163,12 @@ Recording read_trc(const std::filesystem::path& path, const RecordingFormat& for
   LineReader reader(path, format);
   std::string_view line;
   TrcHead head;
+  char between = '\0';
   for (auto& each : head.lines) {
     if (!reader.next(line)) reader.fail("the end of the file", "the five lines of a .trc header");
-    each = split(line, '\t');
+    // Spreadsheets save it with commas.
+    if (between == '\0') between = line.find('\t') == line.npos && line.find(',') != line.npos ? ',' : '\t';
+    each = split(line, between);
   }
   const std::string_view units = head.find("Units").value_or("none");
   if (units != "mm" && units != "m")
@@ -182,8 +185,8 @@ Recording read_trc(const std::filesystem::path& path, const RecordingFormat& for
   if (markers.empty()) reader.fail("no marker", "names of markers after Frame# and Time");
   head.check(reader, "NumMarkers", markers.size());
   while (reader.next(line)) {
-    if (trimmed(line).empty()) continue;
-    std::vector<std::string_view> fields = split(line, '\t');
+    if (line.find_first_not_of(", \t\r") == line.npos) continue;
+    std::vector<std::string_view> fields = split(line, between);
     // Markers at the end of a row that were not seen may have no tabs.
     const std::size_t width = markers.back().second + 3;
     const bool within_marker = fields.size() % 3 != 2 && !fields.back().empty();

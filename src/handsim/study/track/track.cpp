@@ -9,6 +9,7 @@
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/error.h"
+#include "handsim/study/report.h"
 #include "handsim/study/track/person_fit.h"
 #include "handsim/study/track/track_checks.h"
 
@@ -31,13 +32,6 @@ constexpr double kUnknownNoise = 1e-3;
 constexpr double kLeastNoise = 1e-9;
 
 double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
-
-std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand& hand, model::Side side) {
-  if (input.markers) return features_of(*input.markers, input.model, side);
-  std::vector<Feature> out = keypoints(input.model, hand);
-  for (Feature& feature : out) feature.name = fmt::format("{}.{}", side_name(side), feature.name);
-  return out;
-}
 
 /// The person with the size of the hand that the points show, and where they lie on it.
 PersonFit fitted_person(const TrackInput& input, const hand::BuiltHand& hand, const Recording& recording,
@@ -102,6 +96,20 @@ class HandTracker {
     out_.frames.resize(recording.times.size());
   }
 
+  /// Learns from some frames how far points of a convention are off.
+  void look() {
+    if (!input_.markers || !input_.markers->is_convention()) return;
+    constexpr std::size_t kLooked = 30;
+    std::vector<double> rms;
+    const std::size_t stride = 1 + frames_.size() / kLooked;
+    for (std::size_t k = 0; k < frames_.size(); k += stride)
+      if (const MeasuredFrame frame = frames_.at(k); enough(frame))
+        rms.push_back(own_.find(frame, input_.outlier).rms);
+    if (rms.empty()) return;
+    const double points = 3 * static_cast<double>(own_.features().size()),
+                 spare = points - static_cast<double>(own_.tree().size());
+    if (spare > 0) own_.set_noise(median(rms) * std::sqrt(points / 3 / spare));
+  }
   bool any() const { return frames_.any(Feature::Kind::point) || frames_.any(Feature::Kind::orientation); }
 
   /// Position of the wrist's point, where there is one and it was seen.
@@ -121,9 +129,7 @@ class HandTracker {
   void track(std::size_t k) {
     TrackedFrame& frame = out_.frames[k];
     const MeasuredFrame measured = frames_.at(k);
-    const auto count = static_cast<std::size_t>(std::ranges::count_if(measured, &MeasuredPoint::seen));
-    // A third of the points does not determine a hand.
-    if (count < 3 || 3 * count < own_.features().size()) return;
+    if (!enough(measured)) return;
     static_cast<FitResult&>(frame) = follow(k, measured);
     frame.status = status_of(measured, frame);
     if (frame.status == FrameStatus::tracked) last_ = k;
@@ -146,6 +152,12 @@ class HandTracker {
   TrackedHand take() { return std::move(out_); }
 
  private:
+  /// A third of the points does not determine a hand.
+  bool enough(const MeasuredFrame& measured) const {
+    const auto count = static_cast<std::size_t>(std::ranges::count_if(measured, &MeasuredPoint::seen));
+    return count >= 3 && 3 * count >= own_.features().size();
+  }
+
   /// From the last two poses, or searched.
   FitResult follow(std::size_t k, const MeasuredFrame& measured) {
     if (!last_wrist(k)) return own_.find(measured, input_.outlier);
@@ -225,18 +237,26 @@ class HandTracker {
     }
   }
 
+  /// By what residuals change from frame to frame: where the points of a tracker lie, and a hand that is not
+  /// quite this one, leaves residuals that stay. Of white noise both ways give the same.
   void estimate_noise() {
     double squares = 0, spare = 0;
     const auto parameters = 6 + std::ranges::count(out_.determined, true);
-    for (const TrackedFrame& frame : out_.frames) {
-      if (frame.status != FrameStatus::tracked) continue;
+    std::optional<std::size_t> last;
+    Eigen::VectorXd before;
+    for (std::size_t k = 0; k < out_.frames.size(); ++k) {
+      if (!is_tracked(k)) continue;
+      Eigen::VectorXd now = in_palm(k);
       double residuals = 0;
-      for (const auto& distance : frame.distances) {
-        if (!distance) continue;
-        squares += *distance * *distance;
+      for (std::size_t i = 0; i < own_.features().size() && last; ++i) {
+        if (!out_.frames[k].distances[i] || !out_.frames[*last].distances[i]) continue;
+        const auto row = static_cast<Eigen::Index>(3 * i);
+        squares += 0.5 * (now.segment<3>(row) - before.segment<3>(row)).squaredNorm();
         residuals += 3;
       }
-      spare += residuals - static_cast<double>(parameters);
+      if (last) spare += residuals - static_cast<double>(parameters);
+      last = k;
+      before = std::move(now);
     }
     out_.noise = spare > 0 ? std::max(kLeastNoise, std::sqrt(squares / spare)) : kUnknownNoise;
   }
@@ -256,6 +276,14 @@ class HandTracker {
       FitResult& fit = out_.frames[k];
       fit = own_.measure(frames_.at(k), std::move(poses[k - first]), std::move(fit.rejected));
     }
+  }
+
+  /// Residuals of the features in the axes of the hand frame.
+  Eigen::VectorXd in_palm(std::size_t k) {
+    const HandPose& pose = out_.frames[k].pose;
+    const auto count = static_cast<Eigen::Index>(own_.features().size());
+    const Mat3 turn = pose.wrist.q.toRotationMatrix().transpose();
+    return Eigen::MatrixXd(turn * rows_at(k, pose).residuals.head(3 * count).reshaped(3, count)).reshaped();
   }
 
   Rows rows_at(std::size_t k, const HandPose& pose) {
@@ -300,6 +328,13 @@ std::size_t TrackedHand::count(FrameStatus status) const {
       std::ranges::count_if(frames, [&](const auto& frame) { return frame.status == status; }));
 }
 
+std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand& hand, model::Side side) {
+  if (input.markers) return features_of(*input.markers, input.model, side);
+  std::vector<Feature> out = keypoints(input.model, hand);
+  for (Feature& feature : out) feature.name = fmt::format("{}.{}", side_name(side), feature.name);
+  return out;
+}
+
 TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress) {
   RecordingFormat format;
   if (input.markers && input.markers->format) format = *input.markers->format;
@@ -331,7 +366,10 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
     std::vector<Feature> features = features_for(input, hand, side);
     for (std::size_t i = 0; i < out.shares.size(); ++i) features[i].shares = out.shares[i];
     trackers.emplace_back(input, recording, hand, std::move(features), side);
-    if (!trackers.back().any()) trackers.pop_back();
+    if (!trackers.back().any())
+      trackers.pop_back();
+    else
+      trackers.back().look();
   }
   if (trackers.empty())
     throw input_error(recording.file, "no frame in which a point of a hand was seen",
@@ -356,6 +394,7 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   out.warnings.insert(out.warnings.end(), said.begin(), said.end());
   out.cpu = cpu_seconds() - start;
   shift_times(out, recording.file);
+  part_hands(input.model, hand, out);
   for (TrackedHand& tracked : out.hands) {
     collect_overlaps(hand, out.times, tracked);
     if (input.truth) compare(control::read_motion(*input.truth), recording.times, tracked);

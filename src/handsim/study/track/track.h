@@ -82,16 +82,28 @@ struct TrackedHand {
   std::size_t count(FrameStatus status) const;
 };
 
+/// Where the two hands of a recording were inside each other, before their wrists were moved apart.
+struct BetweenHands {
+  std::size_t frames = 0;  ///< with an overlap of more than kGive
+  double depth = 0;        ///< the deepest [m]
+  double time = 0;         ///< of it [s]
+  std::string where;       ///< `right.index_distal and left.palm.index`
+  double moved = 0;        ///< of each wrist, at most [m]
+};
+
 struct TrackResult {
   std::vector<double> times;  ///< [s]
   double start = 0;           ///< time in the recording that is 0 in what is written [s]
   hand::Person person;        ///< with the measured hand, if bones were fitted
   std::vector<Vec3> shares;   ///< of the points of each hand, if these were fitted (Feature::shares)
   std::vector<TrackedHand> hands;
+  BetweenHands between;
   double cpu = 0;                     ///< CPU time of the fits [s]
   std::vector<std::string> warnings;  ///< what looks wrong in the recording
 };
 
+/// What is looked for in a recording, of one hand. @param hand right hand as built.
+std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand& hand, model::Side side);
 /// @throws Error (input) for a recording that cannot be read or has no hand of the marker set.
 TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress = {});
 /// Tracks a recording in memory, otherwise as above.

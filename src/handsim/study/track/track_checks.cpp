@@ -8,10 +8,49 @@
 #include "handsim/core/error.h"
 #include "handsim/core/text.h"
 #include "handsim/engine/collision/overlap.h"
+#include "handsim/engine/collision/segments.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/spline.h"
 
 namespace handsim::study {
+
+namespace {
+
+/// The capsules of a hand in its pose, in the world.
+std::vector<HandTree::Capsule> placed(HandTree& tree, const HandPose& pose, const std::string& name) {
+  tree.place(pose.angles);
+  std::vector<HandTree::Capsule> out = tree.capsules();
+  for (HandTree::Capsule& each : out) {
+    each.name = name + each.name.substr(each.name.find('.'));
+    each.at = pose.wrist * each.at;
+    each.along = pose.wrist.q * each.along;
+  }
+  return out;
+}
+
+struct Deepest {
+  double depth = 0;           ///< [m]
+  Vec3 apart = Vec3::Zero();  ///< unit, from the first hand to the second
+  std::size_t a = 0, b = 0;
+};
+
+/// @param shift of the second hand against the first [m]
+Deepest deepest(const std::vector<HandTree::Capsule>& first, const std::vector<HandTree::Capsule>& second,
+                const Vec3& shift) {
+  Deepest out;
+  for (std::size_t i = 0; i < first.size(); ++i)
+    for (std::size_t j = 0; j < second.size(); ++j) {
+      const HandTree::Capsule &a = first[i], &b = second[j];
+      const Vec3 at = b.at + shift;
+      const auto [s, t] = engine::nearest_of_segments(a.at, a.along, at, b.along);
+      const Vec3 apart = at + t * b.along - a.at - s * a.along;
+      const double distance = apart.norm(), depth = a.radius + b.radius - distance;
+      if (depth > out.depth && distance > 1e-9) out = {depth, apart / distance, i, j};
+    }
+  return out;
+}
+
+}  // namespace
 
 const char* side_name(model::Side side) { return side == model::Side::right ? "right" : "left"; }
 
@@ -106,6 +145,37 @@ void collect_overlaps(const hand::BuiltHand& hand, const std::vector<double>& ti
     }
     ++out.tested;
     if (overlaps) ++out.frames;
+  }
+}
+
+void part_hands(const hand::HandSpec& spec, const hand::BuiltHand& hand, TrackResult& result) {
+  constexpr int kMostMoves = 50;
+  constexpr double kReach = 0.5;  // wrists farther apart than this have no hands that touch [m]
+  if (result.hands.size() < 2) return;
+  TrackedHand &first = result.hands[0], &second = result.hands[1];
+  HandTree tree_a(spec, hand, first.side), tree_b(spec, hand, second.side);
+  for (std::size_t k = 0; k < result.times.size(); ++k) {
+    TrackedFrame &a = first.frames[k], &b = second.frames[k];
+    if (a.status != FrameStatus::tracked || b.status != FrameStatus::tracked ||
+        (a.pose.wrist.p - b.pose.wrist.p).norm() > kReach)
+      continue;
+    const std::vector<HandTree::Capsule> of_a = placed(tree_a, a.pose, first.name),
+                                         of_b = placed(tree_b, b.pose, second.name);
+    Vec3 shift = Vec3::Zero();
+    for (int move = 0; move < kMostMoves; ++move) {
+      const Deepest found = deepest(of_a, of_b, shift);
+      if (found.depth <= kGive) break;
+      if (move == 0) ++result.between.frames;
+      if (move == 0 && found.depth > result.between.depth) {
+        result.between.depth = found.depth;
+        result.between.time = result.times[k];
+        result.between.where = of_a[found.a].name + " and " + of_b[found.b].name;
+      }
+      shift += (found.depth - 0.9 * kGive) * found.apart;
+    }
+    a.pose.wrist.p -= 0.5 * shift;
+    b.pose.wrist.p += 0.5 * shift;
+    result.between.moved = std::max(result.between.moved, 0.5 * shift.norm());
   }
 }
 

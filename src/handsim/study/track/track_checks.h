@@ -20,6 +20,10 @@ void shift_times(TrackResult& result, const std::string& recording);
 std::string person_text(const hand::Person& person);
 /// Fills TrackedHand::overlaps. @param hand right hand as built.
 void collect_overlaps(const hand::BuiltHand& hand, const std::vector<double>& times, TrackedHand& tracked);
+/// Moves the wrists of two hands apart where parts lie deeper in each other than skin gives way, each as far
+/// as the other, along the way out of the deepest pair, at most 50 times; fills TrackResult::between.
+/// @param hand right hand as built.
+void part_hands(const hand::HandSpec& spec, const hand::BuiltHand& hand, TrackResult& result);
 /// Fills TrackedHand::truth from a table's columns `HAND.joint.axis`. @throws Error (input) if it has none.
 void compare(const control::MotionTable& table, const std::vector<double>& times, TrackedHand& tracked);
 
