@@ -49,7 +49,8 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
       "out format=$ time hands=skin|shapes|both fps set engine=ode|dae|articulated|auto "
       "person=config/persons "
       "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
-      "hand-length-percentile model=handmodels side=right|left|both mount=fixed|hinge|universal|free muscles suite "
+      "hand-length-percentile model=handmodels side=right|left|both mount=fixed|hinge|universal|free muscles "
+      "suite "
       "quiet"},
      {"grasp",
       "Run grasp and climb scenes: table of what was held, how firmly, the least friction that holds, and "
