@@ -54,14 +54,24 @@ class Hull:
         return np.asarray(points @ self.planes[:, :3].T + self.planes[:, 3])
 
     def highest(self, points: Floats) -> Floats:
-        """Above the highest plane (n,), below 0 within the hull; a million numbers at a time."""
-        some = max(1, 1_000_000 // len(self.planes))
-        return np.concatenate([self.heights(points[i:i + some]).max(axis=1) for i in range(0, len(points), some)] or [np.zeros(0)])
+        """Above the highest plane (n,), below 0 within the hull."""
+        return above_highest(self.planes, points)[0]
 
     def within(self, points: Floats, reach: float) -> Faces:
         """Rows of the points up to so far [m] outside its box."""
         low, high = self.box
         return np.flatnonzero(((points > low - reach) & (points < high + reach)).all(axis=1))
+
+
+def above_highest(planes: Floats, points: Floats) -> tuple[Floats, Faces]:
+    """Heights above the highest of planes (n,) [m], and the planes' rows; a million numbers at a time."""
+    heights, rows = np.zeros(len(points)), np.zeros(len(points), dtype=np.intp)
+    some = max(1, 1_000_000 // len(planes))
+    for i in range(0, len(points), some):
+        each = points[i:i + some] @ planes[:, :3].T + planes[:, 3]
+        rows[i:i + some] = each.argmax(axis=1)
+        heights[i:i + some] = each.max(axis=1)
+    return heights, rows
 
 
 class Gap(NamedTuple):
@@ -100,21 +110,23 @@ def reduced(hull: Hull, error: float) -> Hull:
 
     points = hull.vertices
     kept = list(dict.fromkeys(int(np.argmax(points @ axis)) for axis in np.vstack([np.eye(3), -np.eye(3)])))
+    left = np.arange(len(points))  # what is near one hull is near all larger ones, but where edges are sharp: all are tried again at the end
     while len(kept) < len(points):
         try:
             planes = ConvexHull(points[kept]).equations
         except QhullError:  # they lie in a plane so far
             normal = np.linalg.svd(points[kept] - points[kept[0]], full_matrices=True)[2][-1]
-            far, limit, above = np.abs((points - points[kept[0]]) @ normal), 0.0, np.zeros(len(points))
+            far, limit, above = np.abs((points[left] - points[kept[0]]) @ normal), 0.0, np.zeros(len(left), dtype=np.intp)
         else:
-            heights = points @ planes[:, :3].T + planes[:, 3]
-            far, limit, above = heights.max(axis=1), error, heights.argmax(axis=1)
-        far[kept] = -np.inf
+            limit = error
+            far, above = above_highest(planes, points[left])
+        far[np.isin(left, kept)] = -np.inf
         order = np.argsort(-far)
         order = order[far[order] > limit]
-        if not len(order):
+        if not len(order) and len(left) == len(points):
             break
-        kept += order[np.unique(above[order], return_index=True)[1]].tolist()
+        kept += left[order[np.unique(above[order], return_index=True)[1]]].tolist()
+        left = left[order] if limit and len(order) else np.arange(len(points))
     return hull_of(points[kept])
 
 
@@ -180,6 +192,10 @@ class Target:
 
     def feet(self, points: Floats) -> tuple[Floats, Floats, Faces]:
         """Distances to the nearest sample (n,), and points of the nearest triangles (n, NEAREST, 3), with the triangles' numbers."""
+        some = 50_000
+        if len(points) > some:
+            parts = [self.feet(points[i:i + some]) for i in range(0, len(points), some)]
+            return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts]), np.concatenate([part[2] for part in parts])
         count = min(NEAREST, self.tree.n)
         far, at = self.tree.query(points, k=count, workers=-1)
         far, at = far.reshape(len(points), count), at.reshape(len(points), count)
@@ -292,9 +308,7 @@ def error_of(vertices: Floats, faces: Faces, hulls: Sequence[Hull], slit: float,
         rows = hull.within(read, float(best.max()))
         if not len(rows):
             continue
-        heights = hull.heights(read[rows])
-        face = np.argmax(heights, axis=1)
-        height = heights[np.arange(len(rows)), face]
+        height, face = above_highest(hull.planes, read[rows])
         foot = read[rows] - height[:, None] * hull.planes[face, :3]
         on = (np.abs(height) < best[rows]) & (hull.highest(foot) < 1e-9)
         on[on] = ~inside_others(foot[on], hulls, np.full(int(on.sum()), i), slit)
