@@ -41,15 +41,24 @@ Integrals integrate(const std::vector<Vec3>& vertices, const std::vector<std::ve
   return sum;
 }
 
-void add_edges(ConvexMesh& mesh, const std::vector<std::vector<int>>& faces) {
-  std::map<std::pair<int, int>, int> left;
-  for (std::size_t f = 0; f < faces.size(); ++f)
-    for (std::size_t i = 0; i < faces[f].size(); ++i)
-      left[{faces[f][i], faces[f][(i + 1) % faces[f].size()]}] = static_cast<int>(f);
-  for (const auto& [ends, face] : left) {
-    const auto twin = left.find({ends.second, ends.first});
-    if (ends.first < ends.second && twin != left.end())
-      mesh.edges.push_back({ends.first, ends.second, face, twin->second});
+void add_edges(ConvexMesh& mesh) {
+  std::map<std::pair<unsigned, unsigned>, int> places;
+  mesh.owners = mesh.twins = std::vector<int>(mesh.loops.size(), -1);
+  for (int f = 0; f < mesh.face_count(); ++f) {
+    const auto corners = mesh.corners(f);
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const int place = mesh.loop_starts[as_index(f)] + 1 + static_cast<int>(i);
+      places[{corners[i], corners[(i + 1) % corners.size()]}] = place;
+      mesh.owners[as_index(place)] = f;
+    }
+  }
+  for (const auto& [ends, place] : places) {
+    const auto twin = places.find({ends.second, ends.first});
+    if (twin == places.end()) continue;
+    mesh.twins[as_index(place)] = twin->second;
+    if (ends.first < ends.second)
+      mesh.edges.push_back({static_cast<int>(ends.first), static_cast<int>(ends.second),
+                            mesh.owners[as_index(place)], mesh.owners[as_index(twin->second)]});
   }
 }
 
@@ -87,7 +96,8 @@ ConvexMesh make_convex_mesh(std::vector<Vec3> vertices, const std::vector<std::v
     mesh.loops.push_back(static_cast<unsigned>(corners.size()));
     for (const int corner : corners) mesh.loops.push_back(static_cast<unsigned>(corner));
   }
-  add_edges(mesh, faces);
+  add_edges(mesh);
+  mesh.inner = std::ranges::min(mesh.planes, {}, [](const auto& plane) { return plane.w(); }).w();
   for (const Vec3& vertex : mesh.vertices) mesh.reach = std::max(mesh.reach, vertex.norm());
   return mesh;
 }

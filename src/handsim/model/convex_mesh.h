@@ -23,9 +23,13 @@ struct ConvexMesh {
   std::vector<unsigned> loops;
   std::vector<int> loop_starts;  ///< of each face: index of its number in `loops`
   std::vector<Edge> edges;
+  /// As `loops`, of the edge from each corner to the next one of its face: the face, and where the face
+  /// beside it has the same edge; -1 where none has.
+  std::vector<int> owners, twins;
   double volume = 0;                 ///< [m^3]
   Mat3 unit_inertia = Mat3::Zero();  ///< about the centroid, per mass [m^2]
   double reach = 0;                  ///< largest distance of a vertex from the centroid [m]
+  double inner = 0;                  ///< radius of the largest sphere about the centroid that lies in it [m]
 
   int face_count() const { return static_cast<int>(planes.size()); }
   Vec3 normal(int face) const { return planes[as_index(face)].head<3>(); }

@@ -81,11 +81,8 @@ double inner_radius(const Shape& shape) {
       return shape.radius;
     case ShapeKind::cylinder:
       return std::min(shape.radius, 0.5 * shape.length);
-    case ShapeKind::convex_mesh: {
-      double least = std::numeric_limits<double>::infinity();
-      for (const Eigen::Vector4d& plane : shape.mesh->planes) least = std::min(least, plane.w());
-      return least;
-    }
+    case ShapeKind::convex_mesh:
+      return shape.mesh->inner;
     case ShapeKind::plane:
       break;
   }

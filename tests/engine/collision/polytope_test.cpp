@@ -1,12 +1,14 @@
 // Contact manifolds of convex meshes: against boxes, spheres and samples, and at rest.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "engine/models.h"
 #include "handsim/engine/collision/narrow_phase.h"
 #include "handsim/engine/collision/polytope.h"
+#include "handsim/engine/collision/surface_walk.h"
 #include "handsim/scene/read/mesh_file.h"
 
 namespace handsim::engine {
@@ -101,6 +103,132 @@ TEST(CapsuleOnMesh, IsTheCapsuleOnTheBoxOfTheSameForm) {
     ASSERT_NEAR(depth_of(by_mesh), depth_of(by_box), 1e-8) << trial;
   }
   EXPECT_GT(touching, 200);
+}
+
+/// Hulls of 8 to 400 corners: round, flat and long ones, with faces of many corners and of few.
+std::vector<ConvexMesh> some_hulls(std::mt19937& random) {
+  std::vector<ConvexMesh> out = {icosahedron(0.03), model::box_polyhedron({0.05, 0.03, 0.02})};
+  for (const Vec3& size : {Vec3(0.03, 0.03, 0.03), Vec3(0.05, 0.04, 0.004), Vec3(0.004, 0.004, 0.06)})
+    for (const int count : {8, 60, 400}) {
+      std::vector<Vec3> points;
+      for (int i = 0; i < count; ++i)
+        points.emplace_back(test::random_vector(random).normalized().cwiseProduct(size));
+      out.push_back(mesh_of(points));
+    }
+  for (const int around : {5, 48}) {
+    std::vector<Vec3> points;
+    for (int i = 0; i < around; ++i)
+      for (const double z : {-0.04, 0.04})
+        points.emplace_back(0.02 * std::cos(2 * M_PI * i / around), 0.02 * std::sin(2 * M_PI * i / around),
+                            z);
+    out.push_back(mesh_of(points));
+  }
+  return out;
+}
+
+/// Distance from a mesh by a loop over all faces: the highest of those below, the nearest of those above.
+std::pair<double, Vec3> distance_over_all(const ConvexMesh& mesh, const Vec3& p) {
+  std::pair<double, Vec3> highest{-1, {}}, nearest{1, {}};
+  for (int f = 0; f < mesh.face_count(); ++f) {
+    const double height = mesh.height(f, p);
+    if (f == 0 || height > highest.first) highest = {height, mesh.normal(f)};
+    if (height <= 0) continue;
+    bool above = true;
+    const auto corners = mesh.corners(f);
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const Vec3 a = mesh.vertex(corners[i]), side = mesh.vertex(corners[(i + 1) % corners.size()]) - a;
+      if (side.cross(mesh.normal(f)).dot(p - a) <= 0) continue;
+      above = false;
+      const Vec3 away = p - a - std::clamp((p - a).dot(side) / side.squaredNorm(), 0.0, 1.0) * side;
+      if (away.norm() < nearest.first) nearest = {away.norm(), away.normalized()};
+    }
+    if (above && height < nearest.first) nearest = {height, mesh.normal(f)};
+  }
+  return highest.first <= 0 ? highest : nearest;
+}
+
+// Oracle: the loop over all faces.
+TEST(NearestFoot, IsTheNearestOfAllFacesFromAnyFaceOn) {
+  std::mt19937 random(17);
+  for (const ConvexMesh& mesh : some_hulls(random)) {
+    EXPECT_EQ(std::ranges::count(mesh.twins, -1), mesh.face_count());  // the numbers of corners have none
+    std::uniform_int_distribution<int> any(0, mesh.face_count() - 1);
+    int inside = 0;
+    for (int trial = 0; trial < 2000; ++trial) {
+      const Vec3 p = (trial % 2 == 0 ? 0.04 : 0.015) * test::random_vector(random);
+      const auto [distance, normal] = distance_over_all(mesh, p);
+      const Foot foot = nearest_foot(mesh, p, any(random));
+      ASSERT_NEAR(foot.distance, distance, 1e-14) << trial << " of " << mesh.face_count();
+      ASSERT_NEAR((foot.at + foot.distance * foot.normal - p).norm(), 0, 1e-14);
+      if (std::abs(distance) > 1e-6) ASSERT_LT((foot.normal - normal).norm(), 1e-7);
+      if (distance < 0) ++inside;
+    }
+    EXPECT_LT(inside, 1999);
+  }
+}
+
+// Oracle: loops over all faces; along the capsule the least distance by thirds, and the outermost of the ends
+// and of the places where its segment enters or leaves the space above a face.
+TEST(CapsuleOnMesh, HasTheDeepestPointAndTheOutermostOfAllFaces) {
+  std::mt19937 random(19);
+  for (const ConvexMesh& mesh : some_hulls(random)) {
+    int touching = 0, lines = 0;
+    for (int trial = 0; trial < 400; ++trial) {
+      const CapsuleAt capsule{test::random_pose(random, 0.045), 0.008, 0.04};
+      const auto along = [&](double t) -> Vec3 {
+        return capsule.pose * Vec3(0, 0, capsule.length * (t - 0.5));
+      };
+      const auto distance = [&](double t) { return distance_over_all(mesh, along(t)).first; };
+      double low = 0, high = 1;
+      while (high - low > 1e-11) {
+        const double third = (high - low) / 3;
+        if (distance(low + third) < distance(high - third))
+          high -= third;
+        else
+          low += third;
+      }
+      const double best = distance(low) < distance(0) ? (distance(low) < distance(1) ? low : 1)
+                          : distance(0) < distance(1) ? 0
+                                                      : 1;
+      const double least = distance(best);
+      const Manifold found = capsule_on_mesh(capsule, {}, mesh);
+      ASSERT_EQ(found.count > 0, least < capsule.radius) << trial;
+      if (found.count == 0 || least <= 1e-6) continue;
+      ++touching;
+      // A bend that is as deep but for a millionth of the radius stands for the deepest point.
+      ASSERT_NEAR(depth_of(found), capsule.radius - least, 1e-6 * capsule.radius) << trial;
+      std::vector<double> bends = {0, 1};
+      for (int f = 0; f < mesh.face_count(); ++f) {
+        double enter = 0, leave = 1;
+        const auto corners = mesh.corners(f);
+        for (std::size_t i = 0; i < corners.size(); ++i) {
+          const Vec3 a = mesh.vertex(corners[i]);
+          const Vec3 out = (mesh.vertex(corners[(i + 1) % corners.size()]) - a).cross(mesh.normal(f));
+          const double start = out.dot(along(0) - a), rise = out.dot(along(1) - along(0));
+          if (rise > 0) leave = std::min(leave, -start / rise);
+          if (rise < 0) enter = std::max(enter, -start / rise);
+        }
+        for (const double t : {enter, leave})
+          if (enter < leave && mesh.height(f, along(t)) > 0) bends.push_back(t);
+      }
+      for (const double sign : {-1.0, 1.0}) {
+        double outermost = best;
+        for (const double t : bends)
+          if (sign * (t - outermost) > 0 && distance(t) < capsule.radius - 1e-9) outermost = t;
+        if (sign * (outermost - best) * capsule.length < 0.1 * capsule.radius) continue;
+        ++lines;
+        double nearest = 1;
+        for (int i = 0; i < found.count; ++i) {
+          const ManifoldPoint& point = found.points[static_cast<std::size_t>(i)];
+          const Vec3 centre = point.position + (capsule.radius - 0.5 * point.depth) * point.normal;
+          nearest = std::min(nearest, (centre - along(outermost)).norm());
+        }
+        ASSERT_LT(nearest, 1e-9) << trial << " of " << mesh.face_count();
+      }
+    }
+    EXPECT_GT(touching, 20);
+    EXPECT_GT(lines, 4);
+  }
 }
 
 // Oracle: geometry; both ends of the line of rest, whatever rounding tilts the capsule by.

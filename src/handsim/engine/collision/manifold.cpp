@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "handsim/engine/collision/surface_walk.h"
+
 namespace handsim::engine {
 
 namespace {
@@ -18,6 +20,7 @@ constexpr double kSearchEnd = 1e-12;  ///< share of the segment
 constexpr double kGolden = 0.6180339887498949;
 /// Squares of distances that differ by this factor do so by more than rounding.
 constexpr double kSurelyApart = 1 + 1e-9;
+constexpr double kInto = 1e-9;  ///< So far within the next cell its foot is sought, a share of the segment.
 
 /// Distance of a point from a solid's surface [m], negative inside, and the direction out of the solid.
 struct Distance {
@@ -222,66 +225,62 @@ struct Cylinder {
   }
 };
 
-/// Bends are those where a sphere of radius `within` that touches leaves a face for its rim.
+/// Bends are those where a sphere of radius `within` that touches leaves a face below it for its rim.
 struct Polyhedron {
   const model::ConvexMesh& mesh;
   double within;
+  double least_at = 0;   ///< where on the segment the distance is least
+  mutable int near = 0;  ///< the face last met
 
-  bool apart(const Vec3& /*a*/, const Vec3& /*along*/, double /*radius*/) const { return false; }
-  Distance from(const Vec3& p) const {
-    int highest = 0;
-    double most = mesh.height(0, p);
-    for (int f = 1; f < mesh.face_count(); ++f)
-      if (const double h = mesh.height(f, p); h > most) most = h, highest = f;
-    Distance out{most, mesh.normal(highest)};
-    if (most <= 0) return out;
-    // The nearest point lies on a face that p is above: in it, or on its rim.
-    Vec3 nearest = Vec3::Zero();
-    double least = std::numeric_limits<double>::infinity();
-    for (int f = 0; f < mesh.face_count(); ++f) {
-      const double height = mesh.height(f, p);
-      if (height <= 0) continue;
-      const auto corners = mesh.corners(f);
-      bool above = true;
-      for (std::size_t i = 0; i < corners.size(); ++i) {
-        const Vec3& a = mesh.vertex(corners[i]);
-        const Vec3 side = mesh.vertex(corners[(i + 1) % corners.size()]) - a;
-        if (side.cross(mesh.normal(f)).dot(p - a) <= 0) continue;
-        above = false;
-        const Vec3 on = a + std::clamp((p - a).dot(side) / side.squaredNorm(), 0.0, 1.0) * side;
-        if (const double square = (p - on).squaredNorm(); square < least) least = square, nearest = on;
-      }
-      if (above) return {height, mesh.normal(f)};
-    }
-    const double value = std::sqrt(least);
-    // A point on the surface has no direction towards it.
-    if (value > 1e-9 * mesh.reach && std::isfinite(value)) out = {value, (p - nearest) / value};
-    return out;
+  /// Finds where the distance is least.
+  bool apart(const Vec3& a, const Vec3& along, double radius) {
+    const double t = along.squaredNorm() > 0 ? std::clamp(-a.dot(along) / along.squaredNorm(), 0.0, 1.0) : 0;
+    const Distance middle = from(a + t * along);
+    const double slope = middle.normal.dot(along);
+    // A convex function is nowhere below its tangent.
+    if (middle.value - std::max(slope * t, slope * (t - 1)) > radius) return true;
+    const auto rise = [&](double at) { return from(a + at * along).normal.dot(along); };
+    least_at = slope < 0 ? zero_of(rise, t, 1) : zero_of(rise, 0, t);
+    return distance(a + least_at * along) > radius;
   }
 
+  Distance from(const Vec3& p) const {
+    const Foot foot = nearest_foot(mesh, p, near);
+    near = foot.face;
+    return {foot.distance, foot.normal};
+  }
   double distance(const Vec3& p) const { return from(p).value; }
-  /// There is no closed form.
-  std::optional<double> least(const Vec3&, const Vec3&, double, double) const { return std::nullopt; }
+  std::optional<double> least(const Vec3&, const Vec3&, double low, double high) const {
+    return std::clamp(least_at, low, high);
+  }
 
-  Places bends(const Vec3& a, const Vec3& along) const {
+  /// Of those where the sphere touches, the nearest to the least and the outermost on either side.
+  Places bends(Vec3 a, const Vec3& along) const {
     Places places;
-    for (int f = 0; f < mesh.face_count(); ++f) {
-      const Vec3 n = mesh.normal(f);
-      if (std::min(mesh.height(f, a), mesh.height(f, a + along)) > within) continue;
-      double low = 0, high = 1;
-      const auto corners = mesh.corners(f);
-      for (std::size_t i = 0; i < corners.size() && low <= high; ++i) {
-        const Vec3& corner = mesh.vertex(corners[i]);
-        const Vec3 out = (mesh.vertex(corners[(i + 1) % corners.size()]) - corner).cross(n);
-        const double start = out.dot(a - corner);
-        const double rise = out.dot(along);
-        if (rise > 0) high = std::min(high, -start / rise);
-        if (rise < 0) low = std::max(low, -start / rise);
-        if (rise == 0 && start > 0) high = -1;
+    Foot lowest = nearest_foot(mesh, a + least_at * along, near);
+    // A segment that is in the solid is first moved out of it.
+    const double lift = std::max(0.0, kInto * mesh.reach - lowest.distance);
+    a += lift * lowest.normal;
+    if (lift > 0) lowest = nearest_foot(mesh, a + least_at * along, lowest.face);
+    for (const bool forward : {false, true}) {
+      Foot foot = lowest;
+      double t = least_at, into = kInto;
+      std::optional<double> outermost;
+      while (forward ? t < 1 : t > 0) {
+        const auto [low, high] = cell_of(mesh, foot, a, along);
+        const double exit = forward ? std::max(high, t) : std::min(low, t);
+        // Where rounding leaves it in the same cell, further.
+        into = exit == t ? 4 * into : kInto;
+        t = forward ? exit + into : exit - into;
+        const Foot next = nearest_foot(mesh, a + t * along, foot.face);
+        if (next.distance > within + lift) break;
+        if (std::min(foot.edge, next.edge) < 0 && (foot.edge != next.edge || foot.face != next.face)) {
+          if (!outermost) places.add(exit);
+          outermost = exit;
+        }
+        foot = next;
       }
-      if (low > high) continue;
-      for (const double t : {low, high})
-        if (mesh.height(f, a + t * along) <= within) places.add(t);
+      if (outermost) places.add(*outermost);
     }
     places.sort();
     return places;
@@ -312,7 +311,7 @@ double search(const Function& f, double low, double high) {
 }
 
 template <class Solid>
-Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
+Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
   const Vec3 axis = x_WS.q.conjugate() * (capsule.pose.q * Vec3(0, 0, capsule.length));
   const Vec3 start = x_WS.q.conjugate() * (capsule.pose.p - x_WS.p) - 0.5 * axis;
   const auto at = [&](double t) -> Vec3 { return start + t * axis; };
@@ -381,9 +380,6 @@ Manifold capsule_on_box(const CapsuleAt& capsule, const Pose& pose, const Vec3& 
 }
 
 Manifold capsule_on_mesh(const CapsuleAt& capsule, const Pose& pose, const model::ConvexMesh& mesh) {
-  // Far apart, by the spheres about both.
-  const double apart = (capsule.pose.p - pose.p).norm();
-  if (apart > mesh.reach + 0.5 * capsule.length + capsule.radius) return {};
   return sweep(Polyhedron{mesh, capsule.radius}, capsule, pose);
 }
 

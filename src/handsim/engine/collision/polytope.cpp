@@ -1,6 +1,7 @@
 #include "handsim/engine/collision/polytope.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -69,9 +70,12 @@ struct FaceGap {
   double value = -std::numeric_limits<double>::infinity();  ///< negative: penetration
 };
 
-FaceGap face_gap(const ConvexMesh& of, const ConvexMesh& other) {
+/// @param centre the other's centroid
+FaceGap face_gap(const ConvexMesh& of, const ConvexMesh& other, const Vec3& centre) {
   FaceGap best;
   for (int f = 0; f < of.face_count(); ++f) {
+    // The sphere in the other shows that its gap is smaller.
+    if (of.height(f, centre) - other.inner <= best.value) continue;
     const double gap = -other.support(-of.normal(f)) - of.planes[static_cast<std::size_t>(f)].w();
     if (gap > best.value) best = {f, gap};
     if (gap > 0) break;
@@ -93,9 +97,14 @@ bool arcs_cross(const Vec3& a, const Vec3& b, const Vec3& c, const Vec3& d) {
   return cba * dba < 0 && adc * bdc < 0 && cba * bdc > 0;
 }
 
-EdgeGap edge_gap(const ConvexMesh& a, const ConvexMesh& b) {
-  EdgeGap best;
+/// The largest gap between edges of both if it exceeds a value, else that value.
+EdgeGap edge_gap(const ConvexMesh& a, const ConvexMesh& b, const Vec3& centre, double least) {
+  EdgeGap best{.value = least};
   for (const ConvexMesh::Edge& e : a.edges) {
+    // The axis lies between the normals of the edge's faces, and the sphere within b bounds its gap.
+    const double height = std::max({0.0, a.height(e.left, centre), a.height(e.right, centre)});
+    const double cosine = a.normal(e.left).dot(a.normal(e.right));
+    if (height * std::sqrt(2 / (1 + cosine)) - b.inner <= best.value) continue;
     const Vec3& p = a.vertices[static_cast<std::size_t>(e.from)];
     const Vec3 along_a = a.vertices[static_cast<std::size_t>(e.to)] - p;
     for (const ConvexMesh::Edge& g : b.edges) {
@@ -159,12 +168,13 @@ Manifold face_contact(const ConvexMesh& reference, int face, const ConvexMesh& o
 Manifold mesh_on_mesh(const ConvexMesh& a, const Pose& x_WA, const ConvexMesh& b, const Pose& x_WB,
                       bool pad) {
   if ((x_WA.p - x_WB.p).norm() > a.reach + b.reach) return {};
-  const ConvexMesh other = seen_from(b, x_WA.inverse() * x_WB);
-  const FaceGap of_a = face_gap(a, other);
+  const Pose x_AB = x_WA.inverse() * x_WB;
+  const ConvexMesh other = seen_from(b, x_AB);
+  const FaceGap of_a = face_gap(a, other, x_AB.p);
   if (of_a.value > 0) return {};
-  const FaceGap of_b = face_gap(other, a);
+  const FaceGap of_b = face_gap(other, a, Vec3::Zero());
   if (of_b.value > 0) return {};
-  const EdgeGap edges = edge_gap(a, other);
+  const EdgeGap edges = edge_gap(a, other, x_AB.p, std::max(of_a.value, of_b.value));
   if (edges.value > 0) return {};
   const double prefer = kPrefer * std::min(a.reach, b.reach);
   // Normals of all three kinds leave a; out of b into a is what the caller wants.
