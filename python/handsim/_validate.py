@@ -6,7 +6,7 @@ import os
 from contextlib import nullcontext, suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional
+from typing import Any, Callable, ContextManager, Iterable, Mapping, NamedTuple, Optional
 
 import numpy as np
 
@@ -413,8 +413,9 @@ class Measurements:
             rows.append(Measured(row, ours, away / row["spread"], measured, note))
         _weigh(rows)
         if uncertain is not None:
-            with nullcontext(executor) if executor else Threads(1) as own:
-                self._draw(rows, uncertain, told, own)
+            own: ContextManager[Executor] = nullcontext(executor) if executor else Threads(1)
+            with own as measuring:
+                self._draw(rows, uncertain, told, measuring)
         return Result(self.title, self.goal, rows)
 
     @cached_property
