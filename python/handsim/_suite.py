@@ -150,21 +150,23 @@ def _joints(model: Model, asked: Asked) -> bytes:
                   "low,high,ax,ay,az,px,py,pz,cx,cy,cz", rows)
 
 
+def _name(model: Model, body: int) -> str:
+    return model.bodies[body].name if body else "world"
+
+
 def _shapes(model: Model) -> bytes:
-    name = lambda body: model.bodies[body].name if body else "world"  # noqa: E731
     return _table(f"shape,body,kind,{POSE},radius,length,ex,ey,ez",
-                  [[shape.name, name(shape.body), shape.kind, *shape.pose, shape.radius, shape.length, *shape.edges] for shape in model.shapes])
+                  [[shape.name, _name(model, shape.body), shape.kind, *shape.pose, shape.radius, shape.length, *shape.edges] for shape in model.shapes])
 
 
 def _pairs(model: Model) -> bytes:
     """Of bodies, with the surface between them."""
     rows: dict[tuple[str, ...], list[Any]] = {}
-    name = lambda shape: model.bodies[model.shapes[shape].body].name if model.shapes[shape].body else "world"  # noqa: E731
     for i, k, place in model.pairs:
         touch = model.touches[place]
         spring = touch.spring or [np.inf, np.inf]
         friction = [touch.friction, touch.spinning_friction, touch.rolling_friction] if "friction" in model.effects else [0.0, 0.0, 0.0]
-        row = [*sorted((name(i), name(k))), *friction, *spring]
+        row = [*sorted(_name(model, model.shapes[each].body) for each in (i, k)), *friction, *spring]
         rows[tuple(map(str, row))] = row
     return _table("a,b,friction,spinning_friction,rolling_friction,stiffness,damping", [rows[key] for key in sorted(rows)])
 

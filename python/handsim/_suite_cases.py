@@ -143,7 +143,7 @@ def _stack(name: str, mass: float) -> Asked:
 
 
 def _others() -> list[Asked]:
-    at = lambda degrees: G * (math.sin(math.radians(degrees)) - 0.5 * math.cos(math.radians(degrees)))  # noqa: E731
+    at_35 = G * (math.sin(math.radians(35)) - 0.5 * math.cos(math.radians(35)))
     thin = "effects=[gravity, object_contact, ground_contact, friction, joint_stops]"
     gain = {"measure": "energy_gain", "limit": 1e-2, "why": "contacts and joints take energy away, or keep it; a hundredth of the largest "
                                                             "kinetic energy is left for the error of a step"}
@@ -160,7 +160,7 @@ def _others() -> list[Asked]:
         Asked("incline_slides", "a box on an incline of 35 degrees, above the angle of friction; along the diagonal",
               "Coulomb's law: its speed is g (sin a - mu cos a) t. A pyramid of friction holds it on the diagonal.",
               "stability/incline", [_tilted(35, 45)], 1, 0.01,
-              _fixed({"measure": "speed_error", "body": "box", "expected": at(35), "limit": 5e-4,
+              _fixed({"measure": "speed_error", "body": "box", "expected": at_35, "limit": 5e-4,
                       "why": "half of what one step of 1 ms more or less is, of 1000"})),
         Asked("ball_rolls", "a ball rolls down an incline of 15 degrees", "Rolling without slip: its speed is 5/7 g sin a t.",
               "stability/ball_on_incline", [_tilted(15, 45)], 1, 0.01,

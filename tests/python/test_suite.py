@@ -62,13 +62,13 @@ def judged(results, suite, *words):
 
 
 def written(folder, spec, bodies, joints=(), shapes=(), **more):
-    """A case whose bodies are (name, mass, inertia, pose)."""
+    """A case whose bodies are (name, mass, inertia, pose) or with their twist."""
     case = folder / "suite/case"
     case.mkdir(parents=True)
     names = [body[0] for body in bodies]
     content = {"case": "case", "gravity": [0, 0, -10], "duration": 1.0, "record": {"every": 0.01, "bodies": names, "forces": None}, "judge": spec, **more}
     (case / "case.json").write_text(json.dumps(content))
-    rows = [[name, 0, mass, *inertia, 0, 0, 0, *pose, *[0] * 13] for name, mass, inertia, pose in bodies]
+    rows = [[name, 0, mass, *inertia, 0, 0, 0, *pose, *(twist[0] if twist else [0] * 6), *[0] * 7] for name, mass, inertia, pose, *twist in bodies]
     (case / "bodies.csv").write_bytes(_suite._table("body,fixed,mass,ixx,iyy,izz,ixy,ixz,iyz,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz,"
                                                     "link_x,link_y,link_z,link_qw,link_qx,link_qy,link_qz", rows))
     (case / "joints.csv").write_bytes(_suite._table("joint,kind,parent,child,ax,ay,az,px,py,pz,cx,cy,cz", joints))
@@ -135,7 +135,7 @@ def test_a_shake_out_of_its_place_and_a_turn_are_told(tmp_path):
 # Oracle: a ball thrown upwards, whose energy is constant, and one that gains 3 % of it; their momentum.
 def test_energy_and_momentum_of_known_motions(tmp_path):
     spec = [{"measure": name, "limit": 0.01} for name in ("energy_gain", "energy_rise", "energy_error", "momentum_error")]
-    suite = written(tmp_path, spec, [("ball", 2.0, [0.1, 0.2, 0.3], [0, 0, 0, *STILL])])
+    suite = written(tmp_path, spec, [("ball", 2.0, [0.1, 0.2, 0.3], [0, 0, 0, *STILL], [1, 0, 4, 0, 0, 3])])
     thrown = lambda gain: [[t, "ball", t, 0, 4 * t - 5 * t * t, *STILL, (1 + gain * t), 0, 4 - 10 * t, 0, 0, 3] for t in TIMES]  # noqa: E731
     verdict, of = figures(tmp_path, suite, thrown(0))
     assert verdict == "held" and all(abs(figure.value) < 1e-12 for figure in of.values())
@@ -153,11 +153,12 @@ def test_energy_and_momentum_of_known_motions(tmp_path):
 # Oracle: what falls apart in closed form, with a principal axis that turns.
 def test_a_turning_bodys_energy_is_that_of_its_axes(tmp_path):
     spec = [{"measure": "energy_error", "limit": 1e-9}]
-    suite = written(tmp_path, spec, [("block", 1.0, [0.1, 0.2, 0.3], [0, 0, 0, *STILL])], gravity=[0, 0, 0])
+    suite = written(tmp_path, spec, [("block", 1.0, [0.1, 0.2, 0.3], [0, 0, 0, *STILL], [0, 0, 0, 4, 0, 0])], gravity=[0, 0, 0])
     rows = [[t, "block", 0, 0, 0, np.cos(2 * t), np.sin(2 * t), 0, 0, 0, 0, 0, 4, 0, 0] for t in TIMES]
     assert figures(tmp_path, suite, rows)[0] == "held"
-    wrong = [[*row[:-3], 0, 4, 0] for row in rows]  # about another axis in the world: the moment of inertia about it changes
-    assert figures(tmp_path, suite, wrong)[1]["energy_error"].value == pytest.approx(0.5 * 0.1 * 16 / (0.5 * 0.3 * 16), rel=1e-3)
+    # About another axis of the world, whose moment of inertia is 0.2 to 0.3 as the block turns.
+    wrong = [[*row[:-3], 0, 4, 0] if row[0] else row for row in rows]
+    assert figures(tmp_path, suite, wrong)[1]["energy_error"].value == pytest.approx((0.3 - 0.1) / 0.3, rel=1e-3)
 
 
 def solid(kind, place, turn=STILL, radius=0.0, length=0.0, edges=(0, 0, 0)):
@@ -223,10 +224,11 @@ WRONG = [
     (lambda: (GOOD[:10] + GOOD[14:16] + GOOD[10:], HEAD), "case.csv:14:1: time: got 0.05 after 0.07, need times that rise"),
     (lambda: (GOOD[:11] + GOOD[12:], HEAD), "case.csv:12:1: body: got no can at 0.05 s, need each of palm, can at every time"),
     (lambda: (GOOD[:12] + GOOD[11:], HEAD), "case.csv:14:6: body: got can twice at 0.05 s, need one row for each body and time"),
-    (lambda: ([[*row[:2], *(1000 * x for x in row[2:5]), *row[5:]] for row in GOOD], HEAD), "can: got 100, 0, 0 first, need 0.1, 0, 0: metres"),
+    (lambda: ([[*row[:2], *(1000 * x for x in row[2:5]), *row[5:]] for row in GOOD], HEAD), "case.csv:3:1: can: got 100, 0, 0 first, need 0.1, 0, 0: metres"),
     (lambda: ([[*row[:5], *row[6:9], row[5], *row[9:]] for row in GOOD], HEAD), "a first quaternion 0, 0, 0, 1, need 1, 0, 0, 0: w x y z"),
     (lambda: (with_cell(GOOD, 7, 5, 0.5), HEAD), "case.csv:7:22: qw: got a quaternion of length 0.5, need a unit quaternion"),
     (lambda: ([row[:8] for row in GOOD], HEAD), "case.csv:2:1: row: got 8 fields, need 15"),
+    (lambda: ([[*row[:9], 9, 0, 0, 0, 0, 0] if row[1] == "can" else row for row in GOOD], HEAD), "case.csv:3:1: can: got a first twist 9, 0, 0, 0, 0, 0, need 0, 0,"),
     (lambda: ([], HEAD), "case.csv:1:1: table: got no row, need rows from 0 to 1 s"),
 ]
 

@@ -23,8 +23,8 @@ POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 FORCE = ("fx", "fy", "fz")
 OPTIONAL = (*TWIST, *FORCE, "normal")
-START_PLACE, START_TURN = 1e-3, 1e-2
-"""Of the first row from the case's start [m], [rad]: more is another unit, frame or order of the quaternion."""
+START_PLACE, START_TURN, START_RATE = 1e-3, 1e-2, 1e-2
+"""Of the first row from the case's start [m], [rad], [m/s] or [rad/s]: more is another unit, frame or order of the quaternion."""
 UNIT_QUATERNION = 1e-3
 MOST_PROBLEMS = 20
 
@@ -84,6 +84,9 @@ class Case:
     def start(self, body: str) -> Array:
         return np.array([float(self.bodies[body][key]) for key in POSE])
 
+    def twist(self, body: str) -> Array:
+        return np.array([float(self.bodies[body][key]) for key in TWIST])
+
     def mass(self, body: str) -> float:
         return float(self.bodies[body]["mass"])
 
@@ -114,6 +117,8 @@ class _Reader:
     def __init__(self, path: Path, case: Case) -> None:
         self.path, self.case, self.problems = path, case, [""][:0]
         self.bodies: list[str] = case.spec["record"]["bodies"]
+        self.first: dict[str, int] = {}
+        """Line of each body's first row."""
 
     def say(self, line: int, column: int, key: str, got: object, need: str) -> None:
         if len(self.problems) < MOST_PROBLEMS:
@@ -124,7 +129,7 @@ class _Reader:
 
     def read(self) -> Motion:
         try:
-            lines = self.path.read_text(encoding="utf-8").splitlines()
+            lines = self.path.read_text(encoding="utf-8-sig").splitlines()
         except (OSError, UnicodeDecodeError) as error:
             self.say(1, 1, "table", getattr(error, "strerror", None) or "no text", "a table as README.md says")
             self.stop()
@@ -156,7 +161,7 @@ class _Reader:
         def take(names: Sequence[str]) -> dict[str, Array]:
             return {body: rows[:, [head.index(name) for name in names]] for body, rows in every.items() if all(name in head for name in names)}
 
-        self._start(take(POSE), lines_of)
+        self._start(take(POSE), take(TWIST))
         return Motion(np.array(times), take(POSE), take(TWIST), take(FORCE),
                       {body: rows[:, 0] for body, rows in take(("normal",)).items()})
 
@@ -198,6 +203,7 @@ class _Reader:
         norm = math.sqrt(sum(values[head.index(name)] ** 2 for name in POSE[3:]))
         if abs(norm - 1) > UNIT_QUATERNION:
             self.say(line, at(head.index("qw")), "qw", f"a quaternion of length {norm:g}", "a unit quaternion w x y z")
+        self.first.setdefault(body, line)
         found[body].append(values)
         return len(self.problems) < MOST_PROBLEMS
 
@@ -221,16 +227,20 @@ class _Reader:
         if times[-1] < duration - 0.5 * every:
             self.say(last, 1, "time", f"an end at {times[-1]:g} s", f"rows to {duration:g} s, or the case under failed in run.json")
 
-    def _start(self, poses: dict[str, Array], lines_of: list[int]) -> None:
+    def _start(self, poses: dict[str, Array], twists: dict[str, Array]) -> None:
         for body, rows in poses.items():
             own = self.case.start(body)
             far, turn = float(np.linalg.norm(rows[0, :3] - own[:3])), float(angle(product(rows[0, 3:], own[3:] * [1, -1, -1, -1])))
             if far > START_PLACE:
-                self.say(lines_of[0], 1, body, f"{', '.join(f'{x:.6g}' for x in rows[0, :3])} first",
+                self.say(self.first[body], 1, body, f"{', '.join(f'{x:.6g}' for x in rows[0, :3])} first",
                          f"{', '.join(f'{x:.6g}' for x in own[:3])}: metres, of the centre of mass, as in bodies.csv")
             if turn > START_TURN:
-                self.say(lines_of[0], 1, body, f"a first quaternion {', '.join(f'{x:.4g}' for x in rows[0, 3:])}",
+                self.say(self.first[body], 1, body, f"a first quaternion {', '.join(f'{x:.4g}' for x in rows[0, 3:])}",
                          f"{', '.join(f'{x:.4g}' for x in own[3:])}: w x y z of the body's axes in the world, as in bodies.csv")
+            off = float(np.abs(twists[body][0] - self.case.twist(body)).max()) if body in twists else 0.0
+            if off > START_RATE:
+                self.say(self.first[body], 1, body, f"a first twist {', '.join(f'{x:.4g}' for x in twists[body][0])}",
+                         f"{', '.join(f'{x:.4g}' for x in self.case.twist(body))}: of the centre of mass, in world axes, as in bodies.csv")
         if self.problems:
             self.stop()
 

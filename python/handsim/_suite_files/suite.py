@@ -7,6 +7,7 @@ import json
 import math
 import sys
 import time
+import traceback
 from pathlib import Path
 from typing import Any, Callable, Optional, Sequence
 
@@ -114,6 +115,7 @@ def run(engine: str, version: str, options: str, simulate: Callable[[Case, Resul
             simulate(case, results)
             told[case.name] = {"cpu_s": round(time.process_time() - begin, 4)}
         except Exception as error:  # noqa: BLE001: an engine's own
+            traceback.print_exc()
             told[case.name] = {"cpu_s": round(time.process_time() - begin, 4), "failed": f"{type(error).__name__}: {error}".splitlines()[0][:200]}
         results.write()
         print(case.name, told[case.name], file=sys.stderr, flush=True)
