@@ -160,7 +160,9 @@ TEST(NearestFoot, IsTheNearestOfAllFacesFromAnyFaceOn) {
       const Foot foot = nearest_foot(mesh, p, any(random));
       ASSERT_NEAR(foot.distance, distance, 1e-14) << trial << " of " << mesh.face_count();
       ASSERT_NEAR((foot.at + foot.distance * foot.normal - p).norm(), 0, 1e-14);
-      if (std::abs(distance) > 1e-6) ASSERT_LT((foot.normal - normal).norm(), 1e-7);
+      if (std::abs(distance) > 1e-6) {
+        ASSERT_LT((foot.normal - normal).norm(), 1e-7);
+      }
       if (distance < 0) ++inside;
     }
     EXPECT_LT(inside, 1999);

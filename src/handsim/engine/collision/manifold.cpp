@@ -20,7 +20,8 @@ constexpr double kSearchEnd = 1e-12;  ///< share of the segment
 constexpr double kGolden = 0.6180339887498949;
 /// Squares of distances that differ by this factor do so by more than rounding.
 constexpr double kSurelyApart = 1 + 1e-9;
-constexpr double kInto = 1e-9;  ///< So far within the next cell its foot is sought, a share of the segment.
+/// How far within the next cell its foot is sought, as a share of the segment.
+constexpr double kNextCell = 1e-9;
 
 /// Distance of a point from a solid's surface [m], negative inside, and the direction out of the solid.
 struct Distance {
@@ -259,18 +260,18 @@ struct Polyhedron {
     Places places;
     Foot lowest = nearest_foot(mesh, a + least_at * along, near);
     // A segment that is in the solid is first moved out of it.
-    const double lift = std::max(0.0, kInto * mesh.reach - lowest.distance);
+    const double lift = std::max(0.0, kNextCell * mesh.reach - lowest.distance);
     a += lift * lowest.normal;
     if (lift > 0) lowest = nearest_foot(mesh, a + least_at * along, lowest.face);
     for (const bool forward : {false, true}) {
       Foot foot = lowest;
-      double t = least_at, into = kInto;
+      double t = least_at, into = kNextCell;
       std::optional<double> outermost;
       while (forward ? t < 1 : t > 0) {
         const auto [low, high] = cell_of(mesh, foot, a, along);
         const double exit = forward ? std::max(high, t) : std::min(low, t);
         // Where rounding leaves it in the same cell, further.
-        into = exit == t ? 4 * into : kInto;
+        into = exit == t ? 4 * into : kNextCell;
         t = forward ? exit + into : exit - into;
         const Foot next = nearest_foot(mesh, a + t * along, foot.face);
         if (next.distance > within + lift) break;
