@@ -173,7 +173,7 @@ class Object:
             raise input_error("path", f"{folder} ({error.strerror})", "a folder that can be written") from None
         new = [each for each in files if not os.path.lexists(each)]
         try:
-            for each in files:
+            for each in set(files) - set(new):
                 check_target("path", each, "hull")
             for each, content in files.items():
                 write_file(each, content)

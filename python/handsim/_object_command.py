@@ -86,9 +86,9 @@ def _show(found: Object) -> None:
         print(note)
     told = found.summary()
     print(f"mesh      {told['triangles']} triangles, {mm(told['size'])}, {1e6 * found.volume:.4g} cm3\n"
-          f"mass      {1e3 * found.mass:.5g} g, centre at {', '.join(f'{1e3 * each:.4g}' for each in found.centre)} mm")
+          f"mass      {1e3 * found.mass:.5g} g, centre at {', '.join(f'{round(1e3 * each, 9) + 0.0:.4g}' for each in found.centre)} mm")
     for moment, axis in zip(found.moments, found.axes.T):
-        print(f"inertia   {1e7 * moment:.5g} g cm2 about {', '.join(f'{each:.4f}' for each in axis)}")
+        print(f"inertia   {1e7 * moment:.5g} g cm2 about {', '.join(f'{round(each, 9) + 0.0:.4f}' for each in axis)}")
     print(f"friction  {'0.8, that of scenes' if found.friction is None else f'{found.friction:g}'}\n"
           f"hulls     {told['hulls']} with {told['corners']} corners\n"
           f"error     {mm(found.error)}: the mesh stands out by {mm(told['uncovered'])}, the hulls by {mm(told['added'])} at most, at {found.samples} points")

@@ -69,7 +69,7 @@ def refuse(file: str, key: str, got: str, need: str) -> NoReturn:
 
 def mm(lengths: Any) -> str:
     """One length or the edges of a box [m], in mm."""
-    return " x ".join(f"{1e3 * each:.3g}" for each in np.atleast_1d(lengths)) + " mm"
+    return " x ".join(f"{round(1e3 * each, 9):.3g}" for each in np.atleast_1d(lengths)) + " mm"
 
 
 def place(point: Floats) -> str:

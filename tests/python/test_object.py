@@ -7,7 +7,11 @@ import pytest
 
 import handsim as hs
 
-trimesh = pytest.importorskip("trimesh", reason="trimesh is not installed (pip install trimesh)")
+try:
+    import trimesh
+except ImportError:
+    trimesh = None
+needs_trimesh = pytest.mark.skipif(trimesh is None, reason="trimesh is not installed (pip install trimesh)")
 BOX = [(0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)]
 SIDES = [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)]
 
@@ -52,6 +56,7 @@ def below(points, hulls):
     return np.array(rows)
 
 
+@needs_trimesh
 def test_sphere_and_cylinder_have_their_closed_forms():
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.03)
     found = hs.Object(ball.vertices, ball.faces, mass=0.2)
@@ -107,6 +112,7 @@ def test_a_torus_has_its_closed_form_and_the_error_told(tools):
     assert own >= 0.5 * found.summary()["added"]
 
 
+@needs_trimesh
 def test_a_mug_stays_hollow(tools, tmp_path):
     found = hs.Object(*lathe(MUG, 64), mass=0.3, error=0.002)
     assert found.error <= 0.002
@@ -133,6 +139,7 @@ def test_a_written_object_has_the_mass_and_inertia_of_the_mesh_on_both_engines(t
     np.testing.assert_allclose(half._model.bodies[1].inertia, found.inertia / 2, rtol=1e-6, atol=1e-12)
 
 
+@needs_trimesh
 def test_a_grasp_of_a_mesh_holds():
     can = trimesh.creation.cylinder(radius=0.033, height=0.1016, sections=64)
     found = hs.Object(can.vertices, can.faces, mass=0.2, error=0.001)
@@ -140,6 +147,7 @@ def test_a_grasp_of_a_mesh_holds():
     assert result.passed, result.verdicts
 
 
+@needs_trimesh
 @pytest.mark.parametrize("ending", ["stl", "stl_ascii", "obj", "ply", "glb"])
 def test_formats_give_the_same_body(ending, tmp_path):
     mesh = trimesh.Trimesh(*box((30, 40, 50)), process=False)
@@ -149,6 +157,7 @@ def test_formats_give_the_same_body(ending, tmp_path):
     assert found.volume == pytest.approx(30e-3 * 40e-3 * 50e-3, rel=1e-6) and found.error < 1e-6
 
 
+@needs_trimesh
 def test_repairs_are_told():
     points, faces = box((0.03, 0.04, 0.05))
     found = hs.Object(points, faces[:, ::-1], mass=0.1)
@@ -194,6 +203,7 @@ def command(*words):
     return subprocess.run([sys.executable, "-m", "handsim", "object", *map(str, words)], capture_output=True, text=True)
 
 
+@needs_trimesh
 def test_the_command_writes_an_object_and_keeps_what_is_the_users(tmp_path):
     mesh = tmp_path / "box.stl"
     trimesh.Trimesh(*box((30, 40, 50)), process=False).export(mesh)
@@ -214,6 +224,28 @@ def test_the_command_writes_an_object_and_keeps_what_is_the_users(tmp_path):
                            ((out, "--unit", "mm", "--mass", "1kg"), "a name that ends in .yaml")):
         done = command(*words)
         assert done.returncode == 2 and message in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("module, source, message", [
+    ("trimesh", "'ring.stl', unit='mm'", "trimesh: got no Python module trimesh, need it, for meshes: pip install trimesh, or pip install 'handsim[object]'"),
+    ("coacd", "*ring", "coacd: got no Python module coacd, need it, for objects that are not convex: pip install coacd, or pip install 'handsim[object]'"),
+])
+def test_a_library_that_is_missing_is_named(module, source, message, tmp_path):
+    points, faces = torus(0.04, 0.01, 24, 12)
+    script = f"""
+import sys
+sys.modules[{module!r}] = None  # as if it were not installed
+import numpy as np
+import handsim as hs
+ring = np.array({points.tolist()}), np.array({faces.tolist()})
+try:
+    hs.Object({source}, mass=0.1)
+except hs.Error as error:
+    print(error.kind, error)
+"""
+    (tmp_path / "ring.stl").write_text("solid ring\nendsolid ring\n")
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=tmp_path)
+    assert done.stdout.strip() == f"input {message}", done.stderr
 
 
 def test_many_triangles_are_simplified_with_the_error_told(tools):

@@ -142,7 +142,7 @@ def test_enslaving_is_what_spills_of_another_fingers_effort(tmp_path):
     path = file_of(tmp_path, [row(*pair) for pair in pairs] + [row("ring", "little", "apart")], variants={"apart": {"without": ["spill"]}})
     found = [row.ours for row in Measurements(path).run().rows]
     assert 0 < found[1] < found[0] < 1 and 1 > found[2] > max(found[3], found[4]) > 0 and found[5] == 0
-    of = _statics.alone(_core.measurements(path).hand("man", "", {}))
+    of = _statics.alone(Measurements(path).core.hand("man", "", {}))
     muscles, q = of.hand.muscles, of.at({})
     body = "little_distal", np.array([0, of.tip("little"), 0])
     pressed = of.press(q, of.rows("little_"), of.torques(q, body, -of.axes(q, body[0])[:, 2][None]), least=True)
