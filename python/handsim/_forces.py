@@ -139,7 +139,8 @@ class Result(NamedTuple):
     def share(self) -> Array:
         """Residual force over the weight, or its moment over that of the weight at 5 cm, whichever is more."""
         weight = self.mass * 9.80665
-        return np.maximum(np.linalg.norm(self.residual[:, :3], axis=1) / weight, np.linalg.norm(self.residual[:, 3:], axis=1) / (0.05 * weight))
+        out: Array = np.maximum(np.linalg.norm(self.residual[:, :3], axis=1) / weight, np.linalg.norm(self.residual[:, 3:], axis=1) / (0.05 * weight))
+        return out
 
 
 class Needed(NamedTuple):
@@ -180,13 +181,13 @@ def needed(thing: Thing, times: Array, course: Course) -> Needed:
     places = thing.places(whole.poses, angles)
     motions = [whole, *(smoothed(times, places[:, k]) for k in range(1, len(thing.links)))]
     centres = [turned(places[:, k, 3:], link.centre) + places[:, k, :3] for k, link in enumerate(thing.links)]
-    centre = sum(link.mass * at for link, at in zip(thing.links, centres)) / thing.mass
-    wrench = sum(_of_link(link, motion, centre) for link, motion in zip(thing.links, motions))
+    centre: Array = np.sum([link.mass * at for link, at in zip(thing.links, centres)], axis=0) / thing.mass
+    wrench: Array = np.sum([_of_link(link, motion, centre) for link, motion in zip(thing.links, motions)], axis=0)
     spread = math.sqrt(sum(float(np.trace(link.inertia)) / 3 for link in thing.links))
     unsure = np.concatenate([np.full(3, thing.mass * whole.unsure[0]), np.full(3, spread**2 * whole.unsure[1])])
     lowest = np.min([(turned(places[:, k, None, 3:], np.concatenate(link.corners)[None]) + places[:, k, None, :3])[..., 2].min(axis=1)
                      for k, link in enumerate(thing.links)], axis=0)
-    return Needed(whole, places, np.asarray(centre), np.asarray(wrench), unsure, there, lowest)
+    return Needed(whole, places, centre, wrench, unsure, there, lowest)
 
 
 def _level(of: Needed) -> float:

@@ -14,6 +14,7 @@ from ._hand import Hand
 from ._model import compose
 from ._objects import Course, Thing, read_courses, read_object
 from ._progress import Told
+from ._shipped import data_path
 from ._study_files import real_of, whole_option
 
 SUPPORTS = ("table", "post", "none")
@@ -54,7 +55,7 @@ def of_words(word: str, recording: Path, asked: _forces.Asked) -> Request:
 
 def _upright(asked: _track.Asked, found: _track.Result, course: Course) -> Course:
     """In a world whose z axis points up."""
-    file = asked.points or (_track.data_path() / f"handmodels/points/{found.guess.name}.yaml" if found.guess.name else None)
+    file = asked.points or (data_path() / f"handmodels/points/{found.guess.name}.yaml" if found.guess.name else None)
     said = UP.search(file.read_text(encoding="utf-8")) if file else None
     up = asked.up or (said[1] if said else "z")
     if asked.left_handed:

@@ -3,10 +3,10 @@ from __future__ import annotations
 
 import json
 import os
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Callable, ContextManager, Iterable, Mapping, NamedTuple, Optional
+from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional
 
 import numpy as np
 
@@ -413,9 +413,11 @@ class Measurements:
             rows.append(Measured(row, ours, away / row["spread"], measured, note))
         _weigh(rows)
         if uncertain is not None:
-            own: ContextManager[Executor] = nullcontext(executor) if executor else Threads(1)
-            with own as measuring:
-                self._draw(rows, uncertain, told, measuring)
+            if executor is not None:
+                self._draw(rows, uncertain, told, executor)
+            else:
+                with Threads(1) as own:
+                    self._draw(rows, uncertain, told, own)
         return Result(self.title, self.goal, rows)
 
     @cached_property

@@ -759,7 +759,7 @@ def test_a_stream_tells_its_convention(other_hand, name, listed):
     def shown(points, _):
         if not listed:
             return dict(zip(layout.names, points.tolist()))
-        out = np.repeat(points[9:10], layout.count, axis=0)
+        out = np.repeat(points[9:10], layout.size, axis=0)
         out[layout.picked] = points
         return out.tolist()
 

@@ -37,7 +37,7 @@ class Layout(NamedTuple):
     by: str
     """Why it is taken."""
     file: Optional[Path]
-    count: int
+    size: int
     """Points of a frame."""
     picked: list[int]
     """Those that are the keypoints, in the order of cameras."""

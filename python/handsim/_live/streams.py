@@ -73,7 +73,7 @@ def _names_of(joints: Mapping[str, Any], layout: Optional[Layout]) -> list[str]:
 
 def points_of(joints: Any, layout: Optional[Layout] = None) -> Array:
     """The 21 points of a list or of a mapping by name [m]. :param layout: of a list; else by its length. :raises Error: of kind input"""
-    picks = {layout.count: layout.picked} if layout else PICKED
+    picks = {layout.size: layout.picked} if layout else PICKED
     if isinstance(joints, Mapping):
         names = _names_of(joints, layout)
         if not any(name in joints for name in names):
@@ -82,7 +82,7 @@ def points_of(joints: Any, layout: Optional[Layout] = None) -> Array:
         picks = PICKED
     if not isinstance(joints, (list, np.ndarray)) or len(joints) not in picks:
         raise input_error("joints", f"{len(joints)} points" if isinstance(joints, (list, np.ndarray)) else type(joints).__name__,
-                          f"{layout.count} points, or a mapping by name" if layout else "21, 25 or 26 points, or a mapping by name")
+                          f"{layout.size} points, or a mapping by name" if layout else "21, 25 or 26 points, or a mapping by name")
     picked = picks[len(joints)]
     if isinstance(joints, np.ndarray):
         return np.where((np.abs(joints) < 1e3).all(axis=1, keepdims=True), joints, np.nan)[picked]
@@ -340,10 +340,10 @@ class Follower:
         """The 21 points of a hand, of which the layout becomes known meanwhile. :raises Error: of kind input"""
         joints = hand.get("joints") if isinstance(hand, Mapping) else None
         layout = self.stated or (tracked.layout if tracked else None)
-        if layout and not self.stated and isinstance(joints, (list, np.ndarray)) and len(joints) != layout.count:
+        if layout and not self.stated and isinstance(joints, (list, np.ndarray)) and len(joints) != layout.size:
             layout = None  # another tracker
         points = points_of(joints, layout)
-        picked = layout.picked if layout else PICKED.get(len(joints), PICKED[21])
+        picked = layout.picked if layout else PICKED.get(0 if joints is None else len(joints), PICKED[21])
         points = doubtful(points, joints, hand.get("confidence"), picked)
         if tracked is None or tracked.layout is layout is not None:
             return points
