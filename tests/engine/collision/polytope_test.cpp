@@ -175,12 +175,17 @@ TEST(CapsuleOnMesh, HasTheDeepestPointAndTheOutermostOfAllFaces) {
   std::mt19937 random(19);
   for (const ConvexMesh& mesh : some_hulls(random)) {
     int touching = 0, lines = 0;
-    for (int trial = 0; trial < 400; ++trial) {
-      const CapsuleAt capsule{test::random_pose(random, 0.045), 0.008, 0.04};
+    for (int trial = 0; trial < 40; ++trial) {
+      const CapsuleAt capsule{test::random_pose(random, 0.036), 0.008, 0.04};
       const auto along = [&](double t) -> Vec3 {
         return capsule.pose * Vec3(0, 0, capsule.length * (t - 0.5));
       };
       const auto distance = [&](double t) { return distance_over_all(mesh, along(t)).first; };
+      // No point of the segment is further from its middle than half its length.
+      if (distance(0.5) > capsule.radius + capsule.length / 2) {
+        ASSERT_EQ(capsule_on_mesh(capsule, {}, mesh).count, 0) << trial;
+        continue;
+      }
       double low = 0, high = 1;
       while (high - low > 1e-11) {
         const double third = (high - low) / 3;
@@ -228,8 +233,8 @@ TEST(CapsuleOnMesh, HasTheDeepestPointAndTheOutermostOfAllFaces) {
         ASSERT_LT(nearest, 1e-9) << trial << " of " << mesh.face_count();
       }
     }
-    EXPECT_GT(touching, 20);
-    EXPECT_GT(lines, 4);
+    EXPECT_GT(touching, 3);
+    EXPECT_GT(lines, 0);
   }
 }
 
