@@ -77,7 +77,8 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
       "set engine port address play no-browser record stream replay measure seconds"},
      {"object", "Make an object of a mesh in STL, OBJ, PLY or glTF: convex hulls, mass and inertia",
       "handsim object handle.stl --unit mm --mass 200g --out handle.yaml", "",
-      "unit=um|mm|cm|m|in mass density error hulls fill drop largest material=foam|metal|plastic|wood friction "
+      "unit=um|mm|cm|m|in mass density error hulls fill drop largest material=foam|metal|plastic|wood "
+      "friction "
       "color out json"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach", "scene", "goal out set iterations no-run quiet"},
