@@ -124,6 +124,29 @@ TEST_P(Friction, OfAShoeBrakeHasTheLimitOfItsOwnNormalForce) {
   }
 }
 
+// Oracle: Coulomb's law in the step in which a lining that stuck is torn loose: what would hold it changes
+// its normal force, and its friction is of the normal force that is left.
+TEST_P(Friction, OfAShoeBrakeThatIsTornLooseIsWithinItsCone) {
+  constexpr double kReach = 0.05, kHeight = 0.025, kTorque = 0.2, kHeld = kMu * kTorque / kReach;
+  const model::Model model = shoe_brake(kReach, kHeight);
+  Settings settings = how(GetParam());
+  settings.effects = {};
+  for (const Effect effect : {Effect::object_contact, Effect::friction}) settings.effects.add(effect);
+  for (const double pull : {1.0, -1.0}) {
+    const auto engine = make_engine(model, settings);
+    for (int i = 0; i < 100; ++i) engine->step({std::vector<double>{0.5 * pull * kHeld, kTorque}});
+    EXPECT_LT(std::abs(engine->state().u[0]), 1e-3) << pull;
+    for (int i = 0; i < 5; ++i) {
+      engine->step({std::vector<double>{20 * pull * kHeld, kTorque}});
+      ASSERT_EQ(engine->contacts().size(), 1U);
+      const Contact& contact = engine->contacts()[0];
+      EXPECT_GT(contact.normal_force(), 1) << pull << ", step " << i;
+      EXPECT_LT(contact.friction_force().norm(), 1.01 * kMu * contact.normal_force())
+          << pull << ", step " << i;
+    }
+  }
+}
+
 /// A box that stands on a post narrower than itself, with eight points on the post's rim.
 model::Model box_on_post() {
   model::Model model = model::make_model();

@@ -24,9 +24,8 @@ FIGURES = ("shift", "turn", "shaken", "creep", "grip")
 
 def environment(packages):
     """Of a driver: the engine's packages alone, or those of this interpreter."""
-    own = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
-    if packages is not None:
-        own["PYTHONPATH"] = str(packages.resolve())
+    paths = os.environ.get("PYTHONPATH", "").split(os.pathsep) if packages is None else [packages]
+    own = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1", "PYTHONPATH": os.pathsep.join(str(Path(each).resolve()) for each in paths if each)}
     return own
 
 
@@ -40,8 +39,10 @@ def run_engine(name, suite, out, packages, only):
         print(f"suite: without {name}: no {packages / needs}", file=sys.stderr)
         return
     results, only = out / name, only or FEWER.get(name, [])
-    command = [sys.executable, str(suite / "drivers" / driver[0]), *driver[1:], "--out", str(results), *(["--only", *only] if only else [])]
-    subprocess.run(command, env=environment(None if needs is None else packages / needs), check=True, stdout=subprocess.DEVNULL)
+    results.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, str((suite / "drivers" / driver[0]).absolute()), *driver[1:], "--out", str(results.absolute()), *(["--only", *only] if only else [])]
+    # In the folder of its results: MuJoCo writes a log where it runs.
+    subprocess.run(command, env=environment(None if needs is None else packages / needs), check=True, stdout=subprocess.DEVNULL, cwd=results)
     told = results / "judged.json"
     judged = subprocess.run([sys.executable, str(suite / "judge.py"), str(results), "--json", str(told), *(["--only", *only] if only else [])],
                             stdout=subprocess.DEVNULL)

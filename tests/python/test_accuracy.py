@@ -2,6 +2,7 @@
 import json
 import os
 import subprocess
+import sys
 
 import pytest
 
@@ -85,3 +86,11 @@ def test_a_reference_without_positions_leaves_their_error_out(tmp_path):
     row = json.loads((tmp_path / "out/accuracy.json").read_text())["rows"][0]
     assert row["position_error_rms"] is None and row["rate_error_rms"] > 0
     assert ",nan," in (tmp_path / "out/accuracy.csv").read_text() and " nan " in str(found)
+
+
+# Oracle: what programs do. Nothing was asked for, so nothing comes where results would.
+@pytest.mark.parametrize("command", ["accuracy", "effects", "identify", "optimise", "report", "track", "view"])
+def test_usage_is_an_error_where_nothing_is_said_and_an_answer_to_help(command):
+    silent, asked = (subprocess.run([sys.executable, "-m", "handsim", command, *words], capture_output=True, text=True) for words in ([], ["--help"]))
+    assert (silent.returncode, silent.stdout) == (2, "") and f"handsim {command}" in silent.stderr
+    assert (asked.returncode, asked.stderr) == (0, "") and asked.stdout == silent.stderr

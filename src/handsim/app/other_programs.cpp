@@ -50,8 +50,7 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
       "person=config/persons "
       "stature mass sex=male|female|unknown age hand-length hand-breadth hand-circumference hand-mass "
       "hand-length-percentile model=handmodels side=right|left|both mount=fixed|hinge|universal|free muscles "
-      "suite "
-      "quiet"},
+      "suite quiet"},
      {"grasp",
       "Run grasp and climb scenes: table of what was held, how firmly, the least friction that holds, and "
       "the "
@@ -78,8 +77,7 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
      {"object", "Make an object of a mesh in STL, OBJ, PLY or glTF: convex hulls, mass and inertia",
       "handsim object handle.stl --unit mm --mass 200g --out handle.yaml", "",
       "unit=um|mm|cm|m|in mass density error hulls fill drop largest material=foam|metal|plastic|wood "
-      "friction "
-      "color out json"},
+      "friction color out json"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach", "scene", "goal out set iterations no-run quiet"},
      {"report", "One HTML page of a finished run or study, or of two runs in comparison",

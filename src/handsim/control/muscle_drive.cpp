@@ -83,6 +83,8 @@ StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<st
   activation_ = Eigen::VectorXd::Zero(muscles);
   bound_.assign(as_index(static_cast<int>(muscles)), 0);
   out_.resize(bound_.size());
+  spills_ =
+      std::ranges::any_of(model.muscles, [](const model::Muscle& each) { return !each.spills.empty(); });
 }
 
 /// Ties muscles that have less than what reaches them to the muscle that it reaches them from, and frees
@@ -212,6 +214,7 @@ std::span<const double> StaticOptimisation::solve(const model::State& state, std
   for (int pass = 0; pass < (rested ? kPasses : 1); ++pass) {
     assemble(state, torques, rested, pass > 0);
     minimise();
+    if (!spills_) continue;
     tied_.assign(out_.size(), nullptr);
     own_Q_ = Q_, own_c_ = c_;
     for (int i = 0; i < kSpillPasses && tie(); ++i) {

@@ -53,6 +53,7 @@ class StaticOptimisation {
 
   const model::Model& model_;
   double least_;
+  bool spills_ = false;                    ///< a muscle of the model has spills
   std::vector<const model::Spill*> tied_;  ///< what each muscle has exactly; null: it has more
   std::vector<std::size_t> dofs_;
   std::vector<std::optional<Eigen::Index>> row_;  ///< of each coordinate; absent: does not count
