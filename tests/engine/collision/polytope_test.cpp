@@ -132,7 +132,8 @@ std::pair<double, Vec3> distance_over_all(const ConvexMesh& mesh, const Vec3& p)
   for (int f = 0; f < mesh.face_count(); ++f) {
     const double height = mesh.height(f, p);
     if (f == 0 || height > highest.first) highest = {height, mesh.normal(f)};
-    if (height <= 0) continue;
+    // A face is no nearer than its plane.
+    if (height <= 0 || height >= nearest.first) continue;
     bool above = true;
     const auto corners = mesh.corners(f);
     for (std::size_t i = 0; i < corners.size(); ++i) {
