@@ -8,7 +8,7 @@
 medians, and ratios. CPU time of the second way is that of client, scheduler and workers together; processes of the cluster start
 before, as they do for users.
 
-Processes of Dask take CPU time for each second of wall time, also idle: they sample their own stacks every 10 ms, and watch
+Processes of Dask take CPU time for each second of wall time, also idle: they sample their own stacks, and watch
 themselves and each other. Where the machine has other work, a study takes longer and has more of this. The rate is therefore
 measured first, of the idle cluster, and a second ratio of CPU times leaves out what falls into time beyond that of free cores.
 
@@ -43,11 +43,15 @@ def timed(words: list[object]) -> tuple[float, float]:
     return time.monotonic() - begin, usage.ru_utime + usage.ru_stime
 
 
+CALM = {"DASK_DISTRIBUTED__WORKER__PROFILE__INTERVAL": "1s"}
+"""As docs/rollouts.md says to start workers: they sample their own stacks once a second, and not a hundred times."""
+
+
 def overhead(options: argparse.Namespace) -> None:
     import distributed
 
     ratios: list[tuple[float, float, float]] = []
-    with tempfile.TemporaryDirectory() as name, Cluster(Path(name), options.workers) as cluster:
+    with tempfile.TemporaryDirectory() as name, Cluster(Path(name), options.workers, **CALM) as cluster:
         with distributed.Client(cluster.address) as client:
             wait_for_workers(client, options.workers)
             client.run(__import__, "handsim")
