@@ -126,26 +126,42 @@ std::vector<ConvexMesh> some_hulls(std::mt19937& random) {
   return out;
 }
 
-/// Distance from a mesh by a loop over all faces: the highest of those below, the nearest of those above.
-std::pair<double, Vec3> distance_over_all(const ConvexMesh& mesh, const Vec3& p) {
-  std::pair<double, Vec3> highest{-1, {}}, nearest{1, {}};
+/// Distance from a mesh by a loop over all faces: the highest of those below, the nearest of those above. By
+/// numbers alone, since tests are compiled without optimisation and this is most of their time.
+std::pair<double, Vec3> distance_over_all(const ConvexMesh& mesh, const Vec3& point) {
+  std::pair<double, Vec3> nearest{1, {}};
+  double highest = -1;
+  int below = 0;
+  const double* p = point.data();
   for (int f = 0; f < mesh.face_count(); ++f) {
-    const double height = mesh.height(f, p);
-    if (f == 0 || height > highest.first) highest = {height, mesh.normal(f)};
+    const double* n = mesh.planes[static_cast<std::size_t>(f)].data();
+    const double height = n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - n[3];
+    if (f == 0 || height > highest) highest = height, below = f;
     // A face is no nearer than its plane.
     if (height <= 0 || height >= nearest.first) continue;
     bool above = true;
     const auto corners = mesh.corners(f);
     for (std::size_t i = 0; i < corners.size(); ++i) {
-      const Vec3 a = mesh.vertex(corners[i]), side = mesh.vertex(corners[(i + 1) % corners.size()]) - a;
-      if (side.cross(mesh.normal(f)).dot(p - a) <= 0) continue;
+      const double* a = mesh.vertex(corners[i]).data();
+      const double* b = mesh.vertex(corners[i + 1 < corners.size() ? i + 1 : 0]).data();
+      const double s[] = {b[0] - a[0], b[1] - a[1], b[2] - a[2]},
+                   r[] = {p[0] - a[0], p[1] - a[1], p[2] - a[2]};
+      // r . (s x n)
+      if (r[0] * (s[1] * n[2] - s[2] * n[1]) + r[1] * (s[2] * n[0] - s[0] * n[2]) +
+              r[2] * (s[0] * n[1] - s[1] * n[0]) <=
+          0)
+        continue;
       above = false;
-      const Vec3 away = p - a - std::clamp((p - a).dot(side) / side.squaredNorm(), 0.0, 1.0) * side;
-      if (away.norm() < nearest.first) nearest = {away.norm(), away.normalized()};
+      const double along =
+          (r[0] * s[0] + r[1] * s[1] + r[2] * s[2]) / (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]);
+      const double t = std::clamp(along, 0.0, 1.0);
+      const double away[] = {r[0] - t * s[0], r[1] - t * s[1], r[2] - t * s[2]};
+      const double distance = std::sqrt(away[0] * away[0] + away[1] * away[1] + away[2] * away[2]);
+      if (distance < nearest.first) nearest = {distance, Vec3(away[0], away[1], away[2]) / distance};
     }
     if (above && height < nearest.first) nearest = {height, mesh.normal(f)};
   }
-  return highest.first <= 0 ? highest : nearest;
+  return highest <= 0 ? std::pair(highest, mesh.normal(below)) : nearest;
 }
 
 // Oracle: the loop over all faces.
