@@ -175,7 +175,7 @@ class HandFilter:
         """What the next frame needs of the last one: covariances, the noise, how strongly each axis is driven, the size."""
         if self._waiting is None:
             return
-        points, F, Q, W, mixed, change, left, count = self._waiting
+        points, F, Q, W, M, change, left, count = self._waiting
         self._waiting, n = None, self._size
         self._scale(points, 0.02)
         shared = np.concatenate((self._spread[:, 6:n], self._shared[:, :n - 6]), axis=1)
@@ -185,7 +185,6 @@ class HandFilter:
         i = np.arange(n)
         P.reshape(3, n, 3, n)[:, i, :, i] += self._density[:, None, None] * Q
         # Small products, of two arrays each: BLAS takes threads for larger ones, and for those of an array with itself.
-        M = np.linalg.solve(mixed, W)
         columns = P[:, :n].copy()
         self._shared = shared - columns @ (M @ shared[:n])
         P -= columns @ (M @ columns.T)

@@ -84,8 +84,8 @@ VectorXd numbers_of(const HandPose& pose) {
 
 /// A frame of the filter of python/handsim/_live/tracker.py, up to its angles. @param ahead [3, 2] way, rates
 /// and accelerations by those before. @param spread, shared, density, F, Q as there, of the frame before
-/// @return pose, motion, change of the angles before; for `finish` W, 1 + W P, change of the rates, residuals
-/// that are left and their number; None where the points are not near the prediction
+/// @return pose, motion, change of the angles before; for `finish` W, (1 + W P)^-1 W, change of the rates,
+/// residuals that are left and their number; None where the points are not near the prediction
 py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, const Array& motion,
                   const Array& ahead, const Array& spread, const Array& shared, const VectorXd& density,
                   const Eigen::Matrix3d& F, const Eigen::Matrix3d& Q, double noise, double reach) {
@@ -116,12 +116,13 @@ py::object follow(PoseFit& self, const Points& points, const VectorXd& pose, con
   }
   const Matrix W = J.transpose() * J / (noise * noise);
   const Matrix mixed = Matrix::Identity(n, n) + W * P.topRows(n);
-  const VectorXd share = mixed.partialPivLu().solve(J.transpose() * r / (-noise * noise));
+  const Eigen::PartialPivLU<Matrix> factored(mixed);
+  const VectorXd share = factored.solve(J.transpose() * r / (-noise * noise));
   const VectorXd change = P * share;
   return py::make_tuple(numbers_of(self.tree().moved(at, change.head(n))),
                         Matrix(moved.bottomRows(2) + Eigen::Map<const Matrix>(change.data() + n, 2, n)),
-                        VectorXd(late.transpose() * share), W, mixed, VectorXd(change.segment(n, n)),
-                        VectorXd(r + J * change.head(n)), 3 * near);
+                        VectorXd(late.transpose() * share), W, Matrix(factored.solve(W)),
+                        VectorXd(change.segment(n, n)), VectorXd(r + J * change.head(n)), 3 * near);
 }
 
 }  // namespace
