@@ -16,6 +16,11 @@
 
 namespace handsim {
 
+/// In a field's form: a file must say the number.
+struct Required {};
+/// In a field's form: a number that a file does not say stays unsaid in the resolved text.
+struct Unsaid {};
+
 /// What a whole number must be.
 struct WholeRange {
   int min = 0;

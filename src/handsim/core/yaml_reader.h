@@ -169,6 +169,10 @@ class MapReader {
   void field(std::string_view key, double& out, const Quantity& range, const auto&...) {
     out = number(key, range, out);
   }
+  void field(std::string_view key, double& out, const Quantity& range, Required) { out = number(key, range); }
+  void field(std::string_view key, double& out, const Quantity& range, Unsaid) {
+    out = maybe_number(key, range).value_or(out);
+  }
   void field(std::string_view key, std::optional<double>& out, const Quantity& range, const auto&...) {
     out = maybe_number(key, range);
   }

@@ -29,22 +29,17 @@ const std::vector<std::pair<std::string_view, RowJoint>> kTypes = {{"hinge", Row
                                                                    {"fixed", RowJoint::fixed}};
 constexpr std::size_t kMostSegments = 100;
 const Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
-const Quantity kShare = {Dimension::none, 0, 1};
 
 model::JointAxis read_axis(MapReader reader) {
   model::JointAxis axis;
   axis.name = reader.name("name");
   axis.axis = reader.direction("axis");
   if (const auto range = reader.maybe_range("range", kAngle, true)) {
-    model::Stop stop{range->first, range->second};
-    stop.restitution = reader.number("bounce", kShare, 0.0);
-    stop.motor_share = reader.number("fudge_factor", kShare, 1.0);
-    axis.stop = stop;
+    axis.stop = model::Stop{range->first, range->second};
+    reader.fields(*axis.stop);
   }
   model::Tissue tissue;
-  tissue.stiffness = reader.maybe_number("stiffness", {Dimension::rotational_stiffness, 0, 1e3}).value_or(0);
-  tissue.damping = reader.maybe_number("damping", {Dimension::rotational_damping, 0, 1e3}).value_or(0);
-  tissue.rest = reader.maybe_number("rest", kAngle).value_or(0);
+  reader.fields(tissue);
   if (tissue.stiffness > 0 || tissue.damping > 0) axis.tissue = tissue;
   reader.maybe_text("source");
   reader.finish();

@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::size_t kMostMuscles = 200;
 const Quantity kArmTerm = {Dimension::none, -0.2, 0.2};
-const Quantity kTime = {Dimension::time, 1e-4, 1};
 /// An arm's polynomial holds this far beyond the range of its joint [rad].
 constexpr double kBeyond = 0.1;
 
@@ -35,13 +34,7 @@ class FileReader {
     MuscleSpec muscle;
     muscle.tendon = read_tendon(reader);
     muscle.nerve = reader.maybe_text("nerve").value_or("");
-    muscle.force = reader.number("force", {Dimension::force, 0.1, 1e4});
-    muscle.fibre_length = reader.number("fibre", {Dimension::length, 1e-3, 1});
-    muscle.tendon_length = reader.number("tendon", {Dimension::length, 0, 1});
-    muscle.pennation = reader.number("pennation", {Dimension::angle, 0, 1}, 0.0);
-    muscle.rest = reader.number("rest", {Dimension::none, 0.5, 1.5}, 1.0);
-    muscle.activation_time = reader.number("activation_time", kTime, 0.015);
-    muscle.deactivation_time = reader.number("deactivation_time", kTime, 0.05);
+    reader.fields(muscle);
     reader.maybe_text("source");
     reader.finish();
     file_.muscles.push_back(std::move(muscle));
@@ -54,10 +47,7 @@ class FileReader {
       band.tendon = read_difference(reader, band.between);
     else
       band.tendon = read_tendon(reader);
-    band.stiffness = reader.number("stiffness", {Dimension::stiffness, 0, 1e7});
-    band.damping = reader.number("damping", {Dimension::damping, 0, 1e5});
-    band.rest = reader.number("rest", {Dimension::length, -0.5, 0.5}, 0.0);
-    band.both_ways = reader.flag("both_ways", true);
+    reader.fields(band);
     reader.maybe_text("source");
     reader.finish();
     file_.bands.push_back(std::move(band));

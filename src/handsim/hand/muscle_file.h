@@ -30,6 +30,19 @@ struct MuscleSpec {
   double rest = 1;           ///< fibre length at the joints' rest angles, over the optimal one
   double activation_time = 0.015, deactivation_time = 0.05;  ///< [s]
   double excitable = 1;                                      ///< model::Muscle::excitable
+
+  /// What a row says beside its tendon and nerve (core/fields.h).
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    constexpr Quantity kTime{Dimension::time, 1e-4, 1};
+    visit("force", &MuscleSpec::force, Quantity{Dimension::force, 0.1, 1e4}, Required{});
+    visit("fibre", &MuscleSpec::fibre_length, Quantity{Dimension::length, 1e-3, 1}, Required{});
+    visit("tendon", &MuscleSpec::tendon_length, Quantity{Dimension::length, 0, 1}, Required{});
+    visit("pennation", &MuscleSpec::pennation, Quantity{Dimension::angle, 0, 1});
+    visit("rest", &MuscleSpec::rest, Quantity{Dimension::none, 0.5, 1.5});
+    visit("activation_time", &MuscleSpec::activation_time, kTime);
+    visit("deactivation_time", &MuscleSpec::deactivation_time, kTime);
+  }
 };
 
 /// A band across joints.
@@ -39,6 +52,15 @@ struct BandSpec {
   double rest = 0;                    ///< [m]
   bool both_ways = true;
   std::vector<std::string> between;  ///< muscles whose tendons it joins
+
+  /// What a row says beside its tendon (core/fields.h).
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("stiffness", &BandSpec::stiffness, Quantity{Dimension::stiffness, 0, 1e7}, Required{});
+    visit("damping", &BandSpec::damping, Quantity{Dimension::damping, 0, 1e5}, Required{});
+    visit("rest", &BandSpec::rest, Quantity{Dimension::length, -0.5, 0.5});
+    visit("both_ways", &BandSpec::both_ways);
+  }
 };
 
 /// What the path of a flexor gains where a pulley of its sheath is torn.

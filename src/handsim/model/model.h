@@ -90,6 +90,13 @@ struct Stop {
   double restitution = 0;  ///< 0..1
   double motor_share = 1;  ///< of the torque of a motor that drives off the stop, 0..1; of engine ode alone
   bool stiff = false;      ///< narrower than the joint of a hand of this model: poses may lie beyond it
+
+  /// What files say beside the range (core/fields.h).
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("bounce", &Stop::restitution, Quantity{Dimension::none, 0, 1});
+    visit("fudge_factor", &Stop::motor_share, Quantity{Dimension::none, 0, 1});
+  }
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
@@ -97,6 +104,14 @@ struct Tissue {
   double stiffness = 0;  ///< [N m/rad] or [N/m]
   double damping = 0;    ///< [N m s/rad] or [N s/m]
   double rest = 0;       ///< [rad] or [m]
+
+  /// Of the axis of a hand (core/fields.h).
+  template <class Visit>
+  static void fields(Visit&& visit) {
+    visit("stiffness", &Tissue::stiffness, Quantity{Dimension::rotational_stiffness, 0, 1e3}, Unsaid{});
+    visit("damping", &Tissue::damping, Quantity{Dimension::rotational_damping, 0, 1e3}, Unsaid{});
+    visit("rest", &Tissue::rest, Quantity{Dimension::angle, -M_PI, M_PI}, Unsaid{});
+  }
 };
 
 /// One axis of a joint.

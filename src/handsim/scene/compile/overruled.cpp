@@ -163,7 +163,7 @@ class Judge {
   }
   std::optional<Reason> hand(const Path& path) {
     const bool of_model = path[2] == "model" && path.size() > 4;
-    if (path[2] == "tissue" || (of_model && path.size() > 7 && among(path.back(), kTissueKeys)))
+    if (path[2] == "tissue" || (of_model && path.size() > 7 && has_field<model::Tissue>(path.back())))
       return off(Effect::passive_tissue);
     if (path[2] == "tendon_strain") return off(Effect::muscles);
     if (path[2] == "person" && path.size() == 4 && among(path[3], kStrengthKeys))
@@ -172,7 +172,8 @@ class Judge {
     if (path[3] == "muscles") return off(path[4] == "bands" ? Effect::tendon_coupling : Effect::muscles);
     if (path[3] == "skin")
       return surface(path.back(), [&] { return surfaces().of_hand(std::stoul(path[1])); });
-    if (path.size() > 7 && among(path.back(), kStopKeys)) return off(Effect::joint_stops);
+    if (path.size() > 7 && (path.back() == "range" || has_field<model::Stop>(path.back())))
+      return off(Effect::joint_stops);
     return std::nullopt;
   }
   bool uses_strength() const {
@@ -202,8 +203,6 @@ class Judge {
     return std::nullopt;
   }
 
-  static constexpr std::array kTissueKeys = {"stiffness", "damping", "rest"};
-  static constexpr std::array kStopKeys = {"range", "bounce", "fudge_factor"};
   static constexpr std::array kStrengthKeys = {"grip_strength", "age"};
 
   const Scene& scene_;
