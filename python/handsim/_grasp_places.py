@@ -22,7 +22,6 @@ from ._model import matrices, turned
 from ._objects import Thing
 
 Array = NDArray[np.float64]
-DIRECTIONS = {"palmar": (0.0, 0.0, -1.0), "radial": (-1.0, 0.0, 0.0), "ulnar": (1.0, 0.0, 0.0), "tip": (0.0, 0.77, -0.64)}
 ALIKE = 0.03
 """Extents that differ by this share of the size are the same: an object is symmetric, or as long as wide."""
 FLAT, ROUND = 0.6, 1.35

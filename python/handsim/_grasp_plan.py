@@ -8,17 +8,18 @@ of threads, so that the list is the same on every machine.
 from __future__ import annotations
 
 import math
+import os
 import re
 from concurrent.futures import ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
-from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
+from typing import Any, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import Error, input_error, whole
-from ._files import path_of
+from . import _core
+from ._errors import Error, input_error
 from ._grasp_places import Place, Posed, Search, Solid
 from ._grasp_types import FINGERS, GraspType, read_types
 from ._hand import Hand
@@ -56,9 +57,12 @@ SYNERGIES = 3
 """Of the shipped poses (controllers/grasp_poses.yaml), beside their mean."""
 CLOSED = ("wrap", "fist", "cracker_box", "cylinder_50mm", "hook_bar", "pinch_card", "power_can", "sphere_35mm", "sphere_70mm", "tripod")
 """These poses."""
+TOO_HEAVY = "too heavy: the hand is too weak for weight and shake"
+LIGHT = 0.01
+"""[kg]"""
 REASONS = (("cannot open round", "too large: the hand cannot open round it"), ("does not reach it", "out of reach: a finger does not reach it"),
            ("do not balance", "no opposition: forces do not balance"), ("does not press", "no opposition: it lies against a part that does not press"),
-           ("in sum", "too heavy: the hand is too weak for weight and shake"), ("stops", "out of reach: beyond the joints' stops"))
+           ("in sum", TOO_HEAVY), ("stops", "out of reach: beyond the joints' stops"))
 """What the fit says, by a part of its words."""
 
 
@@ -135,8 +139,8 @@ class Plan(NamedTuple):
 
     def nearest(self) -> Optional[Grasp]:
         """Of those that failed, the one that was the nearest to being held."""
-        failed = [grasp for grasp in self.tried if grasp.reason and grasp.margin is not None]
-        return max(failed, key=lambda grasp: grasp.margin or 0.0, default=None)
+        failed = sorted((grasp for grasp in self.tried if grasp.reason and grasp.margin is not None), key=lambda grasp: -(grasp.margin or 0.0))
+        return failed[0] if failed else None
 
 
 def _rotation(turn: Array) -> dict[str, Any]:
@@ -229,7 +233,7 @@ def _segment_forces(simulation: Simulation, side: str, name: str) -> dict[str, f
     out: dict[str, float] = {}
     for a, b, normal, force in zip(contacts.a, contacts.b, contacts.normal, contacts.force):
         one, other = (a, b) if a.startswith(f"{side}.") else (b, a)
-        if not one.startswith(f"{side}.") or not other.startswith(name):
+        if not one.startswith(f"{side}.") or not other.startswith(name) or other.startswith(f"{name}_post"):
             continue
         segment = one.split(".")[1]
         out[segment] = out.get(segment, 0.0) + abs(float(force @ normal))
@@ -255,7 +259,7 @@ class Planner:
 
     def queue(self) -> list[Place]:
         """Different places, of all types by turns."""
-        by_type = []
+        by_type = list[list[Place]]()
         for of in self.types.values():
             chosen: list[Place] = []
             for place in self.search.places(of):
@@ -297,6 +301,16 @@ class Planner:
                     return grasp._replace(type=other)
         return grasp._replace(reason=f"held, but not as {place.type.name}: {faults[0]}")
 
+    def weighed(self, grasp: Grasp) -> Grasp:
+        """With the reason that it is too heavy, where a light object of the same shape fits."""
+        if grasp.outcome or grasp.reason == TOO_HEAVY:
+            return grasp
+        try:
+            load(grasp.content, {"objects.0.mass": LIGHT})
+        except Error:
+            return grasp
+        return grasp._replace(reason=TOO_HEAVY)
+
     def unnatural(self, q: Array) -> float:
         if self._synergies is None:
             poses = load("grasp_pinch", {"solver.engine": "articulated"})._core.poses()
@@ -337,6 +351,8 @@ class Planner:
                 found = self.different([grasp for grasp in tried if not grasp.reason])
                 if told:
                     told(0.8 * max(len(tried) / most, len(found) / enough))
+            if not found:
+                tried = list(pool.map(self.weighed, tried))
             best = found[:count]
             done = [pool.submit(self.finished, grasp, ode) for grasp in best]
             best = []
@@ -355,7 +371,7 @@ class Planner:
             if not any(grasp.type == other.type and alike(grasp.place, other.place) for other in out):
                 out.append(grasp)
         seen: dict[str, int] = {}
-        order = []
+        order = list[tuple[int, Grasp]]()
         for grasp in out:
             order.append((seen.get(grasp.type.name, 0), grasp))
             seen[grasp.type.name] = seen.get(grasp.type.name, 0) + 1
@@ -373,23 +389,24 @@ def alike(a: Place, b: Place) -> bool:
     return bool(angle < TURNED and np.linalg.norm(a.position - b.position) < APART)
 
 
-def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike[str]", Mapping[str, Any]], side: str, types: Sequence[str], count: int,
-            ode: bool, threads: int, told: Told = None) -> Plan:
-    """:raises Error: of kind input for what is no object that moves, no person, no type"""
-    import os
-
+def object_file(object: Union[str, "PathLike[str]"]) -> Path:
+    """:raises Error: of kind input for what is no object file"""
     file = find_file(object, "object", "config/objects")
     if file.suffix != ".yaml":
         raise input_error("object", file, f"an object file: handsim object {file.name} makes one of a mesh")
+    return file
+
+
+def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike[str]", Mapping[str, Any]], side: str, types: Sequence[str], count: int,
+            ode: bool, threads: int, told: Told = None) -> Plan:
+    """:raises Error: of kind input for what is no object that moves, no person, no type"""
     known = read_types()
     for name in types:
         if name not in known:
-            from . import _core
-
-            raise input_error("type", name, _core.need_word(name, list(known)))
+            raise input_error("type", name, _core.need_word(str(name), list(known)))
     if side not in ("right", "left"):
         raise input_error("side", side, "right or left")
     who: Union[str, Mapping[str, Any]] = person if isinstance(person, Mapping) else str(find_file(person, "person", "config/persons").resolve())
     asked = {name: of for name, of in known.items() if not types or name in types}
-    planner = Planner(file, who, side, asked, not types, threads or os.cpu_count() or 1)
+    planner = Planner(object_file(object), who, side, asked, not types, threads or os.cpu_count() or 1)
     return planner.plan(count, ode, told)

@@ -2,14 +2,16 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from os import PathLike
 from pathlib import Path
-from typing import Any, Mapping, Optional, Sequence, Union
+from typing import Any, Mapping, Sequence, Union
 
 from . import _grasp_plan_files
-from ._errors import flag, input_error, whole
+from ._errors import flag, whole
 from ._files import ended, read_options
-from ._grasp_plan import Plan, planned
+from ._grasp_plan import Plan, object_file, planned
+from ._object import Object
 from ._progress import Progress, bar
 from ._study_files import whole_option
 
@@ -53,20 +55,28 @@ def grasps(object: Union[str, "PathLike[str]"], person: Union[str, "PathLike[str
     flag("ode", ode), whole("count", count, 1, _grasp_plan_files.MOST), whole("threads", threads, 0, MOST_THREADS)
     if isinstance(types, str):
         types = [types]
-    with bar(progress, "grasps") as told:
-        plan = planned(object, person=person, side=side, types=types, count=count, ode=ode, threads=threads, told=told)
-    if out is not None:
-        _grasp_plan_files.write(plan, out)
-    return plan
+    return _planned(object, person, side, types, count, ode, threads, out, progress)[0]
+
+
+def _planned(object: Union[str, "PathLike[str]"], person: Union[str, "PathLike[str]", Mapping[str, Any]], side: str, types: Sequence[str], count: int, ode: bool,
+             threads: int, out: Union[str, "PathLike[str]", None], progress: Progress) -> tuple[Plan, list[str]]:
+    """The plan, and the files that could not be made."""
+    with ExitStack() as stack:
+        folder = None if out is None else stack.enter_context(_grasp_plan_files.folder_of(out, [object_file(object)]))
+        if folder is not None and isinstance(object, Object):  # its own file goes with it
+            object = object.write(folder.path / "object.yaml")
+        with bar(progress, "grasps") as told:
+            plan = planned(object, person=person, side=side, types=types, count=count, ode=ode, threads=threads, told=told)
+        missing = [] if folder is None else _grasp_plan_files.write(plan, folder)
+    return plan, missing
 
 
 def _work(options: dict[str, Any]) -> int:
     count = whole_option(options, "--count", 1, _grasp_plan_files.MOST) or 5
     threads = whole_option(options, "--threads", 1, MOST_THREADS) or 0
     out = Path(options.get("--out") or Path("out") / f"{Path(options['OBJECT']).stem}_grasps")
-    plan = grasps(options["OBJECT"], options.get("--person", "median_man"), side=options.get("--side", "right"), types=options["--type"], count=count,
-                  ode="--ode" in options, threads=threads, progress=True)
-    missing = _grasp_plan_files.write(plan, out)
+    plan, missing = _planned(options["OBJECT"], options.get("--person", "median_man"), options.get("--side", "right"), options["--type"], count,
+                             "--ode" in options, threads, out, True)
     print(_grasp_plan_files.screen_text(plan) + f"files in {out}")
     for each in missing:
         print(f"missing: {each}", file=sys.stderr)

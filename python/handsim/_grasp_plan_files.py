@@ -98,16 +98,19 @@ def no_grasp_text(plan: Plan) -> str:
     return f"no grasp of {plan.object.name} by a hand of {1e3 * plan.hand_length:.0f} mm and {plan.grip_strength:.0f} N{told}\n"
 
 
-def write(plan: Plan, out: PathText, inputs: Sequence[PathText] = ()) -> list[str]:
-    """Writes the folder of a plan. :returns: what could not be made"""
-    names = ["grasps.csv", "contact_sheet.png", *(scene_name(rank) for rank in range(1, MOST + 1))]
+def folder_of(out: PathText, inputs: Sequence[PathText]) -> OutputFolder:
+    """Of a plan, before it is made. :raises Error: of kind input where it cannot be written"""
+    return OutputFolder(out, "grasps.csv", HEAD.encode(), ["contact_sheet.png", *(scene_name(rank) for rank in range(1, MOST + 1))], inputs)
+
+
+def write(plan: Plan, folder: OutputFolder) -> list[str]:
+    """Writes the files of a plan. :returns: what could not be made"""
     missing = list[str]()
-    with OutputFolder(out, names[0], HEAD.encode(), names[1:], [plan.object, *inputs]) as folder:
-        files = {"grasps.csv": table_text(plan).encode()}
-        files.update({scene_name(rank + 1): scene_text(grasp.content).encode() for rank, grasp in enumerate(plan.grasps)})
-        if plan.grasps and _core.has_pictures():
-            files["contact_sheet.png"] = png(sheet(plan, f"grasps of {plan.object.stem}"))
-        elif plan.grasps:
-            missing.append("contact_sheet.png: a build without pictures")
-        folder.write(files)
+    files = {"grasps.csv": table_text(plan).encode()}
+    files.update({scene_name(rank + 1): scene_text(grasp.content).encode() for rank, grasp in enumerate(plan.grasps)})
+    if plan.grasps and _core.has_pictures():
+        files["contact_sheet.png"] = png(sheet(plan, f"grasps of {plan.object.stem}"))
+    elif plan.grasps:
+        missing.append("contact_sheet.png: a build without pictures")
+    folder.write(files)
     return missing

@@ -20,7 +20,8 @@ from ._shipped import find_file
 from ._study_files import csv_text, json_file, number, quoted, real_of, whole_option
 
 USAGE = """handsim grasp SCENES [--out DIR]
-handsim grasp plan OBJECT [--person PERSON] [--out DIR]     finds grasps of an object: handsim grasp plan --help
+handsim grasp plan OBJECT [--person PERSON] [--side SIDE] [--type TYPE ...] [--count N] [--ode] [--threads N] [--out DIR]
+                          finds grasps of an object: handsim grasp plan --help
 
 Grasp and climb scenes in one table of each: what was held, how firmly, the least friction that holds, and the load that a hand carried on
 a hold (docs/grasping.md, docs/climbing.md). SCENES are files, shipped names, or folders of scenes.

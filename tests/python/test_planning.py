@@ -40,7 +40,7 @@ def test_contacts_are_of_the_type_that_they_look_like():
     tripod = {"thumb_distal": 8.0, "index_distal": 4.0, "middle_distal": 4.0}
     pinch = {"thumb_distal": 8.0, "index_distal": 8.0}
     key = {"thumb_distal": 8.0, "index_middle": 6.0, "index_proximal": 2.0}
-    wrap = {"palm": 30.0, "thumb_proximal": 10.0, **{f"{finger}_{part}": 8.0 for finger in FINGERS[1:] for part in ("proximal", "distal")}}
+    wrap = {"palm": 30.0, "thumb_proximal": 20.0, **{f"{finger}_{part}": 8.0 for finger in FINGERS[1:] for part in ("proximal", "distal")}}
     assert not types["tripod"].faults(tripod) and not types["palmar_pinch"].faults(pinch) and not types["lateral"].faults(key)
     assert types["tripod"].faults(pinch) == ["middle_distal does not touch"]
     assert types["palmar_pinch"].faults(tripod) == ["middle bears 25%"]
