@@ -421,7 +421,7 @@ class Search:
             if not of.size[0] * length <= thickness <= of.size[1] * length:
                 self._left_out(of, "too thick" if thickness > of.size[1] * length else "too thin")
                 continue
-            for angle in of.turns:
+            for angle in of.about_normal:
                 c, s = math.cos(angle), math.sin(angle)
                 # Out of the palm, along the row of knuckles, beyond.
                 hand = np.stack([[0.0, 0.0, -1.0], [c, s, 0.0], np.cross([0.0, 0.0, -1.0], [c, s, 0.0])], axis=1)

@@ -13,7 +13,7 @@ SEGMENTS = ("palm", "thumb_metacarpal", "thumb_proximal", "thumb_distal",
             *(f"{finger}_{part}" for finger in FINGERS[1:] for part in ("proximal", "middle", "distal")))
 SIDES = ("palmar", "radial", "ulnar", "tip")
 OBJECTS = ("long across", "long spread", "flat", "round", "any")
-KEYS = ("number", "title", "class", "opposition", "thumb", "virtual_fingers", "size", "object", "sites", "turns", "open", "closed", "forces", "touches",
+KEYS = ("number", "title", "class", "opposition", "thumb", "virtual_fingers", "size", "object", "sites", "about_normal", "open", "closed", "forces", "touches",
         "keeps_off")
 TOUCH = 0.02
 """Share of the sum of normal forces from which a part counts as touching."""
@@ -44,8 +44,8 @@ class GraspType(NamedTuple):
     """How it lies: one of OBJECTS."""
     sites: Optional[tuple[list[Site], list[Site]]]
     """Segments of the first two virtual fingers that oppose each other; None: the palm and what closes on it."""
-    turns: list[float]
-    """About the palm's normal, of palm oppositions [rad]."""
+    about_normal: list[float]
+    """Angles of the object about the palm's normal, of palm oppositions [rad]."""
     open: dict[str, list[float]]
     """By finger: flexion and abduction of its root, then the two joints beyond [rad]."""
     closed: dict[str, list[float]]
@@ -110,10 +110,10 @@ def _type(of: Document, name: str, unit: float) -> GraspType:
         sites = (split[0], split[1]) if len(split) == 2 else None
         if len(pairs) > 2:
             of.wrong(f"{key}.sites", f"{len(pairs)} lists", "two")
-    turns = of.get(f"{key}.turns", [])
-    if not isinstance(turns, list):
-        of.wrong(f"{key}.turns", repr(turns)[:60], "a list of angles")
-        turns = []
+    about = of.get(f"{key}.about_normal", [])
+    if not isinstance(about, list):
+        of.wrong(f"{key}.about_normal", repr(about)[:60], "a list of angles")
+        about = []
     of.keys(f"{key}.forces", FINGERS)
     forces = {finger: of.real(f"{key}.forces.{finger}", None, 0, 1000) for finger in FINGERS if of.get(f"{key}.forces.{finger}") is not None}
     parts = ("palm", *FINGERS, *SEGMENTS[1:])
@@ -125,7 +125,7 @@ def _type(of: Document, name: str, unit: float) -> GraspType:
         of.wrong(f"{key}.title", "nothing" if title is None else repr(title)[:60], "a text")
     return GraspType(name, int(number), str(title), of.choice(f"{key}.class", ("power", "intermediate", "precision")), opposition,
                      of.choice(f"{key}.thumb", ("abducted", "adducted")), _lists(of, f"{key}.virtual_fingers", ("palm", *FINGERS), 2), (low, high),
-                     of.choice(f"{key}.object", OBJECTS), sites, [unit * of.real(f"{key}.turns.{i}", None) for i in range(len(turns))] or [0.0],
+                     of.choice(f"{key}.object", OBJECTS), sites, [unit * of.real(f"{key}.about_normal.{i}", None) for i in range(len(about))] or [0.0],
                      _pose(of, f"{key}.open", unit), _pose(of, f"{key}.closed", unit), forces, _lists(of, f"{key}.touches", parts, 1),
                      _words(of, f"{key}.keeps_off", parts) if of.get(f"{key}.keeps_off") is not None else [])
 

@@ -19,6 +19,17 @@ from handsim._grasp_plan import ODE, _run, planned
 from handsim._grasp_plan_files import scene_text
 from handsim._grasp_types import read_types
 
+FITTING = {
+    "large_diameter": "tomato_soup_can", "small_diameter": "large_marker", "medium_wrap": "spray_can screwdriver", "adducted_thumb": "screwdriver", "light_tool": "large_marker",
+    "prismatic_4_finger": "large_marker", "prismatic_3_finger": "large_marker", "prismatic_2_finger": "large_marker", "palmar_pinch": "card", "power_disk": "tuna_fish_can",
+    "power_sphere": "tennis_ball", "precision_disk": "tuna_fish_can", "precision_sphere": "tennis_ball", "tripod": "golf_ball", "fixed_hook": "screwdriver banana",
+    "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "plate card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
+    "tripod_variation": "coin large_marker", "parallel_extension": "gelatin_box card", "adduction_grip": "large_marker coin", "tip_pinch": "coin", "lateral_tripod": "coin large_marker",
+    "sphere_4_finger": "baseball", "quadpod": "golf_ball", "sphere_3_finger": "racquetball", "stick": "large_marker", "palmar": "gelatin_box", "ring": "spray_can",
+    "ventral": "large_marker", "inferior_pincer": "strawberry"}
+"""By type, what people hold so."""
+OTHERS = ("golf_ball", "large_marker", "card", "screwdriver", "tennis_ball")
+"""Then these."""
 STATIC = ("edge_10mm", "edge_15mm", "edge_20mm", "jug", "sloper", "pinch_block")
 
 
@@ -62,7 +73,7 @@ def meshes():
         "bottle": (*lathe([(0, 0), (32, 0), (32, 120), (13, 160), (13, 200), (0, 200)]), 0.4),
         "screwdriver": (*lathe([(0, 0), (14, 0), (16, 50), (12, 95), (3, 97), (3, 195), (0, 195)]), 0.12),
         "controller": (*cells([((0, 0, 0), (14, 5, 4)), ((0, 5, 0), (4, 9, 4)), ((10, 5, 0), (14, 9, 4))], 10), 0.25),
-        "scissors_half": (*cells([((0, 0, 0), (14, 2, 1)), ((14, -2 + 2, 0), (15, 6, 1)), ((14, 5, 0), (20, 6, 1)), ((14, 0, 0), (20, 1, 1)), ((19, 0, 0), (20, 6, 1))], 6), 0.05),
+        "scissors_half": (*cells([((0, 0, 0), (14, 2, 1)), ((14, 0, 0), (15, 6, 1)), ((14, 5, 0), (20, 6, 1)), ((14, 0, 0), (20, 1, 1)), ((19, 0, 0), (20, 6, 1))], 6), 0.05),
         "key": (*cells([((0, 3, 0), (12, 5, 1)), ((12, 0, 0), (20, 8, 1)), ((1, 2, 0), (3, 3, 1))], 3), 0.02),
         "coin": (*lathe([(0, 0), (12.9, 0), (12.9, 2.3), (0, 2.3)]), 0.0085),
         "plate": (*lathe([(0, 0), (70, 0), (105, 18), (105, 22), (69, 5), (0, 5)]), 0.35),
@@ -72,10 +83,11 @@ def meshes():
 
 
 def object_files(out):
-    """Written once; a mesh that cannot be made is told and left out."""
+    """By name; meshes are written once."""
     files = {path.stem: path for path in sorted((hs.data_path() / "config/objects").glob("*.yaml")) if path.stem not in STATIC}
     for name, (vertices, faces, mass) in meshes().items():
         path = out / "meshes" / f"{name}.yaml"
+        path.parent.mkdir(exist_ok=True)
         if not path.exists():
             if name == "card":
                 vertices = vertices * [54.0, 85.0, 0.8]
@@ -85,11 +97,17 @@ def object_files(out):
 
 
 def objects(out, persons, only):
+    """Goes on from the rows of objects.csv."""
     rows = []
+    if (out / "objects.csv").exists():
+        with open(out / "objects.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
     for name, path in object_files(out).items():
         if only and name not in only:
             continue
         for person in persons:
+            if any(row["object"] == name and row["person"] == person for row in rows):
+                continue
             start = time.monotonic()
             found = planned(path, person=person, side="right", types=[], count=1, ode=False, threads=0)
             best = found.grasps[0] if found.grasps else None
@@ -99,22 +117,20 @@ def objects(out, persons, only):
             if best:
                 (out / f"held_{name}_{person}.yaml").write_text(scene_text(best.content))
             print(rows[-1], flush=True)
-    write(out / "objects.csv", rows)
+            write(out / "objects.csv", rows)
     for person in persons:
         own = [row for row in rows if row["person"] == person]
-        print(f"{person}: {sum(row['held'] for row in own)} of {len(own)} held")
+        print(f"{person}: {sum(int(row['held']) for row in own)} of {len(own)} held")
 
 
 def types(out, only):
-    """Of each type, the first of the objects that it is held on."""
+    """Of each type, the first of some objects that it is held on."""
     files, rows, pictures, captions = object_files(out), [], [], []
-    order = ["golf_ball", "large_marker", "card", "tennis_ball", "screwdriver", "coin", "gelatin_box", "tomato_soup_can", "foam_die", "tuna_fish_can", "plate", "baseball",
-             "scissors_half", "wood_block", "key", "banana", "spray_can", "apple", "strawberry", "mustard_bottle"]
     for name, of in read_types().items():
         if only and name not in only:
             continue
         start, held = time.monotonic(), None
-        for each in order:
+        for each in [*FITTING[name].split(), *(other for other in OTHERS if other not in FITTING[name])]:
             found = planned(files[each], person="median_man", side="right", types=[name], count=1, ode=False, threads=0)
             if found.grasps:
                 held = each
@@ -126,7 +142,7 @@ def types(out, only):
                 break
         rows.append({"number": of.number, "type": name, "object": held or "", "margin": f"{best.margin:.3f}" if held else "", "seconds": f"{time.monotonic() - start:.0f}"})
         print(rows[-1], flush=True)
-    write(out / "types.csv", rows)
+        write(out / "types.csv", rows)
     if pictures:
         hs.save_png(hs.contact_sheet(pictures, captions, "types of grasps", 2400), out / "types.png")
     print(f"{sum(bool(row['object']) for row in rows)} of {len(rows)} types are held on an object")
