@@ -5,7 +5,7 @@
     result = scene.run()
 
 `Hand` computes a hand, `load` compiles a scene, `Scene.run` simulates it, `Simulation` steps one, `Batch` steps many on
-all cores, `live` runs one in real time with a page, `Object` is a mesh made fit for scenes, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
+all cores, `live` runs one in real time with a page, `Object` is a mesh made fit for scenes, `grasps` finds grasps of one, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
 """
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from ._core import Frame, Motion, Snapshot
 from ._errors import Error, Fault, Problem
 from ._derivatives import Derivatives
 from ._gradients import Product, Rollout
+from ._grasp_plan_command import grasps
 from ._hand import Hand, draw_persons
 from ._live import Live, live
 from ._object import Object
@@ -62,5 +63,5 @@ def __getattr__(name: str) -> Any:
 
 __all__ = ["Batch", "Bodies", "Contacts", "Derivatives", "Error", "Fault", "Frame", "Hand", "Live", "Motion", "Muscle",
            "Muscles", "Object", "Parameters", "Problem", "Product", "Quantities", "Result", "Rollout", "Scene", "Simulation",
-           "Smoothing", "Snapshot", "Table", "Taxels", "Verdict", "contact_sheet", "data_path", "draw_persons", "gym", "has_pictures",
+           "Smoothing", "Snapshot", "Table", "Taxels", "Verdict", "contact_sheet", "data_path", "draw_persons", "grasps", "gym", "has_pictures",
            "has_reports", "live", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -20,6 +20,8 @@ from ._shipped import find_file
 from ._study_files import csv_text, json_file, number, quoted, real_of, whole_option
 
 USAGE = """handsim grasp SCENES [--out DIR]
+handsim grasp plan OBJECT [--person PERSON] [--side SIDE] [--type TYPE ...] [--count N] [--ode] [--threads N] [--out DIR]
+                          finds grasps of an object: handsim grasp plan --help
 
 Grasp and climb scenes in one table of each: what was held, how firmly, the least friction that holds, and the load that a hand carried on
 a hold (docs/grasping.md, docs/climbing.md). SCENES are files, shipped names, or folders of scenes.
@@ -325,6 +327,10 @@ VALUES = ("--out", "--side", "--set", "--engine", "--friction", "--uncertain", "
 
 def main(arguments: Sequence[str]) -> int:
     """The command. :return: exit status"""
+    if arguments and arguments[0] == "plan":
+        from ._grasp_plan_command import main as plan
+
+        return plan(arguments[1:])
     if any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
         return 0

@@ -143,7 +143,7 @@ def _of_shapes(shapes: Sequence[Shape], body: Array) -> tuple[Array, Array, list
     return np.concatenate(points), np.concatenate(normals), [corners[hull.vertices] for (corners, _), hull in zip(surfaces, hulls)]
 
 
-def _of_scene(name: str, file: Path) -> Thing:
+def of_scene(name: str, file: Path) -> Thing:
     scene = load({"title": name, "objects": [{"name": name, "file": str(file.resolve()), "position": [0, 0, 0]}], "effects": ["gravity"], "duration": "1 s"})
     model = scene._model
     body = model.bodies[-1]
@@ -234,7 +234,7 @@ def read_object(word: str) -> Thing:
     if not equals or not re.fullmatch(r"[\w-]+", name) or not text:
         raise input_error("--object", word, "NAME=FILE, as can=tomato_soup_can")
     file = find_file(text, "--object", "config/objects")
-    return _of_urdf(name, file) if file.suffix.lower() == ".urdf" else _of_scene(name, file)
+    return _of_urdf(name, file) if file.suffix.lower() == ".urdf" else of_scene(name, file)
 
 
 # Where they were.

@@ -1,0 +1,412 @@
+"""Grasps of an object by a person's hand, planned: `handsim grasp plan` and `handsim.grasps`.
+
+Places of _grasp_places.py are tried from the one of least cost on, of all types by turns: the grip is fitted to the hand when the scene is
+compiled, which refuses most; the others are run on the articulated engine, closed, lifted, held and shaken, those that are held again at half the
+step. What is held is judged by its contacts: are they those of the type? Nothing is random, and rounds have the same places whatever the number
+of threads, so that the list is the same on every machine.
+"""
+from __future__ import annotations
+
+import math
+import os
+import re
+from concurrent.futures import ThreadPoolExecutor
+from os import PathLike
+from pathlib import Path
+from typing import Any, Mapping, NamedTuple, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._errors import Error, input_error
+from ._grasp_places import Place, Posed, Search, Solid
+from ._grasp_types import FINGERS, GraspType, read_types
+from ._hand import Hand
+from ._object import axis_and_angle
+from ._objects import of_scene
+from ._progress import Told
+from ._scene import Scene, load
+from ._shipped import data_path, find_file
+from ._simulation import Simulation
+
+Array = NDArray[np.float64]
+ROUND = 8
+"""Places that are tried before the next are chosen."""
+EACH = 10
+"""Places of a type, at most."""
+SPARE = 1.5
+"""Grasps that are found for each that is asked for, so that the best can be chosen."""
+TRIES = 12
+"""Places that are tried for each grasp that is asked for, at most, and at least LEAST_TRIES."""
+LEAST_TRIES = 60
+APART, TURNED = 0.02, math.radians(25)
+"""Two places of a type are different from this distance [m] or this angle on."""
+HEIGHT = 0.35
+"""Of the object's centre in the scenes [m]."""
+WAY = 0.1
+"""Of the approach [m]."""
+HOLD = 0.6
+"""[s]"""
+SHAKE = {"acceleration": "19.6 m/s2", "frequency": "5 Hz"}
+SHARES = (0.25, 0.5, 0.75)
+"""Of the forces of a type that are tried for the least effort: the fit raises them to what weight and shake need."""
+STRAIN = math.radians(45)
+"""Distance from the shipped poses' synergies that counts as much as all of the margin, or of the strength."""
+SYNERGIES = 3
+"""Of the shipped poses (controllers/grasp_poses.yaml), beside their mean."""
+CLOSED = ("wrap", "fist", "cracker_box", "cylinder_50mm", "hook_bar", "pinch_card", "power_can", "sphere_35mm", "sphere_70mm", "tripod")
+"""These poses."""
+TOO_HEAVY = "too heavy: the hand is too weak for weight and shake"
+LIGHT = 0.01
+"""[kg]"""
+REASONS = (("cannot open round", "too large: the hand cannot open round it"), ("does not reach it", "out of reach: a finger does not reach it"),
+           ("do not balance", "no opposition: forces do not balance"), ("does not press", "no opposition: it lies against a part that does not press"),
+           ("in sum", TOO_HEAVY), ("stops", "out of reach: beyond the joints' stops"))
+"""What the fit says, by a part of its words."""
+
+
+class Grasp(NamedTuple):
+    """A place that was tried."""
+
+    place: Place
+    content: dict[str, Any]
+    """Of the scene."""
+    reason: str
+    """Why it is no grasp; empty: it is held, at half the step, too, and of its type."""
+    type: GraspType
+    outcome: str = ""
+    """On the articulated engine: ``held``, ``MOVED``, ``LOST``; empty: not run."""
+    margin: Optional[float] = None
+    """What is left of the nearest limit, as a share."""
+    outcome_half: str = ""
+    """At half the step."""
+    margin_half: Optional[float] = None
+    forces: dict[str, float] = {}
+    """Normal forces at the end of the hold by segment [N]."""
+    effort: Optional[float] = None
+    """Sum of the fingers' normal forces over the person's grip strength."""
+    least_effort: Optional[float] = None
+    """The same, of the smallest forces that are still held."""
+    unnatural: Optional[float] = None
+    """Distance of the joint angles from the synergies of the shipped poses, root of the mean square [rad]."""
+    outcome_ode: str = ""
+    margin_ode: Optional[float] = None
+    frame: Any = None
+    """At the end of the hold."""
+
+    @property
+    def held(self) -> bool:
+        """At half the step, too, and as its type is."""
+        return not self.reason
+
+    @property
+    def score(self) -> float:
+        """Margin less effort less unnaturalness."""
+        return min(self.margin or 0.0, self.margin_half or 0.0) - (self.least_effort or self.effort or 0.0) - (self.unnatural or 0.0) / STRAIN
+
+    def scene(self, overrides: Optional[Mapping[str, Any]] = None) -> Scene:
+        """The scene: close, lift, hold and shake."""
+        return load(self.content, overrides)
+
+
+class Plan(NamedTuple):
+    """What was found, and what was not."""
+
+    object: Path
+    person: str
+    grasps: list[Grasp]
+    """Those that are held, the best first."""
+    tried: list[Grasp]
+    """All places that were tried, in this order."""
+    left_out: dict[str, dict[str, int]]
+    """By type, places that were not tried, by reason."""
+    hand_length: float
+    grip_strength: float
+
+    def why(self) -> list[str]:
+        """Why there are no more grasps, a line each, the most frequent reason first."""
+        counts: dict[str, int] = {}
+        for grasp in self.tried:
+            if grasp.reason:
+                counts[grasp.reason] = counts.get(grasp.reason, 0) + 1
+        out = [f"{n} of {len(self.tried)} places that were tried: {why}" for why, n in sorted(counts.items(), key=lambda each: (-each[1], each[0]))]
+        others: dict[str, int] = {}
+        for reasons in self.left_out.values():
+            for why, n in reasons.items():
+                others[why] = others.get(why, 0) + n
+        return out + [f"{n} places not tried: {why}" for why, n in sorted(others.items(), key=lambda each: (-each[1], each[0]))]
+
+    def nearest(self) -> Optional[Grasp]:
+        """Of those that failed, the one that was the nearest to being held."""
+        failed = sorted((grasp for grasp in self.tried if grasp.reason and grasp.margin is not None), key=lambda grasp: -(grasp.margin or 0.0))
+        return failed[0] if failed else None
+
+
+def _rotation(turn: Array) -> dict[str, Any]:
+    axis, angle = axis_and_angle(turn)
+    return {"axis": [round(x, 6) for x in axis], "angle": f"{angle:.4f} deg"}
+
+
+def _pose(of: dict[str, list[float]]) -> dict[str, Any]:
+    out: dict[str, Any] = {}
+    for finger, (flexion, abduction, second, third) in of.items():
+        names = ("cmc", "mcp", "ip") if finger == "thumb" else ("mcp", "pip", "dip")
+        angles = [round(math.degrees(angle), 3) for angle in (flexion, abduction, second, third)]
+        out.update({f"{finger}_{names[0]}": angles[:2], f"{finger}_{names[1]}": angles[2], f"{finger}_{names[2]}": angles[3]})
+    return out
+
+
+def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[str, Any]], side: str, length: float, share: float = 1.0) -> dict[str, Any]:
+    """The scene of a grasp. :param share: of the type's forces"""
+    data, of = data_path().resolve(), place.type
+    # The person stands at -y: the forearm comes from there.
+    forearm = (place.rest @ place.turn.T)[:, 1]
+    yaw = math.pi / 2 - math.atan2(forearm[1], forearm[0]) if math.hypot(forearm[0], forearm[1]) > 0.2 else 0.0
+    about = np.array([[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]])
+    turn = about @ place.rest  # R_WO
+    wrist = turn @ place.turn.T
+    at = np.array([0, 0, HEIGHT]) - turn @ solid.centre
+    name = re.sub(r"[^a-z0-9_]+", "_", file.stem.lower()).strip("_") or "object"
+    name = name if name[0].isalpha() else f"object_{name}"
+    several = of.opposition == "palm" or len(of.touches) > 2
+    return {
+        "title": f"{of.name} of {name}",
+        "hands": [{"model": str(data / "handmodels/anatomical.yaml"), "person": person, "side": side, "wrist": {"mount": "driven"}}],
+        "objects": [{"name": name, "file": str(file.resolve())}],
+        "control": {"controller": str(data / "controllers/grasp.yaml"),
+                    "poses": {"title": f"poses of {of.name}", "unit": "deg", "poses": {"open": _pose(of.open), "closed": _pose(of.closed)}}},
+        "grasps": [{
+            "object": name,
+            "wrist": {"position": [round(float(x), 6) for x in at - wrist @ place.position], "rotation": _rotation(wrist)},
+            "at": {"position": [round(float(x), 6) for x in place.position], "rotation": _rotation(place.turn), "hand_length": f"{1e3 * length:.4f} mm",
+                   "touches": "palm" if of.sites is None else "nothing"},
+            "support": {"radius": f"{1e3 * place.post:.2f} mm"}, "open": "open", "closed": "closed",
+            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": str(data / "handmodels/grip_strength.yaml")},
+            "approach": {"from": [round(float(WAY * x), 5) for x in place.approach], "time": "0.5 s"},
+            "close": "0.6 s", "lift": {"height": "0.25 m", "time": "0.6 s"}, "hold": f"{HOLD} s", "shake": {"levels": [SHAKE]}}],
+        "contacts": {"materials": [{"name": "pad", "file": str(data / "handmodels/finger_pad.yaml"), **({"spinning_friction": 0} if several else {})}],
+                     "rules": [{"between": ["hands", "objects"], "material": "pad"}, {"between": ["objects", "objects"]}]},
+        "effects": ["gravity", "object_contact", "friction", "joint_stops", "passive_tissue", "actuation", "wrist_motion"],
+        "solver": {"engine": "articulated", "step": "1 ms"},
+        "record": {"every": "20 ms"}, "pictures": {"size": [480, 360]},
+        "criteria": {"joint_gap": "1 mm"}}
+
+
+def _refusal(error: Error) -> str:
+    text = str(error)
+    for words, reason in REASONS:
+        if words in text:
+            return reason
+    return text.splitlines()[0][:200]
+
+
+class _Run(NamedTuple):
+    outcome: str
+    margin: Optional[float]
+
+
+def _run(scene: Scene) -> _Run:
+    result = scene.run(frames=0, stop_lost=True, progress=False)
+    if result.fault is not None:
+        return _Run("diverged", None)
+    outcome = str(result.figures["outcome"]).split(" ")[0].rstrip(",")
+    margin = result.figures["margin"]
+    return _Run(outcome, None if margin is None else float(margin))
+
+
+def _held_until(scene: Scene) -> Simulation:
+    """At the end of the hold."""
+    simulation = Simulation(scene)
+    simulation.step(substeps=round(_hold_end(scene) / scene.step))
+    return simulation
+
+
+def _hold_end(scene: Scene) -> float:
+    """Approach, closing with its squeeze, settling, lift and hold [s]."""
+    return 0.5 + 0.6 + 0.3 + 0.3 + 0.6 + HOLD
+
+
+def _segment_forces(simulation: Simulation, side: str, name: str) -> dict[str, float]:
+    """Normal forces on an object by segment of the hand [N]."""
+    contacts = simulation.contacts
+    out: dict[str, float] = {}
+    for a, b, normal, force in zip(contacts.a, contacts.b, contacts.normal, contacts.force):
+        one, other = (a, b) if a.startswith(f"{side}.") else (b, a)
+        if not one.startswith(f"{side}.") or not other.startswith(name) or other.startswith(f"{name}_post"):
+            continue
+        segment = one.split(".")[1]
+        out[segment] = out.get(segment, 0.0) + abs(float(force @ normal))
+    return out
+
+
+class Planner:
+    """Of one object and one hand."""
+
+    def __init__(self, file: Path, person: Union[str, Mapping[str, Any]], side: str, types: Mapping[str, GraspType], free: bool, threads: int) -> None:
+        """:param free: what is held in another way than its type's counts as the type that it is"""
+        self.file, self.person, self.side, self.types, self.free = file, person, side, types, free
+        self.hand = Hand(person=person)
+        self.solid = Solid(of_scene(file.stem, file))
+        self.posed = Posed(self.hand)
+        self.search = Search(self.solid, self.posed)
+        self.strength = float(self.hand.dimensions["grip_strength"])
+        self.threads = threads
+        self._synergies: Optional[tuple[Array, Array]] = None
+
+    def content(self, place: Place, share: float = 1.0) -> dict[str, Any]:
+        return scene_of(place, self.solid, self.file, self.person, self.side, self.posed.length, share)
+
+    def queue(self) -> list[Place]:
+        """Different places, of all types by turns."""
+        by_type = list[list[Place]]()
+        for of in self.types.values():
+            chosen: list[Place] = []
+            for place in self.search.places(of):
+                if len(chosen) < EACH and not any(alike(place, other) for other in chosen):
+                    chosen.append(place)
+            by_type.append(chosen)
+        by_type.sort(key=lambda places: places[0].cost if places else math.inf)
+        return [places[k] for k in range(EACH) for places in by_type if k < len(places)]
+
+    def judged(self, place: Place) -> Grasp:
+        """Fits, runs and judges."""
+        content = self.content(place)
+        grasp = Grasp(place, content, "", place.type)
+        try:
+            scene = load(content)
+        except Error as error:
+            return grasp._replace(reason=_refusal(error))
+        run = _run(scene)
+        grasp = grasp._replace(outcome=run.outcome, margin=run.margin)
+        if run.outcome != "held":
+            return grasp._replace(reason="not held: it is " + {"MOVED": "moved by the shake", "LOST": "lost"}.get(run.outcome, run.outcome))
+        half = _run(load(content, {"solver.step": scene.step / 2}))
+        simulation = _held_until(scene)
+        forces = _segment_forces(simulation, self.side, content["objects"][0]["name"])
+        q = np.array([simulation.q[scene.coordinates.index(f"{self.side}.{name}")] for name in self.hand.coordinates])
+        grasp = grasp._replace(outcome_half=half.outcome, margin_half=half.margin, forces=forces, frame=simulation.frame(), unnatural=self.unnatural(q),
+                               effort=sum(force for segment, force in forces.items() if segment != "palm") / self.strength)
+        if half.outcome != "held":
+            return grasp._replace(reason="uncertain: not held at half the step")
+        if min(run.margin or 0.0, half.margin or 0.0) <= abs((run.margin or 0.0) - (half.margin or 0.0)):
+            return grasp._replace(reason="uncertain: the margin is within the error of the step")
+        size = place.thickness / self.posed.length
+        faults = place.type.faults(forces, size)
+        if not faults:
+            return grasp
+        if self.free:
+            for other in self.types.values():
+                if other.opposition == place.type.opposition and not other.faults(forces, size):
+                    return grasp._replace(type=other)
+        return grasp._replace(reason=f"held, but not as {place.type.name}: {faults[0]}")
+
+    def weighed(self, grasp: Grasp) -> Grasp:
+        """With the reason that it is too heavy, where a light object of the same shape fits."""
+        if grasp.outcome or grasp.reason == TOO_HEAVY:
+            return grasp
+        try:
+            load(grasp.content, {"objects.0.mass": LIGHT})
+        except Error:
+            return grasp
+        return grasp._replace(reason=TOO_HEAVY)
+
+    def unnatural(self, q: Array) -> float:
+        if self._synergies is None:
+            poses = load("grasp_pinch", {"solver.engine": "articulated"})._core.poses()
+            rows = np.array([[angle for finger in FINGERS for joint in (("cmc", "mcp", "ip") if finger == "thumb" else ("mcp", "pip", "dip"))
+                              for angle in poses[name][f"{finger}_{joint}"]] for name in CLOSED])
+            mean = rows.mean(axis=0)
+            self._synergies = mean, np.linalg.svd(rows - mean)[2][:SYNERGIES]
+        mean, axes = self._synergies
+        off = q - mean
+        return float(np.sqrt(np.mean((off - (off @ axes.T) @ axes)**2)))
+
+    def finished(self, grasp: Grasp, ode: bool) -> Grasp:
+        """With the least effort, and the verdict of ODE."""
+        least = grasp.effort
+        for share in SHARES:
+            try:
+                scene = load(self.content(grasp.place, share))
+            except Error:
+                continue
+            if _run(scene).outcome == "held":
+                forces = _segment_forces(_held_until(scene), self.side, grasp.content["objects"][0]["name"])
+                least = min(least or math.inf, sum(force for segment, force in forces.items() if segment != "palm") / self.strength)
+                break
+        grasp = grasp._replace(least_effort=least)
+        if ode:
+            run = _run(load(grasp.content, {"solver": ODE}))
+            grasp = grasp._replace(outcome_ode=run.outcome, margin_ode=run.margin)
+        return grasp
+
+    def plan(self, count: int, ode: bool, told: Told) -> Plan:
+        queue, tried, found = self.queue(), list[Grasp](), list[Grasp]()
+        most = min(len(queue), max(LEAST_TRIES, TRIES * count))
+        enough = math.ceil(SPARE * count)
+        with ThreadPoolExecutor(self.threads) as pool:
+            while len(tried) < most and len(found) < enough:
+                batch = queue[len(tried):min(most, len(tried) + ROUND)]
+                tried += pool.map(self.judged, batch)
+                found = self.different([grasp for grasp in tried if not grasp.reason])
+                if told:
+                    told(0.8 * max(len(tried) / most, len(found) / enough))
+            if not found:
+                tried = list(pool.map(self.weighed, tried))
+            best = found[:count]
+            done = [pool.submit(self.finished, grasp, ode) for grasp in best]
+            best = []
+            for each in done:
+                best.append(each.result())
+                if told:
+                    told(0.8 + 0.2 * len(best) / len(done))
+        best.sort(key=lambda grasp: -grasp.score)
+        return Plan(self.file, self.person if isinstance(self.person, str) else "", best, tried, self.search.why, self.posed.length, self.strength)
+
+    @staticmethod
+    def different(grasps: Sequence[Grasp]) -> list[Grasp]:
+        """The best of each kind: first the best of every type, then others."""
+        out: list[Grasp] = []
+        for grasp in sorted(grasps, key=lambda each: -each.score):
+            if not any(grasp.type == other.type and alike(grasp.place, other.place) for other in out):
+                out.append(grasp)
+        seen: dict[str, int] = {}
+        order = list[tuple[int, Grasp]]()
+        for grasp in out:
+            order.append((seen.get(grasp.type.name, 0), grasp))
+            seen[grasp.type.name] = seen.get(grasp.type.name, 0) + 1
+        return [grasp for _, grasp in sorted(order, key=lambda each: each[0])]
+
+
+ODE = {"engine": "ode", "method": "world_step", "step": "1 ms", "erp": 0.2, "cfm": 1e-8, "seed": 1}
+
+
+def alike(a: Place, b: Place) -> bool:
+    """Of nearly the same place in the hand."""
+    if a.part != b.part:
+        return False
+    angle = math.acos(float(np.clip((np.trace(a.turn @ b.turn.T) - 1) / 2, -1, 1)))
+    return bool(angle < TURNED and np.linalg.norm(a.position - b.position) < APART)
+
+
+def object_file(object: Union[str, "PathLike[str]"]) -> Path:
+    """:raises Error: of kind input for what is no object file"""
+    file = find_file(object, "object", "config/objects")
+    if file.suffix != ".yaml":
+        raise input_error("object", file, f"an object file: handsim object {file.name} makes one of a mesh")
+    return file
+
+
+def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike[str]", Mapping[str, Any]], side: str, types: Sequence[str], count: int,
+            ode: bool, threads: int, told: Told = None) -> Plan:
+    """:raises Error: of kind input for what is no object that moves, no person, no type"""
+    known = read_types()
+    for name in types:
+        if name not in known:
+            raise input_error("type", name, _core.need_word(str(name), list(known)))
+    if side not in ("right", "left"):
+        raise input_error("side", side, "right or left")
+    who: Union[str, Mapping[str, Any]] = person if isinstance(person, Mapping) else str(find_file(person, "person", "config/persons").resolve())
+    asked = {name: of for name, of in known.items() if not types or name in types}
+    planner = Planner(object_file(object), who, side, asked, not types, threads or os.cpu_count() or 1)
+    return planner.plan(count, ode, told)

@@ -1,0 +1,181 @@
+"""Figures of `handsim grasp plan`: objects by person, types, agreement with ODE and with a quarter of the step.
+
+    export PYTHONPATH=build/release/python
+    python3 tests/study/planning.py objects --persons median_man small_woman --out out/planning    # shipped objects and ten meshes: objects.csv
+    python3 tests/study/planning.py types --out out/planning                                       # an object for each type: types.csv, a sheet
+    python3 tests/study/planning.py checks --out out/planning                                      # grasps of `objects` on ODE and at 1/4 step
+
+The meshes need trimesh, CoACD and fast-simplification, as `handsim object` does.
+"""
+import argparse
+import csv
+import time
+from pathlib import Path
+
+import numpy as np
+
+import handsim as hs
+from handsim._grasp_plan import ODE, _run, planned
+from handsim._grasp_plan_files import scene_text
+from handsim._grasp_types import read_types
+
+FITTING = {
+    "large_diameter": "tomato_soup_can", "small_diameter": "large_marker", "medium_wrap": "spray_can screwdriver", "adducted_thumb": "screwdriver", "light_tool": "large_marker",
+    "prismatic_4_finger": "large_marker", "prismatic_3_finger": "large_marker", "prismatic_2_finger": "large_marker", "palmar_pinch": "card", "power_disk": "tuna_fish_can",
+    "power_sphere": "tennis_ball", "precision_disk": "tuna_fish_can", "precision_sphere": "tennis_ball", "tripod": "golf_ball", "fixed_hook": "screwdriver banana",
+    "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "plate card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
+    "tripod_variation": "coin large_marker", "parallel_extension": "gelatin_box card", "adduction_grip": "large_marker coin", "tip_pinch": "coin", "lateral_tripod": "coin large_marker",
+    "sphere_4_finger": "baseball", "quadpod": "golf_ball", "sphere_3_finger": "racquetball", "stick": "large_marker", "palmar": "gelatin_box", "ring": "spray_can",
+    "ventral": "large_marker", "inferior_pincer": "strawberry"}
+"""By type, what people hold so."""
+OTHERS = ("golf_ball", "large_marker", "card", "screwdriver", "tennis_ball")
+"""Then these."""
+STATIC = ("edge_10mm", "edge_15mm", "edge_20mm", "jug", "sloper", "pinch_block")
+
+
+def lathe(profile, around=32):
+    """A closed surface around z; the profile [mm] begins and ends on the axis."""
+    rows = np.array(profile, dtype=float) / 1000
+    angles = 2 * np.pi * np.arange(around) / around
+    points, rings = [], []
+    for radius, z in rows:
+        rings.append([len(points)] if radius == 0 else list(range(len(points), len(points) + around)))
+        points += [(0, 0, z)] if radius == 0 else [(radius * np.cos(a), radius * np.sin(a), z) for a in angles]
+    faces = []
+    for low, high in zip(rings, rings[1:]):
+        for k in range(around):
+            a, b = low[k % len(low)], low[(k + 1) % len(low)]
+            c, d = high[k % len(high)], high[(k + 1) % len(high)]
+            faces += ([(a, b, d)] if len(low) > 1 else []) + ([(a, d, c)] if len(high) > 1 else [])
+    return np.array(points), np.array(faces)
+
+
+def cells(boxes, step):
+    """The surface of a union of boxes on a grid. :param boxes: from and to, in steps; :param step: [mm]"""
+    top = np.array([box[1] for box in boxes]).max(axis=0)
+    full = np.zeros(top + 2, dtype=bool)
+    for low, high in boxes:
+        full[tuple(slice(a + 1, b + 1) for a, b in zip(low, high))] = True
+    points, faces = {}, []
+    for axis in range(3):
+        for way in (1, -1):
+            for cell in np.argwhere(full & ~np.roll(full, -way, axis)):
+                corner = cell + (np.arange(3) == axis) * (way > 0)
+                u, v = np.roll(np.eye(3, dtype=int), -axis - 1, axis=0)[:2]
+                square = [points.setdefault(tuple(corner + i * u + j * v), len(points)) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))][::way]
+                faces += [(square[0], square[1], square[2]), (square[0], square[2], square[3])]
+    return np.array(list(points)) * step / 1000, np.array(faces)
+
+
+def meshes():
+    """Ten objects by name: vertices [m], faces, mass [kg]."""
+    return {
+        "bottle": (*lathe([(0, 0), (32, 0), (32, 120), (13, 160), (13, 200), (0, 200)]), 0.4),
+        "screwdriver": (*lathe([(0, 0), (14, 0), (16, 50), (12, 95), (3, 97), (3, 195), (0, 195)]), 0.12),
+        "controller": (*cells([((0, 0, 0), (14, 5, 4)), ((0, 5, 0), (4, 9, 4)), ((10, 5, 0), (14, 9, 4))], 10), 0.25),
+        "scissors_half": (*cells([((0, 0, 0), (14, 2, 1)), ((14, 0, 0), (15, 6, 1)), ((14, 5, 0), (20, 6, 1)), ((14, 0, 0), (20, 1, 1)), ((19, 0, 0), (20, 6, 1))], 6), 0.05),
+        "key": (*cells([((0, 3, 0), (12, 5, 1)), ((12, 0, 0), (20, 8, 1)), ((1, 2, 0), (3, 3, 1))], 3), 0.02),
+        "coin": (*lathe([(0, 0), (12.9, 0), (12.9, 2.3), (0, 2.3)]), 0.0085),
+        "plate": (*lathe([(0, 0), (70, 0), (105, 18), (105, 22), (69, 5), (0, 5)]), 0.35),
+        "bowl": (*lathe([(0, 0), (30, 0), (65, 55), (61, 55), (27, 5), (0, 5)]), 0.3),
+        "card": (*cells([((0, 0, 0), (1, 1, 1))], 1), 0.005),
+        "spray_can": (*lathe([(0, 0), (29, 0), (29, 150), (20, 165), (20, 185), (0, 185)]), 0.35)}
+
+
+def object_files(out):
+    """By name; meshes are written once."""
+    files = {path.stem: path for path in sorted((hs.data_path() / "config/objects").glob("*.yaml")) if path.stem not in STATIC}
+    for name, (vertices, faces, mass) in meshes().items():
+        path = out / "meshes" / f"{name}.yaml"
+        path.parent.mkdir(exist_ok=True)
+        if not path.exists():
+            if name == "card":
+                vertices = vertices * [54.0, 85.0, 0.8]
+            hs.Object(vertices, faces, mass=mass, error=0.02 * float(np.ptp(vertices, axis=0).max())).write(path)
+        files[name] = path
+    return files
+
+
+def objects(out, persons, only):
+    """Goes on from the rows of objects.csv."""
+    rows = []
+    if (out / "objects.csv").exists():
+        with open(out / "objects.csv", newline="") as file:
+            rows = list(csv.DictReader(file))
+    for name, path in object_files(out).items():
+        if only and name not in only:
+            continue
+        for person in persons:
+            if any(row["object"] == name and row["person"] == person for row in rows):
+                continue
+            start = time.monotonic()
+            found = planned(path, person=person, side="right", types=[], count=1, ode=False, threads=0)
+            best = found.grasps[0] if found.grasps else None
+            rows.append({"object": name, "person": person, "held": int(best is not None), "type": best.type.name if best else "", "margin": f"{best.margin:.3f}" if best else "",
+                         "least_effort": f"{best.least_effort:.4f}" if best else "", "tried": len(found.tried), "seconds": f"{time.monotonic() - start:.0f}",
+                         "why": "" if best else found.why()[0]})
+            if best:
+                (out / f"held_{name}_{person}.yaml").write_text(scene_text(best.content))
+            print(rows[-1], flush=True)
+            write(out / "objects.csv", rows)
+    for person in persons:
+        own = [row for row in rows if row["person"] == person]
+        print(f"{person}: {sum(int(row['held']) for row in own)} of {len(own)} held")
+
+
+def types(out, only):
+    """Of each type, the first of some objects that it is held on."""
+    files, rows, pictures, captions = object_files(out), [], [], []
+    for name, of in read_types().items():
+        if only and name not in only:
+            continue
+        start, held = time.monotonic(), None
+        for each in [*FITTING[name].split(), *(other for other in OTHERS if other not in FITTING[name])]:
+            found = planned(files[each], person="median_man", side="right", types=[name], count=1, ode=False, threads=0)
+            if found.grasps:
+                held = each
+                best = found.grasps[0]
+                if hs.has_pictures:
+                    pictures.append(best.scene().draw_frames([best.frame], size=(480, 360))[0])
+                    captions.append(f"{of.number} {name}: {each}")
+                (out / f"type_{of.number:02d}_{name}.yaml").write_text(scene_text(best.content))
+                break
+        rows.append({"number": of.number, "type": name, "object": held or "", "margin": f"{best.margin:.3f}" if held else "", "seconds": f"{time.monotonic() - start:.0f}"})
+        print(rows[-1], flush=True)
+        write(out / "types.csv", rows)
+    if pictures:
+        hs.save_png(hs.contact_sheet(pictures, captions, "types of grasps", 2400), out / "types.png")
+    print(f"{sum(bool(row['object']) for row in rows)} of {len(rows)} types are held on an object")
+
+
+def checks(out, ode):
+    """Of the grasps that `objects` has found."""
+    rows = []
+    for path in sorted(out.glob("held_*.yaml")):
+        quarter = _run(hs.load(path, {"solver.step": "0.25 ms"}))
+        row = {"scene": path.stem, "quarter_step": quarter.outcome, "ode": _run(hs.load(path, {"solver": ODE})).outcome if ode else ""}
+        rows.append(row)
+        print(row, flush=True)
+        write(out / "checks.csv", rows)
+    for key in ("quarter_step", "ode"):
+        known = [row for row in rows if row[key]]
+        print(f"{key}: {sum(row[key] == 'held' for row in known)} of {len(known)} held")
+
+
+def write(path, rows):
+    with open(path, "w", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=("objects", "types", "checks"))
+    parser.add_argument("--persons", nargs="+", default=["median_man", "small_woman"])
+    parser.add_argument("--only", nargs="+", default=[])
+    parser.add_argument("--ode", action="store_true", help="of checks: on ODE, too")
+    parser.add_argument("--out", type=Path, default=Path("out/planning"))
+    asked = parser.parse_args()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.ode)}[asked.what]()
