@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Collection, Iterator, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +37,9 @@ MASS_SPREAD = 0.02
 LOADING = 0.4
 """Within which hands take over the weight before an object leaves its support [s]: chosen."""
 NEAR = 1e-3
-"""Gap within which a place touches, beside half the noise of hand and object, which are smoothed [m]."""
-WIDE = 0.012
-"""Gap within which places are reckoned with, at a price [m]: statistical hands and tracked thumbs are this far off."""
+"""Gap within which a place touches, beside the noise of hand and object [m]."""
+BEGINS, ENDS, FURTHEST = 1.0, 2.0, 3.0
+"""Noises beside NEAR: a place that comes this near touches, until it is so far away; up to the last it may bear a force, at a price."""
 SHORT = 0.1
 """Share of the weight: a frame with a larger residual has too little contact."""
 MOST_PLACES = 20
@@ -77,6 +77,13 @@ class HandMotion(NamedTuple):
     """Pose of the hand frame in the world."""
     noise: float
     """Of a coordinate of its points [m]."""
+    rms: float = 0.0
+    """Of the distances of the points from those of the fitted hand [m]."""
+
+    @property
+    def unsure(self) -> float:
+        """Standard deviation of a coordinate of a place on the hand [m]: half of the noise, which is smoothed, and what the fit leaves beside the noise."""
+        return math.hypot(self.noise / 2, math.sqrt(max(self.rms**2 / 3 - self.noise**2, 0)))
 
 
 class Result(NamedTuple):
@@ -105,7 +112,9 @@ class Result(NamedTuple):
     used: Array
     """Tangential over normal force by segment; NaN without a force."""
     gap: Array
-    """Of the nearest place by segment [m]; NaN beyond the reach."""
+    """Of the nearest place by segment [m]; NaN where it cannot bear a force."""
+    touching: NDArray[np.bool_]
+    """By segment: it touches."""
     fingers: list[str]
     """right.index, ...: the palm is one."""
     by_finger: Array
@@ -126,8 +135,10 @@ class Result(NamedTuple):
     """Of the object's links, shape (frames, links, 7)."""
     hinge: Array
     """[rad]"""
+    noise: float
+    """Standard deviation of a place of a hand against the object [m]."""
     reach: float
-    """Gap within which a place touches [m]."""
+    """Gap at which a contact begins [m]."""
     ground: float
     """Height of the support [m]; NaN without one."""
 
@@ -220,13 +231,19 @@ class _Frame(NamedTuple):
 
     row: int
     found: list[Touch]
+    on: NDArray[np.bool_]
+    """By place: it touches."""
     places: Places
     keys: list[int]
     """Of each place: hand and shape as one number, by which it is known in other frames."""
     wrench: Array
-    muscles: Optional[Muscles]
     jacobians: Array
     """Of the places, shape (n, 3, coordinates of all hands)."""
+
+    @property
+    def touching(self) -> set[int]:
+        """Keys of the places that touch."""
+        return {key for key, on in zip(self.keys, self.on) if on}
 
 
 class _Body(NamedTuple):
@@ -306,7 +323,10 @@ class Solver:
         self.load, self.ground = loads(self.of, times, asked.support)
         self.hands = _Hands(hands, self.interval)
         self.surfaces = [Surface(link) for link in thing.links]
-        self.reach = NEAR + (max([each.noise for each in hands], default=0.0) + self.of.motion.noise[0]) / 2
+        # Of a place of each hand against the object.
+        self.noises = [math.hypot(each.unsure, self.of.motion.noise[0] / 2) for each in hands]
+        self.noise = max(self.noises, default=0.0)
+        self.reach = NEAR + BEGINS * self.noise
         self.weight = thing.mass * 9.80665
         self.bones = [(k, name) for k, each in enumerate(hands) for name in dict.fromkeys(self.hands.shapes[k].names)]
         self.segments = [f"{hands[k].name}.{name}" for k, name in self.bones]
@@ -316,24 +336,30 @@ class Solver:
         self.finger = np.array([self.fingers.index(name) for name in named], dtype=np.intp)
         self.nnls = solver()
 
-    def frame(self, row: int) -> Optional[_Frame]:
-        """None where the object was not seen."""
+    def frame(self, row: int, before: Collection[int] = ()) -> Optional[_Frame]:
+        """None where the object was not seen.
+
+        :param before: keys of the places that touched in the frame before
+        """
         if not self.of.seen[row]:
             return None
         found: list[Touch] = []
         for k, each in enumerate(self.motions):
             if self.hands.tracked[k][row]:
                 shapes = self.hands.shapes[k]
-                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row], max(WIDE, 2 * self.reach))
+                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row],
+                                 NEAR + FURTHEST * self.noises[k])
         found = sorted(found, key=lambda touch: touch.gap)[:MOST_PLACES]
         gaps = np.array([touch.gap for touch in found])
-        radii = np.array([self.hands.shapes[touch.hand].radii[self.hands.shapes[touch.hand].first[touch.shape]] for touch in found])
+        noises = np.array([self.noises[touch.hand] for touch in found])
         keys = [1000 * touch.hand + touch.shape for touch in found]
+        on = gaps < NEAR + np.where(np.isin(keys, list(before)), ENDS, BEGINS) * noises
+        radii = np.array([self.hands.shapes[touch.hand].radii[self.hands.shapes[touch.hand].first[touch.shape]] for touch in found])
         twins = [keys.count(key) > 1 for key in keys]
-        fingers = np.array([self._finger(touch) for touch in found], dtype=np.intp)
+        fingers = np.array([self._finger(touch) if own else -1 for touch, own in zip(found, on)], dtype=np.intp)
         places = Places(np.array([touch.place for touch in found]).reshape(-1, 3), np.array([touch.normal for touch in found]).reshape(-1, 3),
-                        costs(radii, gaps, twins, self.reach) if found else np.zeros(0),
-                        fingers, SHARES[np.maximum(fingers, 0) % 4])
+                        costs(radii, gaps - NEAR, twins, on, noises) if found else np.zeros(0),
+                        fingers, SHARES[np.maximum(fingers, 0) % 4], self.noise)
         total = int(self.hands.starts[-1])
         jacobians = np.zeros((len(found), 3, total))
         for i, touch in enumerate(found):
@@ -341,11 +367,11 @@ class Solver:
             first = int(self.hands.starts[touch.hand])
             own = contact_jacobian(self.hands.shapes[touch.hand], each.q[row], each.wrist[row], touch)
             jacobians[i, :, first:first + own.shape[1]] = own
-        return _Frame(row, found, places, keys, self.of.wrench[row] * self.load[row], None, jacobians)
+        return _Frame(row, found, on, places, keys, self.of.wrench[row] * self.load[row], jacobians)
 
     def _finger(self, touch: Touch) -> int:
         name = segment(self.hands.shapes[touch.hand].names[touch.shape])[0]
-        return 4 * touch.hand + FINGERS.index(name) if name in FINGERS and touch.gap < self.reach else -1
+        return 4 * touch.hand + FINGERS.index(name) if name in FINGERS else -1
 
     def muscles(self, bodies: Sequence[Optional[_Body]], jacobians: Array) -> Muscles:
         total, count = int(self.hands.starts[-1]), int(self.hands.pulls[-1])
@@ -410,7 +436,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     gap, residual, torque = np.full((count, n), np.nan), np.zeros((count, 6)), np.full((count, total), np.nan)
     effort = np.full((count, len(of.motions)), np.nan)
     activation = np.full((count, pulls if asked.muscles else 0), np.nan)
-    load = of.load.copy()
+    load, touch_ = of.load.copy(), np.zeros((count, n), dtype=bool)
     shapes = [1000 * k + i for k, each in enumerate(hands.shapes) for i in range(len(each.names))]
     draws = draws_of(asked, shapes)
     bands = np.full((count, len(of.fingers), 2), np.nan) if draws else None
@@ -418,11 +444,19 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     activation_bands = np.full((*activation.shape, 2), np.nan) if draws and asked.muscles else None
     width = max(1, int(round(WINDOW / of.interval)) | 1)
     friction = asked.friction / MARGIN
+    frames: list[Optional[_Frame]] = []
+    bodies: list[list[Optional[_Body]]] = []
+    begun, touching = 0, set[int]()
 
     for first, last in of.chunks():
         low, high = max(0, first - width), min(count, last + width)
-        frames = [of.frame(row) for row in range(low, high)]
-        bodies = [[hands.body(k, row) if hands.tracked[k][row] else None for k in range(len(of.motions))] for row in range(low, high)]
+        # Of the chunk before, its end is kept: contact depends on the frame before.
+        frames, bodies = frames[low - begun:], bodies[low - begun:]
+        begun = low
+        for row in range(low + len(frames), high):
+            frames.append(of.frame(row, touching))
+            touching = frames[-1].touching if frames[-1] else set()
+            bodies.append([hands.body(k, row) if hands.tracked[k][row] else None for k in range(len(of.motions))])
 
         def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array]) -> Shared:
             muscles = of.muscles(bodies[place], frame.jacobians) if asked.muscles else None
@@ -445,19 +479,20 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
                 continue
             residual[row] = shared.residual
             pressed = np.zeros((n, 3))
-            for touch, strength, on, shift in zip(frame.found, shared.normal, shared.force, shared.shift):
+            for touch, near, strength, on, shift in zip(frame.found, frame.on, shared.normal, shared.force, shared.shift):
                 at = of.column[touch.hand, hands.shapes[touch.hand].names[touch.shape]]
                 normal[row, at] += strength
                 force[row, at] += on
                 pressed[at] += strength * (touch.place + shift)
-                gap[row, at] = np.nanmin([gap[row, at], touch.gap])
+                gap[row, at] = np.fmin(gap[row, at], touch.gap)
+                touch_[row, at] |= near
             whose = normal[row] > 1e-6
             centre[row, whose] = pressed[whose] / normal[row, whose, None]
             torque[row] = _torques(hands, bodies[i], frame, shared)
             effort[row] = _efforts(hands, bodies[i], torque[row])
             if asked.muscles:
                 activation[row] = np.minimum(shared.activation, 1)
-            near = any(touch.gap < of.reach for touch in frame.found)
+            near = bool(frame.on.any())
             share_ = max(float(np.linalg.norm(shared.residual[:3])) / of.weight, float(np.linalg.norm(shared.residual[3:])) / (0.05 * of.weight))
             if load[row] < 1 and not near:
                 load[row], residual[row], normal[row], force[row], centre[row] = 0, 0, 0, 0, np.nan
@@ -483,9 +518,9 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
         used = np.where(normal > 1e-6, np.sqrt(np.maximum(along**2 - normal**2, 0)) / normal, np.nan)
     by_finger = np.zeros((count, len(of.fingers)))
     np.add.at(by_finger.T, of.finger, normal.T)
-    return Result(of.times, of.thing.mass, state, of.of.wrench, of.of.unsure, np.nan_to_num(load), residual, of.segments, normal, force, centre, used, gap,
+    return Result(of.times, of.thing.mass, state, of.of.wrench, of.of.unsure, np.nan_to_num(load), residual, of.segments, normal, force, centre, used, gap, touch_,
                   of.fingers, by_finger, bands, hands.axes, torque, torque_bands, effort, hands.muscles if asked.muscles else [], activation,
-                  activation_bands, of.of.motion, of.of.places, np.zeros(count), of.reach, of.ground)
+                  activation_bands, of.of.motion, of.of.places, np.zeros(count), of.noise, of.reach, of.ground)
 
 
 def _torques(hands: _Hands, bodies: Sequence[Optional[_Body]], frame: _Frame, shared: Shared) -> Array:
@@ -518,15 +553,14 @@ def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw]
     fingers = np.full((len(draws), len(frames), len(of.fingers)), np.nan)
     torques = np.full((len(draws), len(frames), int(of.hands.starts[-1])), np.nan)
     activations = np.full((len(draws), len(frames), int(of.hands.pulls[-1]) if of.asked.muscles else 0), np.nan)
-    noise = max([each.noise for each in of.motions], default=0.0)
     for d, draw in enumerate(draws):
         def change(frame: _Frame) -> tuple[Places, Array]:
             random = np.random.default_rng((draw.seed, frame.row))
             weights = np.array([draw.sharing[key] for key in frame.keys])
             shares = frame.places.shares * np.array([draw.fingers[max(finger, 0)] for finger in frame.places.fingers])
-            moved = frame.places.points + noise / 2 * random.normal(size=frame.places.points.shape)
+            moved = frame.places.points + of.noise * random.normal(size=frame.places.points.shape)
             wrench = frame.wrench * draw.mass + of.of.unsure * random.normal(size=6) * of.load[frame.row]
-            return Places(moved, frame.places.normals, frame.places.costs * weights, frame.places.fingers, shares), wrench
+            return frame.places._replace(points=moved, costs=frame.places.costs * weights, shares=shares), wrench
         for i, (frame, shared) in enumerate(zip(frames, whole(draw.friction / draw.margin, change))):
             if frame is None or shared is None:
                 continue

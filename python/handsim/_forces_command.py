@@ -83,7 +83,8 @@ def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bo
         order = [each.axes.index(name if name in each.axes else f"{each.name}.{name}") for name in names]
         seen = each.status == 0
         q = np.where(seen[:, None], np.nan_to_num(each.angles[:, order]), np.nan)
-        out.append(_forces.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise))
+        out.append(_forces.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise,
+                                      float(np.sqrt(np.mean(each.rms[seen]**2)))))
     return out
 
 
