@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from . import _core
 from ._hand import Hand
 from ._model import matrices, turned
+from ._nonnegative import lapack
 from ._object_motion import Motion, smooth_columns, smoothed
 from ._objects import Course, Link, Thing
-from ._sharing import SHARES, Muscles, Places, Shared, costs, share, solver
-from ._touch import HandShapes, Surface, Touch, contact_jacobian, segment, touches
+from ._sharing import PER, SHARES, Muscles, Places, Shared, costs, share
+from ._touch import HandShapes, Surface, Touch, contact_jacobians, segment, touches
 
 Array = NDArray[np.float64]
 GRAVITY = np.array([0, 0, -9.80665])
@@ -241,6 +242,12 @@ class _Frame(NamedTuple):
     """Of the places, shape (n, 3, coordinates of all hands)."""
 
     @property
+    def hands(self) -> int:
+        """That have two fingers on the object."""
+        fingers = np.unique(self.places.fingers[self.places.fingers >= 0])
+        return int(np.count_nonzero(np.unique(fingers // 4, return_counts=True)[1] > 1))
+
+    @property
     def touching(self) -> set[int]:
         """Keys of the places that touch."""
         return {key for key, on in zip(self.keys, self.on) if on}
@@ -334,7 +341,7 @@ class Solver:
         named = [f"{hands[k].name}.{segment(name)[0]}" for k, name in self.bones]
         self.fingers = list(dict.fromkeys(named))
         self.finger = np.array([self.fingers.index(name) for name in named], dtype=np.intp)
-        self.nnls = solver()
+        self.lapack = lapack()
 
     def frame(self, row: int, before: Collection[int] = ()) -> Optional[_Frame]:
         """None where the object was not seen.
@@ -362,11 +369,11 @@ class Solver:
                         fingers, SHARES[np.maximum(fingers, 0) % 4], self.noise)
         total = int(self.hands.starts[-1])
         jacobians = np.zeros((len(found), 3, total))
-        for i, touch in enumerate(found):
-            each = self.motions[touch.hand]
-            first = int(self.hands.starts[touch.hand])
-            own = contact_jacobian(self.hands.shapes[touch.hand], each.q[row], each.wrist[row], touch)
-            jacobians[i, :, first:first + own.shape[1]] = own
+        for k, each in enumerate(self.motions):
+            own = [i for i, touch in enumerate(found) if touch.hand == k]
+            if own:
+                jacobians[own, :, int(self.hands.starts[k]):int(self.hands.starts[k + 1])] = contact_jacobians(
+                    self.hands.shapes[k], each.q[row], each.wrist[row], [found[i] for i in own])
         return _Frame(row, found, on, places, keys, self.of.wrench[row] * self.load[row], jacobians)
 
     def _finger(self, touch: Touch) -> int:
@@ -400,6 +407,20 @@ def _steady(frames: Sequence[Optional[_Frame]], found: Sequence[Optional[Shared]
                 table[row, at[key]] += force
     smooth = _smooth_rows(table, width)
     return [np.array([smooth[row, at[key]] / frame.keys.count(key) for key in frame.keys]) if frame else None for row, frame in enumerate(frames)]
+
+
+def _start(frame: _Frame, before: Optional[_Frame], shared: Optional[Shared]) -> Optional[NDArray[np.intp]]:
+    """Unknowns that were not 0 in the frame before, of the places that are there in both; other unknowns count from the end."""
+    if before is None or shared is None:
+        return None
+    ends = len(before.keys) * PER, len(frame.keys) * PER
+    forces, others = shared.active[shared.active < ends[0]], shared.active[shared.active >= ends[0]]
+    at = {(key, frame.keys[:i].count(key)): i for i, key in enumerate(frame.keys)}
+    places = np.array([at.get((key, before.keys[:i].count(key)), -1) for i, key in enumerate(before.keys)], dtype=np.intp)
+    to = places[forces // PER] if len(places) else forces
+    # Fingers' means stand between the forces and the muscles: both have as many only where the same hands touch.
+    own = others - ends[0] + ends[1] if before.hands == frame.hands else others[:0]
+    return np.concatenate([(to * PER + forces % PER)[to >= 0], own])
 
 
 class Draw(NamedTuple):
@@ -458,16 +479,21 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
             touching = frames[-1].touching if frames[-1] else set()
             bodies.append([hands.body(k, row) if hands.tracked[k][row] else None for k in range(len(of.motions))])
 
-        def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array]) -> Shared:
+        def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array], start: Optional[Any]) -> Shared:
             muscles = of.muscles(bodies[place], frame.jacobians) if asked.muscles else None
             total = float(np.linalg.norm(wrench[:3])) / mu
-            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, total, steady, muscles, of.nnls)
+            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, total, steady, muscles, start, of.lapack)
 
         def whole(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
             made = [None if frame is None else change(frame) for frame in frames]
-            rough = [None if frame is None or of_ is None else one(frame, i, *of_, mu, None) for i, (frame, of_) in enumerate(zip(frames, made))]
+            rough: list[Optional[Shared]] = []
+            last: tuple[Optional[_Frame], Optional[Shared]] = None, None
+            for i, (frame, of_) in enumerate(zip(frames, made)):
+                rough.append(None if frame is None or of_ is None else one(frame, i, *of_, mu, None, _start(frame, *last)))
+                last = frame, rough[-1]
             steady = _steady(frames, rough, width)
-            return [None if frame is None or of_ is None else one(frame, i, *of_, mu, steady[i]) for i, (frame, of_) in enumerate(zip(frames, made))]
+            return [None if frame is None or of_ is None or first_ is None else one(frame, i, *of_, mu, steady[i], first_.active)
+                    for i, (frame, of_, first_) in enumerate(zip(frames, made, rough))]
 
         found = whole(friction, lambda frame: (frame.places, frame.wrench))
         for i, (frame, shared) in enumerate(zip(frames, found)):

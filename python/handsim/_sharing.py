@@ -2,7 +2,7 @@
 
 Forces lie in cones of friction of `EDGES` edges, each place holds a moment about its normal by spinning friction, and none pulls: sums of edges with
 factors of 0 or more. Of all that give the wrench, those of the least sum of squared pressures, or with muscles of squared activations, are taken, by
-non-negative least squares (scipy.optimize.nnls).
+non-negative least squares.
 """
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import Any, NamedTuple, Optional, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import input_error
+from ._model import cross
+from ._nonnegative import Problem
 
 Array = NDArray[np.float64]
 EDGES = 8
@@ -30,6 +31,8 @@ UNEVEN = 0.4
 PAD = 5e-3
 """How far a centre of pressure may lie from its place: the radius of a pad that is pressed flat (handmodels/finger_pad.yaml) [m]. Half of it is the
 standard deviation."""
+EVENLY = 1e-3
+"""Weight of the square of a generator's force against that of a pressure: forces that give the same are spread evenly."""
 TORQUES = 30.0
 """Weight of joint torques of 0.1 N m against an activation of 1."""
 PRESSURES = 0.1
@@ -52,14 +55,6 @@ AROUND = 2 * np.pi * np.arange(EDGES) / EDGES
 COSINES, SINES = np.cos(AROUND), np.sin(AROUND)
 SIGNS = np.array([[1.0, -1, 0, 0], [0, 0, 1, -1]])
 """Of the ways along the two tangents."""
-
-
-def solver() -> Any:
-    try:
-        from scipy.optimize import nnls
-    except ImportError:
-        raise input_error("SciPy", "no Python module of this name", "it, for forces on objects: pip install scipy") from None
-    return nnls
 
 
 class Places(NamedTuple):
@@ -113,14 +108,16 @@ class Shared(NamedTuple):
     """What the places leave undone: force [N] and moment about the centre [N m], shape (6,)."""
     activation: Array
     """Of the muscles; none without."""
+    active: NDArray[np.intp]
+    """Unknowns that are not 0: the start of a problem alike."""
 
 
 def frames_of(normals: Array) -> tuple[Array, Array]:
     """Two tangents of each normal."""
     away = np.where(np.abs(normals[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
-    first = np.cross(normals, away)
+    first = cross(normals, away)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normals, first)
+    return first, cross(normals, first)
 
 
 class Generators(NamedTuple):
@@ -146,25 +143,28 @@ def generators(of: Places, centre: Array, friction: float, spin: float, bearing:
     forces[:, :EDGES] += along
     best = np.argmax(along @ bearing, axis=1)
     forces[:, EDGES + 2 + WAYS:] += along[np.arange(len(along)), best][:, None]
-    moments = np.cross((of.points - centre)[:, None], forces)
+    moments = cross((of.points - centre)[:, None], forces)
     moments[:, EDGES] += spin * of.normals
     moments[:, EDGES + 1] -= spin * of.normals
     # Of the shift and the normal force alone: what friction gives about the normal there is told from the spin after the solution.
-    shifted = of.rim * np.cross(np.stack([first, -first, second, -second], axis=1), -of.normals[:, None])
+    shifted = of.rim * cross(np.stack([first, -first, second, -second], axis=1), -of.normals[:, None])
     moments[:, EDGES + 2:] += np.concatenate([shifted, shifted], axis=1)
     return Generators(forces.reshape(-1, 3).T, moments.reshape(-1, 3).T, of.normals, first, second)
 
 
 def share(of: Places, wrench: Array, centre: Array, weight: float, friction: float, spin: float, total: float = 0.0,
-          steady: Optional[Array] = None, muscles: Optional[Muscles] = None, nnls: Any = None) -> Shared:
+          steady: Optional[Array] = None, muscles: Optional[Muscles] = None,
+          start: Optional[NDArray[np.intp]] = None, routines: Any = None) -> Shared:
     """:param wrench: force and moment about the centre that the object needs, world axes
     :param weight: of the object [N]: scale of forces
     :param total: sum of normal forces that a person takes where fingers oppose each other [N]
     :param steady: normal forces of places in neighbouring frames [N]; NaN: not known
+    :param start: unknowns that are likely not 0
     """
     n = len(of.points)
     if n == 0:
-        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]))
+        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]),
+                      np.zeros(0, dtype=np.intp))
     made = generators(of, centre, friction, spin, wrench[:3])
     forces, moments, count = made.forces, made.moments, n * PER
     scale = np.concatenate([np.full(3, BALANCE), np.full(3, BALANCE / ARM)]) / weight
@@ -199,18 +199,19 @@ def share(of: Places, wrench: Array, centre: Array, weight: float, friction: flo
         rows += [TORQUES / 0.1 * np.hstack([-pulled[counts], muscles.torques[counts]]), np.hstack([np.zeros((active, before)), np.eye(active)])]
         goals += [TORQUES / 0.1 * muscles.needed[counts], np.zeros(active)]
     matrix, goal = np.vstack(rows), np.concatenate(goals)
-    x, _ = (nnls or solver())(matrix, goal, maxiter=50 * matrix.shape[1])
+    ridge = np.full(matrix.shape[1], (EVENLY * light / weight)**2)
+    x, rows_of = Problem(matrix, goal, ridge, routines).solve(start)
     by = x[:count].reshape(n, PER)
     normal = by.sum(axis=1)
     force = np.einsum("kng,ng->nk", forces.reshape(3, n, PER), by)
     across, up = of.rim * np.einsum("kg,ng->kn", np.tile(SIGNS, (1, 2)), by[:, EDGES + 2:]) / np.maximum(normal, 1e-12)
     shift = across[:, None] * made.first + up[:, None] * made.second
     # Friction at a place that is shifted has a moment about the normal of its own.
-    turning = spin * (by[:, EDGES] - by[:, EDGES + 1]) - (np.cross(shift, force) * of.normals).sum(axis=1)
+    turning = spin * (by[:, EDGES] - by[:, EDGES + 1]) - (cross(shift, force) * of.normals).sum(axis=1)
     turning = np.clip(turning, -spin * normal, spin * normal)
-    moment = (np.cross(of.points + shift - centre, force) + turning[:, None] * of.normals).sum(axis=0)
+    moment = (cross(of.points + shift - centre, force) + turning[:, None] * of.normals).sum(axis=0)
     residual = wrench - np.concatenate([force.sum(axis=0), moment])
-    return Shared(normal, force, turning, shift, residual, x[len(x) - active:])
+    return Shared(normal, force, turning, shift, residual, x[len(x) - active:], rows_of)
 
 
 def _evenly(of: Places, sums: Array) -> Optional[tuple[Array, Array]]:
