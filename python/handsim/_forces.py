@@ -126,6 +126,8 @@ class Result(NamedTuple):
     torque: Array
     """About joint axes, with the contacts: what muscles and tissue give [N m]."""
     torque_bands: Optional[Array]
+    pressing: Array
+    """About joint axes, of the forces on the object alone [N m]."""
     effort: Array
     """Largest share of the strength about an axis that its torque takes, by hand."""
     muscles: list[str]
@@ -309,9 +311,9 @@ class _Hands:
         return _Body(torque, passive + rest @ arms + bands, arms.T * active)
 
 
-def _smooth_rows(values: Array, width: int) -> Array:
+def smooth_rows(values: Array, width: int) -> Array:
     """Moving means over frames in which a value is known."""
-    if width < 2:
+    if width < 2 or not values.size:
         return values
     known = np.isfinite(values)
     kernel = np.ones(width)
@@ -405,7 +407,7 @@ def _steady(frames: Sequence[Optional[_Frame]], found: Sequence[Optional[Shared]
             table[row] = 0.0
             for key, force in zip(frame.keys, shared.normal):
                 table[row, at[key]] += force
-    smooth = _smooth_rows(table, width)
+    smooth = smooth_rows(table, width)
     return [np.array([smooth[row, at[key]] / frame.keys.count(key) for key in frame.keys]) if frame else None for row, frame in enumerate(frames)]
 
 
@@ -455,7 +457,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     state = np.zeros(count, dtype=np.intp)
     normal, force, centre = np.zeros((count, n)), np.zeros((count, n, 3)), np.full((count, n, 3), np.nan)
     gap, residual, torque = np.full((count, n), np.nan), np.zeros((count, 6)), np.full((count, total), np.nan)
-    effort = np.full((count, len(of.motions)), np.nan)
+    pressing, effort = np.zeros((count, total)), np.full((count, len(of.motions)), np.nan)
     activation = np.full((count, pulls if asked.muscles else 0), np.nan)
     load, touch_ = of.load.copy(), np.zeros((count, n), dtype=bool)
     shapes = [1000 * k + i for k, each in enumerate(hands.shapes) for i in range(len(each.names))]
@@ -514,6 +516,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
                 touch_[row, at] |= near
             whose = normal[row] > 1e-6
             centre[row, whose] = pressed[whose] / normal[row, whose, None]
+            pressing[row] = np.einsum("nkc,nk->c", frame.jacobians, shared.force)
             torque[row] = _torques(hands, bodies[i], frame, shared)
             effort[row] = _efforts(hands, bodies[i], torque[row])
             if asked.muscles:
@@ -522,6 +525,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
             share_ = max(float(np.linalg.norm(shared.residual[:3])) / of.weight, float(np.linalg.norm(shared.residual[3:])) / (0.05 * of.weight))
             if load[row] < 1 and not near:
                 load[row], residual[row], normal[row], force[row], centre[row] = 0, 0, 0, 0, np.nan
+                pressing[row] = 0
                 state[row] = STATES.index("apart")
             else:
                 state[row] = STATES.index("short" if share_ > SHORT else "held" if load[row] >= 1 else "supported")
@@ -531,7 +535,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
             apart = state[rows] == STATES.index("apart")
             for goal, values in ((bands, kept[0]), (torque_bands, kept[1]), (activation_bands, kept[2])):
                 if goal is not None:
-                    smooth = np.stack([_smooth_rows(each, width) for each in values])[:, own]
+                    smooth = np.stack([smooth_rows(each, width) for each in values])[:, own]
                     with warnings.catch_warnings():
                         warnings.simplefilter("ignore", RuntimeWarning)  # frames in which nothing was seen
                         goal[rows] = np.moveaxis(np.nanquantile(smooth, (LOW, HIGH), axis=0), 0, -1)
@@ -545,7 +549,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     by_finger = np.zeros((count, len(of.fingers)))
     np.add.at(by_finger.T, of.finger, normal.T)
     return Result(of.times, of.thing.mass, state, of.of.wrench, of.of.unsure, np.nan_to_num(load), residual, of.segments, normal, force, centre, used, gap, touch_,
-                  of.fingers, by_finger, bands, hands.axes, torque, torque_bands, effort, hands.muscles if asked.muscles else [], activation,
+                  of.fingers, by_finger, bands, hands.axes, torque, torque_bands, pressing, effort, hands.muscles if asked.muscles else [], activation,
                   activation_bands, of.of.motion, of.of.places, np.zeros(count), of.noise, of.reach, of.ground)
 
 

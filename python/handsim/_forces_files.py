@@ -107,7 +107,7 @@ def margin(of: Result, asked: Asked) -> float:
     return asked.friction / float(np.nanmax(used)) if np.isfinite(used).any() and np.nanmax(used) > 0 else math.nan
 
 
-def summary(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
+def summary(thing: Thing, asked: Asked, of: Result, cpu: float, lifts: Sequence[dict[str, Any]]) -> str:
     figures = Figures(of)
     out: dict[str, Any] = {
         "object": thing.name, "file": thing.file.name, "mass_kg": of.mass, "frames": figures.frames, **figures.counts, "lifted": figures.lifted,
@@ -115,7 +115,7 @@ def summary(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
         "wrench_deviation": of.unsure.tolist(), "object_noise_mm": 1e3 * of.motion.noise[0], "object_noise_deg": math.degrees(of.motion.noise[1]),
         "touches_within_mm": 1e3 * of.reach, "place_noise_mm": 1e3 * of.noise, "deepest_mm": 1e3 * figures.deepest, "frames_too_deep": figures.too_deep.tolist()[:1000],
         "support_height_m": of.ground, "friction": asked.friction, "margin_against_slip": margin(of, asked), "effort": figures.effort,
-        "fingers": {finger: {"peak_N": peak, "mean_N": mean} for finger, (peak, mean) in figures.fingers.items()}, "cpu_s": cpu,
+        "fingers": {finger: {"peak_N": peak, "mean_N": mean} for finger, (peak, mean) in figures.fingers.items()}, "lifts": list(lifts), "cpu_s": cpu,
         "cpu_ms_per_frame": 1e3 * cpu / max(1, figures.frames), **origin()}
     return json_file({key: None if isinstance(value, float) and math.isnan(value) else value for key, value in out.items()})
 
@@ -139,12 +139,12 @@ def _plot(of: Result) -> tuple[str, str, str]:
     return "finger_forces", "noenhanced size 1200,800 font 'DejaVu Sans,10'", commands
 
 
-def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path) -> bool:
+def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path, lifts: Sequence[dict[str, Any]] = ()) -> bool:
     """:returns: False if gnuplot is missing or fails"""
     figures = Figures(of)
     rows = [f"{finger},{number(peak)},{number(mean)}\n" for finger, (peak, mean) in figures.fingers.items()]
     for name, content in (("contact_forces.csv", contact_table(of)), ("loads.csv", load_table(of)), ("object.csv", object_table(thing.name, of)),
-                          ("forces.json", summary(thing, asked, of, cpu).encode()), ("forces.csv", ("finger,peak[N],mean[N]\n" + "".join(rows)).encode())):
+                          ("forces.json", summary(thing, asked, of, cpu, lifts).encode()), ("forces.csv", ("finger,peak[N],mean[N]\n" + "".join(rows)).encode())):
         _core.write_file(out / name, content)
     _core.write_motion(out / "contact_forces.sto", f"{thing.name}: normal forces [N]", of.fingers, False, len(of.times), of.times, of.by_finger)
     torque = np.isfinite(of.torque).all(axis=1)

@@ -113,6 +113,16 @@ def _hull(points: Array) -> Any:
     return ConvexHull(points)
 
 
+def hull_text(corners: Array) -> str:
+    """A convex part as a Wavefront file."""
+    hull = _hull(corners)
+    middle, faces = corners.mean(axis=0), hull.simplices.copy()
+    a, b, c = (corners[faces[:, k]] for k in range(3))
+    inward = ((a - middle) * np.cross(b - a, c - a)).sum(axis=1) < 0
+    faces[inward] = faces[inward][:, [0, 2, 1]]
+    return "".join([f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in corners.tolist()] + [f"f {i + 1} {j + 1} {k + 1}\n" for i, j, k in faces.tolist()])
+
+
 def _spacing(surfaces: Sequence[tuple[Array, NDArray[Any]]]) -> float:
     area = 0.0
     for points, faces in surfaces:
