@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error
-from ._forces import BEGINS, FURTHEST, LOADING, NEAR, WINDOW, Result, Solver, smooth_rows
+from ._forces import BEGINS, FURTHEST, NEAR, WINDOW, Result, Solver, smooth_rows
 from ._model import compose, inverse
 from ._objects import Thing, hull_text
 from ._progress import Told
@@ -49,8 +49,6 @@ class Lift(NamedTuple):
     """Rows of the recording."""
 
     first: int
-    """Of the replay: where hands begin to take over the weight."""
-    free: int
     """From which the object is lifted."""
     last: int
     """Beyond it it is not."""
@@ -79,8 +77,7 @@ def lifts(of: Result) -> list[Lift]:
     interval = float(np.median(np.diff(of.times)))
     free = np.concatenate([[False], of.lifted, [False]])
     begins, ends = np.flatnonzero(free[1:] & ~free[:-1]), np.flatnonzero(free[:-1] & ~free[1:])
-    before = int(round(LOADING / interval))
-    return [Lift(max(0, int(first) - before), int(first), int(last)) for first, last in zip(begins, ends) if (last - first) * interval >= SHORTEST]
+    return [Lift(int(first), int(last)) for first, last in zip(begins, ends) if (last - first) * interval >= SHORTEST]
 
 
 def stiffness(joints: Sequence[str]) -> tuple[Array, Array]:
@@ -172,20 +169,16 @@ class Writer:
         return stem, (f'  - model: "{os.path.abspath(self.model)}"\n    person: ../person.yaml\n    side: {motion.name}\n'
                       f"    wrist: {{mount: driven, motion: {{table: {stem}_wrist.csv}}}}\n    pose: {{{angles_}}}\n")
 
-    def _start(self, lift: Lift) -> Array:
-        """Of the object: as it was, on its support."""
-        pose, ground = self.of.of.motion.poses[lift.first].copy(), self.found.ground
-        if math.isfinite(ground) and self.found.load[lift.first] < 1:
-            pose[2] += ground - self.of.of.lowest[lift.first]
-        return pose
-
     def _object(self, lift: Lift) -> str:
-        """Free, at the place where it was; a hinge is stuck at the angle of the middle of the lift."""
-        of, pose = self.of.of, self._start(lift)
-        place = f"    position: {json.dumps(pose[:3].tolist())}\n    rotation: {rotation(pose[3:])}\n    overlap: allowed\n"
+        """Free, with the place and the velocity that it had; a hinge is stuck at the angle of the middle of the lift."""
+        of, row = self.of.of, lift.first
+        pose, turning = of.motion.poses[row], of.motion.turning[row]
+        velocity = of.motion.velocity[row] + np.cross(turning, of.centre[row] - pose[:3])
+        place = (f"    position: {json.dumps(pose[:3].tolist())}\n    rotation: {rotation(pose[3:])}\n    velocity: {json.dumps(velocity.tolist())}\n"
+                 f"    angular_velocity: {json.dumps(turning.tolist())}\n    overlap: allowed\n")
         if self.thing.hinge is None and self.thing.file.suffix.lower() != ".urdf":
             return f'  - name: {self.thing.name}\n    file: "{os.path.abspath(self.thing.file)}"\n{place}'
-        middle = (lift.free + lift.last) // 2
+        middle = (lift.first + lift.last) // 2
         back = compose(inverse(of.motion.poses[middle]), of.places[middle])
         out = f"  - name: {self.thing.name}\n{place}    parts:\n"
         for link, own in zip(self.thing.links, back):
@@ -224,8 +217,8 @@ class Writer:
         simulation = Simulation(scene)
         body = next(i for i, each in enumerate(scene._model.bodies) if each.name == self.thing.name)
         of, begin = self.of.of, float(self.of.times[lift.first])
-        frame = compose(inverse(scene._model.bodies[body].zero), self._start(lift))
-        for row in range(lift.free, lift.last):
+        frame = compose(inverse(scene._model.bodies[body].zero), of.motion.poses[lift.first])
+        for row in range(lift.first, lift.last):
             steps = int(round((float(self.of.times[row]) - begin - simulation.time) / scene.step))
             try:
                 if steps > 0:
@@ -239,10 +232,10 @@ class Writer:
             angle = 2 * math.acos(min(1.0, abs(float(now[3:] @ expected[3:]))))
             if away > FAR or angle > TURNED:
                 return self._since(row, lift), self._lost(simulation, row), ""
-        return float(self.of.times[lift.last - 1] - self.of.times[lift.free]), "", ""
+        return float(self.of.times[lift.last - 1] - self.of.times[lift.first]), "", ""
 
     def _since(self, row: int, lift: Lift) -> float:
-        return float(self.of.times[max(row - 1, lift.free)] - self.of.times[lift.free])
+        return float(self.of.times[max(row - 1, lift.first)] - self.of.times[lift.first])
 
     def _lost(self, simulation: Simulation, row: int) -> str:
         """The finger that bears the least of what it should."""
@@ -280,7 +273,7 @@ def replay(thing: Thing, of: Solver, found: Result, model: Path, folder: Path, t
                 held[kind], lost[kind], problem[kind] = 0.0, "", str(error).splitlines()[0]
             if told is not None:
                 told((2 * i + j + 1) / (2 * len(every)))
-        out.append(Replayed(float(found.times[lift.free]), float(found.times[lift.last - 1]), held, lost, problem))
+        out.append(Replayed(float(found.times[lift.first]), float(found.times[lift.last - 1]), held, lost, problem))
     return out
 
 

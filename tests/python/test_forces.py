@@ -124,7 +124,7 @@ def tripod(tmp_path_factory):
     recorded = recorded_forces.simulate("tripod", "median_man", 1.5, case)
     path = recorded_forces.write_recording(recorded, folder, 5)
     done = subprocess.run([sys.executable, "-m", "handsim", "track", str(path), "--object", f"thing={folder / 'thing.yaml'}", "--support", "post",
-                           "--uncertain", "20", "--out", str(folder / "tracked")], capture_output=True, text=True)
+                           "--replay", "--uncertain", "20", "--out", str(folder / "tracked")], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return recorded, folder, recorded_forces.compare(recorded, folder), done.stdout
 
@@ -137,6 +137,16 @@ def test_forces_of_a_recording_with_known_ones(tripod):
     assert "held" in text and "how hard opposite fingers squeeze does not show" in text
     summary = json.loads((folder / "tracked/forces/forces.json").read_text())
     assert summary["held"] >= found.lifted and summary["unseen"] == 0
+
+
+# Found forces hold the free object for as long as the recording does, within 10 mm and 10 degrees; tracked angles alone do not.
+def test_a_replay_holds_the_object(tripod):
+    _, folder, _, text = tripod
+    lifts = json.loads((folder / "tracked/forces/forces.json").read_text())["lifts"]
+    assert len(lifts) == 1 and lifts[0]["held_to_the_end"] and lifts[0]["lost_by"]["forces"] == ""
+    assert lifts[0]["held_s"]["angles"] < 0.5 * lifts[0]["held_s"]["forces"]
+    assert "a simulated hand holds it with the forces" in text
+    assert hs.load(folder / "tracked/forces/lift_1_forces.yaml").objects == ["thing"]
 
 
 def test_python_gives_the_tables(tripod, tmp_path):
