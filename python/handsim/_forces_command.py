@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from . import _core, _forces, _forces_files, _replay, _track
+from . import _core, _forces, _forces_files, _forces_page, _replay, _track
 from ._errors import Error, input_error
 from ._hand import Hand
 from ._model import compose
@@ -103,4 +103,5 @@ def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told
     folder.clear()
     replayed = _replay.replay(of.thing, solver, result, _track.model_file(asked), out / "forces", told) if of.replay else []
     drawn = _forces_files.write(of.thing, of.asked, result, cpu, out / "forces", _replay.figures(replayed))
+    _core.write_file(out / "forces/forces.html", _forces_page.page(of.thing, of.asked, solver, result))
     return result, _forces_files.screen_text(of.thing, of.asked, result, cpu) + _replay.text(replayed), drawn

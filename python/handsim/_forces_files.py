@@ -14,7 +14,7 @@ from ._objects import Thing
 from ._study_files import json_file, number, origin, plain
 
 Array = NDArray[np.float64]
-NAMES = ["contact_forces.csv", "contact_forces.sto", "loads.csv", "object.csv", "torques.sto", "activations.sto", "forces.json", "forces.csv", "forces.gp",
+NAMES = ["contact_forces.csv", "contact_forces.sto", "loads.csv", "object.csv", "torques.sto", "activations.sto", "forces.json", "forces.csv", "forces.gp", "forces.html",
          "finger_forces.png", "finger_forces.svg"]
 PARTS = ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz")
 

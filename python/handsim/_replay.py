@@ -19,13 +19,13 @@ from . import _core
 from ._errors import Error
 from ._forces import BEGINS, FURTHEST, NEAR, WINDOW, Result, Solver, smooth_rows
 from ._model import compose, inverse
-from ._objects import Thing, hull_text
+from ._objects import Thing, hull_text, of_hulls
 from ._progress import Told
 from ._scene import load
 from ._shipped import data_path
 from ._simulation import Simulation
 from ._study_files import number
-from ._touch import contact_jacobians, touches
+from ._touch import Surface, contact_jacobians, touches
 from ._yaml import parser
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ def pad_stiffness() -> float:
     return float(parser().safe_load((data_path() / "handmodels/finger_pad.yaml").read_text(encoding="utf-8"))["stiffness"])
 
 
-def moved(of: Solver, found: Result, k: int, row: int, pad: float) -> tuple[Array, Array]:
+def moved(of: Solver, found: Result, surfaces: Sequence[Surface], k: int, row: int, pad: float) -> tuple[Array, Array]:
     """Angles and wrist place by which a hand is moved within its noise, for pads to be as deep as their load asks."""
     motion, shapes = of.motions[k], of.hands.shapes[k]
     q, wrist = motion.q[row].copy(), motion.wrist[row].copy()
@@ -106,7 +106,7 @@ def moved(of: Solver, found: Result, k: int, row: int, pad: float) -> tuple[Arra
     prior = np.concatenate([np.full(count, LEVER / noise), np.full(3, 1 / noise)])
     change = np.zeros(count + 3)
     for _ in range(PASSES):
-        places = touches(shapes, k, shapes.bodies(q, wrist), of.surfaces, of.of.places[row], NEAR + (FURTHEST + BEGINS) * noise)
+        places = touches(shapes, k, shapes.bodies(q, wrist), surfaces, of.of.places[row], NEAR + (FURTHEST + BEGINS) * noise)
         wanted = np.array([found.normal[row, of.column[k, shapes.names[touch.shape]]] / pad for touch in places])
         gaps = np.array([touch.gap for touch in places])
         used = (wanted > 1e-6) | (gaps < 0)
@@ -130,6 +130,9 @@ class Writer:
     def __init__(self, thing: Thing, of: Solver, found: Result, model: Path, folder: Path) -> None:
         self.thing, self.of, self.found, self.model, self.folder = thing, of, found, model, folder
         self.pad = pad_stiffness()
+        self.meshes = thing.file.suffix.lower() == ".urdf"
+        # Meshes are simulated as their convex hulls: the hands are moved to these.
+        self.surfaces = [Surface(of_hulls(link)) for link in thing.links] if self.meshes else of.surfaces
 
     def _hand(self, k: int, lift: Lift, kind: str, name: str) -> tuple[Optional[str], str]:
         """Tables, and the text of the hand; None where it was not tracked in the lift."""
@@ -142,7 +145,7 @@ class Writer:
         q, wrist = of.hands.smooth[k][rows].copy(), motion.wrist[rows].copy()
         targets = q + lags * of.hands.rates[k][rows]
         if kind == "forces":
-            changes = [moved(of, self.found, k, int(row), self.pad) for row in rows]
+            changes = [moved(of, self.found, self.surfaces, k, int(row), self.pad) for row in rows]
             width = max(1, int(round(WINDOW / of.interval)) | 1)
             angles, places = (smooth_rows(np.array([each[part] for each in changes]), width) for part in (0, 1))
             pressing = self.found.pressing[rows, int(of.hands.starts[k]):int(of.hands.starts[k + 1])]
@@ -176,7 +179,7 @@ class Writer:
         velocity = of.motion.velocity[row] + np.cross(turning, of.centre[row] - pose[:3])
         place = (f"    position: {json.dumps(pose[:3].tolist())}\n    rotation: {rotation(pose[3:])}\n    velocity: {json.dumps(velocity.tolist())}\n"
                  f"    angular_velocity: {json.dumps(turning.tolist())}\n    overlap: allowed\n")
-        if self.thing.hinge is None and self.thing.file.suffix.lower() != ".urdf":
+        if not self.meshes:
             return f'  - name: {self.thing.name}\n    file: "{os.path.abspath(self.thing.file)}"\n{place}'
         middle = (lift.first + lift.last) // 2
         back = compose(inverse(of.motion.poses[middle]), of.places[middle])
