@@ -486,18 +486,20 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
             total = float(np.linalg.norm(wrench[:3])) / mu
             return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, total, steady, muscles, start, of.lapack)
 
-        def whole(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
+        def drawn(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
+            """Every frame for itself, from the set of the likeliest solution: what is drawn is smoothed together."""
             made = [None if frame is None else change(frame) for frame in frames]
-            rough: list[Optional[Shared]] = []
-            last: tuple[Optional[_Frame], Optional[Shared]] = None, None
-            for i, (frame, of_) in enumerate(zip(frames, made)):
-                rough.append(None if frame is None or of_ is None else one(frame, i, *of_, mu, None, _start(frame, *last)))
-                last = frame, rough[-1]
-            steady = _steady(frames, rough, width)
-            return [None if frame is None or of_ is None or first_ is None else one(frame, i, *of_, mu, steady[i], first_.active)
+            return [None if frame is None or of_ is None or first_ is None else one(frame, i, *of_, mu, None, first_.active)
                     for i, (frame, of_, first_) in enumerate(zip(frames, made, rough))]
 
-        found = whole(friction, lambda frame: (frame.places, frame.wrench))
+        rough: list[Optional[Shared]] = []
+        last_: tuple[Optional[_Frame], Optional[Shared]] = None, None
+        for i, frame in enumerate(frames):
+            rough.append(None if frame is None else one(frame, i, frame.places, frame.wrench, friction, None, _start(frame, *last_)))
+            last_ = frame, rough[-1]
+        steady = _steady(frames, rough, width)
+        found = [None if frame is None or first_ is None else one(frame, i, frame.places, frame.wrench, friction, steady[i], first_.active)
+                 for i, (frame, first_) in enumerate(zip(frames, rough))]
         for i, (frame, shared) in enumerate(zip(frames, found)):
             row = low + i
             if not first <= row < last:
@@ -530,7 +532,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
             else:
                 state[row] = STATES.index("short" if share_ > SHORT else "held" if load[row] >= 1 else "supported")
         if draws:
-            kept = _drawn(of, frames, draws, whole, bodies)
+            kept = _drawn(of, frames, draws, drawn, bodies)
             rows, own = slice(first, last), slice(first - low, last - low)
             apart = state[rows] == STATES.index("apart")
             for goal, values in ((bands, kept[0]), (torque_bands, kept[1]), (activation_bands, kept[2])):
@@ -577,7 +579,7 @@ def _efforts(hands: _Hands, bodies: Sequence[Optional[_Body]], torque: Array) ->
     return out
 
 
-def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw], whole: Any,
+def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw], solved: Any,
            bodies: Sequence[Sequence[Optional[_Body]]]) -> tuple[Array, Array, Array]:
     """Normal forces of fingers, torques and activations of each draw, shape (draws, frames, ...)."""
     fingers = np.full((len(draws), len(frames), len(of.fingers)), np.nan)
@@ -591,7 +593,7 @@ def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw]
             moved = frame.places.points + of.noise * random.normal(size=frame.places.points.shape)
             wrench = frame.wrench * draw.mass + of.of.unsure * random.normal(size=6) * of.load[frame.row]
             return frame.places._replace(points=moved, costs=frame.places.costs * weights, shares=shares), wrench
-        for i, (frame, shared) in enumerate(zip(frames, whole(draw.friction / draw.margin, change))):
+        for i, (frame, shared) in enumerate(zip(frames, solved(draw.friction / draw.margin, change))):
             if frame is None or shared is None:
                 continue
             fingers[d, i] = 0
