@@ -59,14 +59,24 @@ def run(source: Path, folder: Path, more: Sequence[str]) -> Optional[dict[str, A
     return figures
 
 
+def replays(rows: Sequence[dict[str, Any]]) -> str:
+    """With --replay: lifts that are held to their end, and how much longer than with angles alone, in the median."""
+    lifts = [lift for row in rows for lift in row["lifts"]]
+    if not lifts:
+        return ""
+    longer = np.median([lift["held_s"]["forces"] / max(lift["held_s"]["angles"], 1 / RATE) for lift in lifts])
+    return f"   {sum(lift['held_to_the_end'] for lift in lifts)} of {len(lifts)} lifts held, {longer:.1f} times as long as by angles"
+
+
 def line(name: str, rows: Sequence[dict[str, Any]]) -> str:
     """Of some sequences: frames that are lifted, and of them those whose residual is small."""
     lifted = sum(row["lifted"] for row in rows)
     good = sum(row["lifted"] * (row["share_of_lifted_frames_with_residual_at_most_10_percent"] or 0) for row in rows)
     square = sum(row["lifted"] * (row["residual_share_rms"] or 0)**2 for row in rows)
+    time = sum(row["frames"] * row["cpu_ms_per_frame"] for row in rows) / max(1, sum(row["frames"] for row in rows))
     short, deep = sum(row["short"] for row in rows), max((row["deepest_mm"] or 0 for row in rows), default=math.nan)
     return (f"{name:<22} {sum(row['frames'] for row in rows):>7} {lifted:>7} {100 * good / max(lifted, 1):>10.0f} % "
-            f"{100 * math.sqrt(square / max(lifted, 1)):>8.0f} % {short:>7} {deep:>8.1f}")
+            f"{100 * math.sqrt(square / max(lifted, 1)):>8.0f} % {short:>7} {deep:>8.1f} {time:>6.1f}{replays(rows)}")
 
 
 def main() -> int:
@@ -79,7 +89,7 @@ def main() -> int:
         return 0
     sources = [each for each in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob("*.npz")) if each.name.startswith(tuple(asked.only))]
     rows: dict[str, dict[str, Any]] = {}
-    print(f"{'sequence':<22} {'frames':>7} {'lifted':>7} {'within 10 %':>12} {'residual':>10} {'short':>7} {'deepest':>8}")
+    print(f"{'sequence':<22} {'frames':>7} {'lifted':>7} {'within 10 %':>12} {'residual':>10} {'short':>7} {'deepest':>8} {'ms':>6}")
     for source in sources:
         found = run(source, asked.out / source.stem, more)
         if found is None:
