@@ -477,8 +477,9 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
         frames, bodies = frames[low - begun:], bodies[low - begun:]
         begun = low
         for row in range(low + len(frames), high):
-            frames.append(of.frame(row, touching))
-            touching = frames[-1].touching if frames[-1] else set()
+            made = of.frame(row, touching)
+            frames.append(made)
+            touching = set() if made is None else made.touching
             bodies.append([hands.body(k, row) if hands.tracked[k][row] else None for k in range(len(of.motions))])
 
         def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array], start: Optional[Any]) -> Shared:
@@ -488,9 +489,8 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
 
         def drawn(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
             """Every frame for itself, from the set of the likeliest solution: what is drawn is smoothed together."""
-            made = [None if frame is None else change(frame) for frame in frames]
-            return [None if frame is None or of_ is None or first_ is None else one(frame, i, *of_, mu, None, first_.active)
-                    for i, (frame, of_, first_) in enumerate(zip(frames, made, rough))]
+            return [None if frame is None or first_ is None else one(frame, i, *change(frame), mu, None, first_.active)
+                    for i, (frame, first_) in enumerate(zip(frames, rough))]
 
         rough: list[Optional[Shared]] = []
         last_: tuple[Optional[_Frame], Optional[Shared]] = None, None
@@ -509,13 +509,13 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
                 continue
             residual[row] = shared.residual
             pressed = np.zeros((n, 3))
-            for touch, near, strength, on, shift in zip(frame.found, frame.on, shared.normal, shared.force, shared.shift):
+            for touch, touched, strength, on, shift in zip(frame.found, frame.on, shared.normal, shared.force, shared.shift):
                 at = of.column[touch.hand, hands.shapes[touch.hand].names[touch.shape]]
                 normal[row, at] += strength
                 force[row, at] += on
                 pressed[at] += strength * (touch.place + shift)
                 gap[row, at] = np.fmin(gap[row, at], touch.gap)
-                touch_[row, at] |= near
+                touch_[row, at] |= touched
             whose = normal[row] > 1e-6
             centre[row, whose] = pressed[whose] / normal[row, whose, None]
             pressing[row] = np.einsum("nkc,nk->c", frame.jacobians, shared.force)
