@@ -422,7 +422,7 @@ def _start(frame: _Frame, before: Optional[_Frame], shared: Optional[Shared]) ->
     to = places[forces // PER] if len(places) else forces
     # Fingers' means stand between the forces and the muscles: both have as many only where the same hands touch.
     own = others - ends[0] + ends[1] if before.hands == frame.hands else others[:0]
-    return np.concatenate([(to * PER + forces % PER)[to >= 0], own])
+    return np.asarray(np.concatenate([(to * PER + forces % PER)[to >= 0], own]), dtype=np.intp)
 
 
 class Draw(NamedTuple):

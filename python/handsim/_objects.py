@@ -115,7 +115,7 @@ def _hull(points: Array) -> Any:
 
 def hull_faces(corners: Array) -> NDArray[np.intp]:
     """Triangles of a convex part, outwards."""
-    middle, faces = corners.mean(axis=0), _hull(corners).simplices.astype(np.intp)
+    middle, faces = corners.mean(axis=0), np.array(_hull(corners).simplices, dtype=np.intp)
     a, b, c = (corners[faces[:, k]] for k in range(3))
     inward = ((a - middle) * np.cross(b - a, c - a)).sum(axis=1) < 0
     faces[inward] = faces[inward][:, [0, 2, 1]]

@@ -251,8 +251,8 @@ class Writer:
                 finger = name.partition("_")[0]
                 if finger in pressed:
                     pressed[finger] += abs(float(force @ direction))
-        shares = {finger: pressed[finger] / force for finger, force in zip(self.found.fingers, self.found.by_finger[row]) if force > 1e-3}
-        least = min(shares, key=lambda finger: shares[finger], default="")
+        shares = {finger: float(pressed[finger] / force) for finger, force in zip(self.found.fingers, self.found.by_finger[row]) if force > 1e-3}
+        least = min(shares, key=shares.__getitem__, default="")
         return least if least and shares[least] < LOST else "it slips" if least else ""
 
 
