@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import Any, Callable, Iterator, NamedTuple, Optional, Sequence
+from typing import Any, Callable, Collection, Iterator, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from . import _core
 from ._hand import Hand
 from ._model import matrices, turned
+from ._nonnegative import lapack
 from ._object_motion import Motion, smooth_columns, smoothed
 from ._objects import Course, Link, Thing
-from ._sharing import SHARES, Muscles, Places, Shared, costs, share, solver
-from ._touch import HandShapes, Surface, Touch, contact_jacobian, segment, touches
+from ._sharing import PER, SHARES, Muscles, Places, Shared, costs, share
+from ._touch import HandShapes, Surface, Touch, contact_jacobians, segment, touches
 
 Array = NDArray[np.float64]
 GRAVITY = np.array([0, 0, -9.80665])
@@ -37,9 +38,9 @@ MASS_SPREAD = 0.02
 LOADING = 0.4
 """Within which hands take over the weight before an object leaves its support [s]: chosen."""
 NEAR = 1e-3
-"""Gap within which a place touches, beside half the noise of hand and object, which are smoothed [m]."""
-WIDE = 0.012
-"""Gap within which places are reckoned with, at a price [m]: statistical hands and tracked thumbs are this far off."""
+"""Gap within which a place touches, beside the noise of hand and object [m]."""
+BEGINS, ENDS, FURTHEST = 1.0, 2.0, 3.0
+"""Noises beside NEAR: a place that comes this near touches, until it is so far away; up to the last it may bear a force, at a price."""
 SHORT = 0.1
 """Share of the weight: a frame with a larger residual has too little contact."""
 MOST_PLACES = 20
@@ -77,6 +78,13 @@ class HandMotion(NamedTuple):
     """Pose of the hand frame in the world."""
     noise: float
     """Of a coordinate of its points [m]."""
+    rms: float = 0.0
+    """Of the distances of the points from those of the fitted hand [m]."""
+
+    @property
+    def unsure(self) -> float:
+        """Standard deviation of a coordinate of a place on the hand [m]: half of the noise, which is smoothed, and what the fit leaves beside the noise."""
+        return math.hypot(self.noise / 2, math.sqrt(max(self.rms**2 / 3 - self.noise**2, 0)))
 
 
 class Result(NamedTuple):
@@ -105,7 +113,9 @@ class Result(NamedTuple):
     used: Array
     """Tangential over normal force by segment; NaN without a force."""
     gap: Array
-    """Of the nearest place by segment [m]; NaN beyond the reach."""
+    """Of the nearest place by segment [m]; NaN where it cannot bear a force."""
+    touching: NDArray[np.bool_]
+    """By segment: it touches."""
     fingers: list[str]
     """right.index, ...: the palm is one."""
     by_finger: Array
@@ -116,6 +126,8 @@ class Result(NamedTuple):
     torque: Array
     """About joint axes, with the contacts: what muscles and tissue give [N m]."""
     torque_bands: Optional[Array]
+    pressing: Array
+    """About joint axes, of the forces on the object alone [N m]."""
     effort: Array
     """Largest share of the strength about an axis that its torque takes, by hand."""
     muscles: list[str]
@@ -126,8 +138,10 @@ class Result(NamedTuple):
     """Of the object's links, shape (frames, links, 7)."""
     hinge: Array
     """[rad]"""
+    noise: float
+    """Standard deviation of a place of a hand against the object [m]."""
     reach: float
-    """Gap within which a place touches [m]."""
+    """Gap at which a contact begins [m]."""
     ground: float
     """Height of the support [m]; NaN without one."""
 
@@ -220,13 +234,25 @@ class _Frame(NamedTuple):
 
     row: int
     found: list[Touch]
+    on: NDArray[np.bool_]
+    """By place: it touches."""
     places: Places
     keys: list[int]
     """Of each place: hand and shape as one number, by which it is known in other frames."""
     wrench: Array
-    muscles: Optional[Muscles]
     jacobians: Array
     """Of the places, shape (n, 3, coordinates of all hands)."""
+
+    @property
+    def hands(self) -> int:
+        """That have two fingers on the object."""
+        fingers = np.unique(self.places.fingers[self.places.fingers >= 0])
+        return int(np.count_nonzero(np.unique(fingers // 4, return_counts=True)[1] > 1))
+
+    @property
+    def touching(self) -> set[int]:
+        """Keys of the places that touch."""
+        return {key for key, on in zip(self.keys, self.on) if on}
 
 
 class _Body(NamedTuple):
@@ -285,9 +311,9 @@ class _Hands:
         return _Body(torque, passive + rest @ arms + bands, arms.T * active)
 
 
-def _smooth_rows(values: Array, width: int) -> Array:
+def smooth_rows(values: Array, width: int) -> Array:
     """Moving means over frames in which a value is known."""
-    if width < 2:
+    if width < 2 or not values.size:
         return values
     known = np.isfinite(values)
     kernel = np.ones(width)
@@ -306,7 +332,10 @@ class Solver:
         self.load, self.ground = loads(self.of, times, asked.support)
         self.hands = _Hands(hands, self.interval)
         self.surfaces = [Surface(link) for link in thing.links]
-        self.reach = NEAR + (max([each.noise for each in hands], default=0.0) + self.of.motion.noise[0]) / 2
+        # Of a place of each hand against the object.
+        self.noises = [math.hypot(each.unsure, self.of.motion.noise[0] / 2) for each in hands]
+        self.noise = max(self.noises, default=0.0)
+        self.reach = NEAR + BEGINS * self.noise
         self.weight = thing.mass * 9.80665
         self.bones = [(k, name) for k, each in enumerate(hands) for name in dict.fromkeys(self.hands.shapes[k].names)]
         self.segments = [f"{hands[k].name}.{name}" for k, name in self.bones]
@@ -314,38 +343,44 @@ class Solver:
         named = [f"{hands[k].name}.{segment(name)[0]}" for k, name in self.bones]
         self.fingers = list(dict.fromkeys(named))
         self.finger = np.array([self.fingers.index(name) for name in named], dtype=np.intp)
-        self.nnls = solver()
+        self.lapack = lapack()
 
-    def frame(self, row: int) -> Optional[_Frame]:
-        """None where the object was not seen."""
+    def frame(self, row: int, before: Collection[int] = ()) -> Optional[_Frame]:
+        """None where the object was not seen.
+
+        :param before: keys of the places that touched in the frame before
+        """
         if not self.of.seen[row]:
             return None
         found: list[Touch] = []
         for k, each in enumerate(self.motions):
             if self.hands.tracked[k][row]:
                 shapes = self.hands.shapes[k]
-                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row], max(WIDE, 2 * self.reach))
+                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row],
+                                 NEAR + FURTHEST * self.noises[k])
         found = sorted(found, key=lambda touch: touch.gap)[:MOST_PLACES]
         gaps = np.array([touch.gap for touch in found])
-        radii = np.array([self.hands.shapes[touch.hand].radii[self.hands.shapes[touch.hand].first[touch.shape]] for touch in found])
+        noises = np.array([self.noises[touch.hand] for touch in found])
         keys = [1000 * touch.hand + touch.shape for touch in found]
+        on = gaps < NEAR + np.where(np.isin(keys, list(before)), ENDS, BEGINS) * noises
+        radii = np.array([self.hands.shapes[touch.hand].radii[self.hands.shapes[touch.hand].first[touch.shape]] for touch in found])
         twins = [keys.count(key) > 1 for key in keys]
-        fingers = np.array([self._finger(touch) for touch in found], dtype=np.intp)
+        fingers = np.array([self._finger(touch) if own else -1 for touch, own in zip(found, on)], dtype=np.intp)
         places = Places(np.array([touch.place for touch in found]).reshape(-1, 3), np.array([touch.normal for touch in found]).reshape(-1, 3),
-                        costs(radii, gaps, twins, self.reach) if found else np.zeros(0),
-                        fingers, SHARES[np.maximum(fingers, 0) % 4])
+                        costs(radii, gaps - NEAR, twins, on, noises) if found else np.zeros(0),
+                        fingers, SHARES[np.maximum(fingers, 0) % 4], self.noise)
         total = int(self.hands.starts[-1])
         jacobians = np.zeros((len(found), 3, total))
-        for i, touch in enumerate(found):
-            each = self.motions[touch.hand]
-            first = int(self.hands.starts[touch.hand])
-            own = contact_jacobian(self.hands.shapes[touch.hand], each.q[row], each.wrist[row], touch)
-            jacobians[i, :, first:first + own.shape[1]] = own
-        return _Frame(row, found, places, keys, self.of.wrench[row] * self.load[row], None, jacobians)
+        for k, each in enumerate(self.motions):
+            own = [i for i, touch in enumerate(found) if touch.hand == k]
+            if own:
+                jacobians[own, :, int(self.hands.starts[k]):int(self.hands.starts[k + 1])] = contact_jacobians(
+                    self.hands.shapes[k], each.q[row], each.wrist[row], [found[i] for i in own])
+        return _Frame(row, found, on, places, keys, self.of.wrench[row] * self.load[row], jacobians)
 
     def _finger(self, touch: Touch) -> int:
         name = segment(self.hands.shapes[touch.hand].names[touch.shape])[0]
-        return 4 * touch.hand + FINGERS.index(name) if name in FINGERS and touch.gap < self.reach else -1
+        return 4 * touch.hand + FINGERS.index(name) if name in FINGERS else -1
 
     def muscles(self, bodies: Sequence[Optional[_Body]], jacobians: Array) -> Muscles:
         total, count = int(self.hands.starts[-1]), int(self.hands.pulls[-1])
@@ -372,8 +407,22 @@ def _steady(frames: Sequence[Optional[_Frame]], found: Sequence[Optional[Shared]
             table[row] = 0.0
             for key, force in zip(frame.keys, shared.normal):
                 table[row, at[key]] += force
-    smooth = _smooth_rows(table, width)
+    smooth = smooth_rows(table, width)
     return [np.array([smooth[row, at[key]] / frame.keys.count(key) for key in frame.keys]) if frame else None for row, frame in enumerate(frames)]
+
+
+def _start(frame: _Frame, before: Optional[_Frame], shared: Optional[Shared]) -> Optional[NDArray[np.intp]]:
+    """Unknowns that were not 0 in the frame before, of the places that are there in both; other unknowns count from the end."""
+    if before is None or shared is None:
+        return None
+    ends = len(before.keys) * PER, len(frame.keys) * PER
+    forces, others = shared.active[shared.active < ends[0]], shared.active[shared.active >= ends[0]]
+    at = {(key, frame.keys[:i].count(key)): i for i, key in enumerate(frame.keys)}
+    places = np.array([at.get((key, before.keys[:i].count(key)), -1) for i, key in enumerate(before.keys)], dtype=np.intp)
+    to = places[forces // PER] if len(places) else forces
+    # Fingers' means stand between the forces and the muscles: both have as many only where the same hands touch.
+    own = others - ends[0] + ends[1] if before.hands == frame.hands else others[:0]
+    return np.asarray(np.concatenate([(to * PER + forces % PER)[to >= 0], own]), dtype=np.intp)
 
 
 class Draw(NamedTuple):
@@ -408,9 +457,9 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     state = np.zeros(count, dtype=np.intp)
     normal, force, centre = np.zeros((count, n)), np.zeros((count, n, 3)), np.full((count, n, 3), np.nan)
     gap, residual, torque = np.full((count, n), np.nan), np.zeros((count, 6)), np.full((count, total), np.nan)
-    effort = np.full((count, len(of.motions)), np.nan)
+    pressing, effort = np.zeros((count, total)), np.full((count, len(of.motions)), np.nan)
     activation = np.full((count, pulls if asked.muscles else 0), np.nan)
-    load = of.load.copy()
+    load, touch_ = of.load.copy(), np.zeros((count, n), dtype=bool)
     shapes = [1000 * k + i for k, each in enumerate(hands.shapes) for i in range(len(each.names))]
     draws = draws_of(asked, shapes)
     bands = np.full((count, len(of.fingers), 2), np.nan) if draws else None
@@ -418,24 +467,39 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     activation_bands = np.full((*activation.shape, 2), np.nan) if draws and asked.muscles else None
     width = max(1, int(round(WINDOW / of.interval)) | 1)
     friction = asked.friction / MARGIN
+    frames: list[Optional[_Frame]] = []
+    bodies: list[list[Optional[_Body]]] = []
+    begun, touching = 0, set[int]()
 
     for first, last in of.chunks():
         low, high = max(0, first - width), min(count, last + width)
-        frames = [of.frame(row) for row in range(low, high)]
-        bodies = [[hands.body(k, row) if hands.tracked[k][row] else None for k in range(len(of.motions))] for row in range(low, high)]
+        # Of the chunk before, its end is kept: contact depends on the frame before.
+        frames, bodies = frames[low - begun:], bodies[low - begun:]
+        begun = low
+        for row in range(low + len(frames), high):
+            made = of.frame(row, touching)
+            frames.append(made)
+            touching = set() if made is None else made.touching
+            bodies.append([hands.body(k, row) if hands.tracked[k][row] else None for k in range(len(of.motions))])
 
-        def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array]) -> Shared:
+        def one(frame: _Frame, place: int, own: Places, wrench: Array, mu: float, steady: Optional[Array], start: Optional[Any]) -> Shared:
             muscles = of.muscles(bodies[place], frame.jacobians) if asked.muscles else None
             total = float(np.linalg.norm(wrench[:3])) / mu
-            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, total, steady, muscles, of.nnls)
+            return share(own, wrench, of.of.centre[frame.row], of.weight, mu, SPIN * mu, total, steady, muscles, start, of.lapack)
 
-        def whole(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
-            made = [None if frame is None else change(frame) for frame in frames]
-            rough = [None if frame is None or of_ is None else one(frame, i, *of_, mu, None) for i, (frame, of_) in enumerate(zip(frames, made))]
-            steady = _steady(frames, rough, width)
-            return [None if frame is None or of_ is None else one(frame, i, *of_, mu, steady[i]) for i, (frame, of_) in enumerate(zip(frames, made))]
+        def drawn(mu: float, change: Callable[[_Frame], tuple[Places, Array]]) -> list[Optional[Shared]]:
+            """Every frame for itself, from the set of the likeliest solution: what is drawn is smoothed together."""
+            return [None if frame is None or first_ is None else one(frame, i, *change(frame), mu, None, first_.active)
+                    for i, (frame, first_) in enumerate(zip(frames, rough))]
 
-        found = whole(friction, lambda frame: (frame.places, frame.wrench))
+        rough: list[Optional[Shared]] = []
+        last_: tuple[Optional[_Frame], Optional[Shared]] = None, None
+        for i, frame in enumerate(frames):
+            rough.append(None if frame is None else one(frame, i, frame.places, frame.wrench, friction, None, _start(frame, *last_)))
+            last_ = frame, rough[-1]
+        steady = _steady(frames, rough, width)
+        found = [None if frame is None or first_ is None else one(frame, i, frame.places, frame.wrench, friction, steady[i], first_.active)
+                 for i, (frame, first_) in enumerate(zip(frames, rough))]
         for i, (frame, shared) in enumerate(zip(frames, found)):
             row = low + i
             if not first <= row < last:
@@ -445,32 +509,35 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
                 continue
             residual[row] = shared.residual
             pressed = np.zeros((n, 3))
-            for touch, strength, on, shift in zip(frame.found, shared.normal, shared.force, shared.shift):
+            for touch, touched, strength, on, shift in zip(frame.found, frame.on, shared.normal, shared.force, shared.shift):
                 at = of.column[touch.hand, hands.shapes[touch.hand].names[touch.shape]]
                 normal[row, at] += strength
                 force[row, at] += on
                 pressed[at] += strength * (touch.place + shift)
-                gap[row, at] = np.nanmin([gap[row, at], touch.gap])
+                gap[row, at] = np.fmin(gap[row, at], touch.gap)
+                touch_[row, at] |= touched
             whose = normal[row] > 1e-6
             centre[row, whose] = pressed[whose] / normal[row, whose, None]
+            pressing[row] = np.einsum("nkc,nk->c", frame.jacobians, shared.force)
             torque[row] = _torques(hands, bodies[i], frame, shared)
             effort[row] = _efforts(hands, bodies[i], torque[row])
             if asked.muscles:
                 activation[row] = np.minimum(shared.activation, 1)
-            near = any(touch.gap < of.reach for touch in frame.found)
+            near = bool(frame.on.any())
             share_ = max(float(np.linalg.norm(shared.residual[:3])) / of.weight, float(np.linalg.norm(shared.residual[3:])) / (0.05 * of.weight))
             if load[row] < 1 and not near:
                 load[row], residual[row], normal[row], force[row], centre[row] = 0, 0, 0, 0, np.nan
+                pressing[row] = 0
                 state[row] = STATES.index("apart")
             else:
                 state[row] = STATES.index("short" if share_ > SHORT else "held" if load[row] >= 1 else "supported")
         if draws:
-            kept = _drawn(of, frames, draws, whole, bodies)
+            kept = _drawn(of, frames, draws, drawn, bodies)
             rows, own = slice(first, last), slice(first - low, last - low)
             apart = state[rows] == STATES.index("apart")
             for goal, values in ((bands, kept[0]), (torque_bands, kept[1]), (activation_bands, kept[2])):
                 if goal is not None:
-                    smooth = np.stack([_smooth_rows(each, width) for each in values])[:, own]
+                    smooth = np.stack([smooth_rows(each, width) for each in values])[:, own]
                     with warnings.catch_warnings():
                         warnings.simplefilter("ignore", RuntimeWarning)  # frames in which nothing was seen
                         goal[rows] = np.moveaxis(np.nanquantile(smooth, (LOW, HIGH), axis=0), 0, -1)
@@ -483,9 +550,9 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
         used = np.where(normal > 1e-6, np.sqrt(np.maximum(along**2 - normal**2, 0)) / normal, np.nan)
     by_finger = np.zeros((count, len(of.fingers)))
     np.add.at(by_finger.T, of.finger, normal.T)
-    return Result(of.times, of.thing.mass, state, of.of.wrench, of.of.unsure, np.nan_to_num(load), residual, of.segments, normal, force, centre, used, gap,
-                  of.fingers, by_finger, bands, hands.axes, torque, torque_bands, effort, hands.muscles if asked.muscles else [], activation,
-                  activation_bands, of.of.motion, of.of.places, np.zeros(count), of.reach, of.ground)
+    return Result(of.times, of.thing.mass, state, of.of.wrench, of.of.unsure, np.nan_to_num(load), residual, of.segments, normal, force, centre, used, gap, touch_,
+                  of.fingers, by_finger, bands, hands.axes, torque, torque_bands, pressing, effort, hands.muscles if asked.muscles else [], activation,
+                  activation_bands, of.of.motion, of.of.places, np.zeros(count), of.noise, of.reach, of.ground)
 
 
 def _torques(hands: _Hands, bodies: Sequence[Optional[_Body]], frame: _Frame, shared: Shared) -> Array:
@@ -512,22 +579,21 @@ def _efforts(hands: _Hands, bodies: Sequence[Optional[_Body]], torque: Array) ->
     return out
 
 
-def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw], whole: Any,
+def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw], solved: Any,
            bodies: Sequence[Sequence[Optional[_Body]]]) -> tuple[Array, Array, Array]:
     """Normal forces of fingers, torques and activations of each draw, shape (draws, frames, ...)."""
     fingers = np.full((len(draws), len(frames), len(of.fingers)), np.nan)
     torques = np.full((len(draws), len(frames), int(of.hands.starts[-1])), np.nan)
     activations = np.full((len(draws), len(frames), int(of.hands.pulls[-1]) if of.asked.muscles else 0), np.nan)
-    noise = max([each.noise for each in of.motions], default=0.0)
     for d, draw in enumerate(draws):
         def change(frame: _Frame) -> tuple[Places, Array]:
             random = np.random.default_rng((draw.seed, frame.row))
             weights = np.array([draw.sharing[key] for key in frame.keys])
             shares = frame.places.shares * np.array([draw.fingers[max(finger, 0)] for finger in frame.places.fingers])
-            moved = frame.places.points + noise / 2 * random.normal(size=frame.places.points.shape)
+            moved = frame.places.points + of.noise * random.normal(size=frame.places.points.shape)
             wrench = frame.wrench * draw.mass + of.of.unsure * random.normal(size=6) * of.load[frame.row]
-            return Places(moved, frame.places.normals, frame.places.costs * weights, frame.places.fingers, shares), wrench
-        for i, (frame, shared) in enumerate(zip(frames, whole(draw.friction / draw.margin, change))):
+            return frame.places._replace(points=moved, costs=frame.places.costs * weights, shares=shares), wrench
+        for i, (frame, shared) in enumerate(zip(frames, solved(draw.friction / draw.margin, change))):
             if frame is None or shared is None:
                 continue
             fingers[d, i] = 0

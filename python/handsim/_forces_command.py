@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from . import _core, _forces, _forces_files, _track
+from . import _core, _forces, _forces_files, _forces_page, _replay, _track
 from ._errors import Error, input_error
 from ._hand import Hand
 from ._model import compose
@@ -29,11 +29,13 @@ class Request(NamedTuple):
     thing: Thing
     course: Course
     asked: _forces.Asked
+    replay: bool = False
+    """Simulates the lifts."""
 
 
 def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
     """Of the command's options; None without an object. :raises Error: of kind input"""
-    others = [name for name in ("--friction", "--support", "--uncertain", "--muscles") if name in options]
+    others = [name for name in ("--friction", "--support", "--uncertain", "--muscles", "--replay") if name in options]
     if "--object" not in options:
         if others:
             raise input_error(others[0], "no object", "--object NAME=FILE beside it")
@@ -44,13 +46,13 @@ def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
     spread = 0.1 * friction if "--friction" in options else _forces.FRICTION_SPREAD
     draws = whole_option(options, "--uncertain", 2, 1000) or 0
     return of_words(options["--object"], recording, _forces.Asked(friction, spread, support, "--muscles" in options, draws,
-                                                                  whole_option(options, "--seed", 0, 2**32 - 1) or 1))
+                                                                  whole_option(options, "--seed", 0, 2**32 - 1) or 1), "--replay" in options)
 
 
-def of_words(word: str, recording: Path, asked: _forces.Asked) -> Request:
+def of_words(word: str, recording: Path, asked: _forces.Asked, replay: bool = False) -> Request:
     """:param word: NAME=FILE"""
     thing = read_object(word)
-    return Request(thing, read_courses(recording, [thing.name])[thing.name], asked)
+    return Request(thing, read_courses(recording, [thing.name])[thing.name], asked, replay)
 
 
 def _upright(asked: _track.Asked, found: _track.Result, course: Course) -> Course:
@@ -83,7 +85,8 @@ def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bo
         order = [each.axes.index(name if name in each.axes else f"{each.name}.{name}") for name in names]
         seen = each.status == 0
         q = np.where(seen[:, None], np.nan_to_num(each.angles[:, order]), np.nan)
-        out.append(_forces.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise))
+        out.append(_forces.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise,
+                                      float(np.sqrt(np.mean(each.rms[seen]**2)))))
     return out
 
 
@@ -94,8 +97,11 @@ def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told
     course = course._replace(times=course.times - found.start)
     begin = time.process_time()
     hands = motions(asked, found, out / "person.yaml", of.asked.muscles)
-    result = _forces.solve(_forces.Solver(of.thing, found.times, course, hands, of.asked), told)
+    solver = _forces.Solver(of.thing, found.times, course, hands, of.asked)
+    result = _forces.solve(solver, told)
     cpu = time.process_time() - begin
     folder.clear()
-    drawn = _forces_files.write(of.thing, of.asked, result, cpu, out / "forces")
-    return result, _forces_files.screen_text(of.thing, of.asked, result, cpu), drawn
+    replayed = _replay.replay(of.thing, solver, result, _track.model_file(asked), out / "forces", told) if of.replay else []
+    drawn = _forces_files.write(of.thing, of.asked, result, cpu, out / "forces", _replay.figures(replayed))
+    _core.write_file(out / "forces/forces.html", _forces_page.page(of.thing, of.asked, solver, result))
+    return result, _forces_files.screen_text(of.thing, of.asked, result, cpu) + _replay.text(replayed), drawn

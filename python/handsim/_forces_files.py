@@ -14,7 +14,7 @@ from ._objects import Thing
 from ._study_files import json_file, number, origin, plain
 
 Array = NDArray[np.float64]
-NAMES = ["contact_forces.csv", "contact_forces.sto", "loads.csv", "object.csv", "torques.sto", "activations.sto", "forces.json", "forces.csv", "forces.gp",
+NAMES = ["contact_forces.csv", "contact_forces.sto", "loads.csv", "object.csv", "torques.sto", "activations.sto", "forces.json", "forces.csv", "forces.gp", "forces.html",
          "finger_forces.png", "finger_forces.svg"]
 PARTS = ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz")
 
@@ -97,8 +97,8 @@ class Figures:
         self.effort = float(np.nanmax(of.effort)) if np.isfinite(of.effort).any() else math.nan
         inside = np.where(of.normal > 1e-6, of.gap, np.nan)
         self.deepest = -float(np.nanmin(inside)) if np.isfinite(inside).any() else math.nan
-        self.too_deep = np.flatnonzero(np.nanmin(np.where(np.isfinite(inside), inside, np.inf), axis=1) < -of.reach)
-        self.apart = np.flatnonzero(lifted & ~(np.where(np.isfinite(of.gap), of.gap, np.inf).min(axis=1) < of.reach))
+        self.too_deep = np.flatnonzero(np.nanmin(np.where(np.isfinite(inside), inside, np.inf), axis=1) < -2 * of.noise)
+        self.apart = np.flatnonzero(lifted & ~of.touching.any(axis=1))
 
 
 def margin(of: Result, asked: Asked) -> float:
@@ -107,15 +107,15 @@ def margin(of: Result, asked: Asked) -> float:
     return asked.friction / float(np.nanmax(used)) if np.isfinite(used).any() and np.nanmax(used) > 0 else math.nan
 
 
-def summary(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
+def summary(thing: Thing, asked: Asked, of: Result, cpu: float, lifts: Sequence[dict[str, Any]]) -> str:
     figures = Figures(of)
     out: dict[str, Any] = {
         "object": thing.name, "file": thing.file.name, "mass_kg": of.mass, "frames": figures.frames, **figures.counts, "lifted": figures.lifted,
         "share_of_lifted_frames_with_residual_at_most_10_percent": figures.enough, "residual_share_rms": figures.residual,
         "wrench_deviation": of.unsure.tolist(), "object_noise_mm": 1e3 * of.motion.noise[0], "object_noise_deg": math.degrees(of.motion.noise[1]),
-        "touches_within_mm": 1e3 * of.reach, "deepest_mm": 1e3 * figures.deepest, "frames_too_deep": figures.too_deep.tolist()[:1000],
+        "touches_within_mm": 1e3 * of.reach, "place_noise_mm": 1e3 * of.noise, "deepest_mm": 1e3 * figures.deepest, "frames_too_deep": figures.too_deep.tolist()[:1000],
         "support_height_m": of.ground, "friction": asked.friction, "margin_against_slip": margin(of, asked), "effort": figures.effort,
-        "fingers": {finger: {"peak_N": peak, "mean_N": mean} for finger, (peak, mean) in figures.fingers.items()}, "cpu_s": cpu,
+        "fingers": {finger: {"peak_N": peak, "mean_N": mean} for finger, (peak, mean) in figures.fingers.items()}, "lifts": list(lifts), "cpu_s": cpu,
         "cpu_ms_per_frame": 1e3 * cpu / max(1, figures.frames), **origin()}
     return json_file({key: None if isinstance(value, float) and math.isnan(value) else value for key, value in out.items()})
 
@@ -139,12 +139,12 @@ def _plot(of: Result) -> tuple[str, str, str]:
     return "finger_forces", "noenhanced size 1200,800 font 'DejaVu Sans,10'", commands
 
 
-def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path) -> bool:
+def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path, lifts: Sequence[dict[str, Any]] = ()) -> bool:
     """:returns: False if gnuplot is missing or fails"""
     figures = Figures(of)
     rows = [f"{finger},{number(peak)},{number(mean)}\n" for finger, (peak, mean) in figures.fingers.items()]
     for name, content in (("contact_forces.csv", contact_table(of)), ("loads.csv", load_table(of)), ("object.csv", object_table(thing.name, of)),
-                          ("forces.json", summary(thing, asked, of, cpu).encode()), ("forces.csv", ("finger,peak[N],mean[N]\n" + "".join(rows)).encode())):
+                          ("forces.json", summary(thing, asked, of, cpu, lifts).encode()), ("forces.csv", ("finger,peak[N],mean[N]\n" + "".join(rows)).encode())):
         _core.write_file(out / name, content)
     _core.write_motion(out / "contact_forces.sto", f"{thing.name}: normal forces [N]", of.fingers, False, len(of.times), of.times, of.by_finger)
     torque = np.isfinite(of.torque).all(axis=1)
@@ -173,7 +173,7 @@ def screen_text(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
                 "of the strength about an axis\n")
     if len(figures.too_deep):
         first = ", ".join(f"{of.times[row]:.2f}" for row in figures.too_deep[:5])
-        out += (f"  hand and object are more than their noise of {1e3 * of.reach:.1f} mm inside each other in {len(figures.too_deep)} frames, up to "
+        out += (f"  hand and object are more than twice their noise of {1e3 * of.noise:.1f} mm inside each other in {len(figures.too_deep)} frames, up to "
                 f"{1e3 * figures.deepest:.1f} mm (at {first} s{', ...' if len(figures.too_deep) > 5 else ''})\n")
     if len(figures.apart):
         first = ", ".join(f"{of.times[row]:.2f}" for row in figures.apart[:5])

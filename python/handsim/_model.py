@@ -351,11 +351,19 @@ def product(a: ArrayLike, b: ArrayLike) -> Array:
                      aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw], axis=-1)
 
 
+def cross(a: Array, b: Array) -> Array:
+    """As numpy.cross of vectors of three, which takes five times as long for few of them."""
+    out = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    out[..., 0], out[..., 1], out[..., 2] = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return out
+
+
 def turned(q: Array, v: ArrayLike) -> Array:
     """Vectors in the axes that a quaternion leads to."""
     w, r = q[..., :1], q[..., 1:]
     v = np.asarray(v, dtype=np.float64)
-    return np.asarray(v + 2 * np.cross(r, np.cross(r, v) + w * v))
+    return np.asarray(v + 2 * cross(r, cross(r, v) + w * v))
 
 
 def compose(a: Array, b: Array) -> Array:

@@ -113,6 +113,27 @@ def _hull(points: Array) -> Any:
     return ConvexHull(points)
 
 
+def hull_faces(corners: Array) -> NDArray[np.intp]:
+    """Triangles of a convex part, outwards."""
+    middle, faces = corners.mean(axis=0), np.array(_hull(corners).simplices, dtype=np.intp)
+    a, b, c = (corners[faces[:, k]] for k in range(3))
+    inward = ((a - middle) * np.cross(b - a, c - a)).sum(axis=1) < 0
+    faces[inward] = faces[inward][:, [0, 2, 1]]
+    return faces
+
+
+def of_hulls(link: Link) -> Link:
+    """With the surface of its convex parts, as a simulation has it."""
+    made = [sampled(corners, hull_faces(corners), SPACING) for corners in link.corners]
+    return link._replace(points=np.concatenate([points for points, _ in made]), normals=np.concatenate([normals for _, normals in made]))
+
+
+def hull_text(corners: Array) -> str:
+    """A convex part as a Wavefront file."""
+    faces = hull_faces(corners)
+    return "".join([f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in corners.tolist()] + [f"f {i + 1} {j + 1} {k + 1}\n" for i, j, k in faces.tolist()])
+
+
 def _spacing(surfaces: Sequence[tuple[Array, NDArray[Any]]]) -> float:
     area = 0.0
     for points, faces in surfaces:

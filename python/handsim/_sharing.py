@@ -2,7 +2,7 @@
 
 Forces lie in cones of friction of `EDGES` edges, each place holds a moment about its normal by spinning friction, and none pulls: sums of edges with
 factors of 0 or more. Of all that give the wrench, those of the least sum of squared pressures, or with muscles of squared activations, are taken, by
-non-negative least squares (scipy.optimize.nnls).
+non-negative least squares.
 """
 from __future__ import annotations
 
@@ -11,19 +11,28 @@ from typing import Any, NamedTuple, Optional, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ._errors import input_error
+from ._model import cross
+from ._nonnegative import Problem
 
 Array = NDArray[np.float64]
 EDGES = 8
 """Of a cone of friction."""
-PER = EDGES + 2
-"""Generators of a place: the edges, and a newton along the normal with the largest moment about it either way."""
+WAYS = 4
+"""In which a centre of pressure is moved: along two tangents, either way."""
+PER = EDGES + 2 + 2 * WAYS
+"""Generators of a place: the edges; a newton along the normal with the largest moment about it either way; at the rim of the pad in each of the ways,
+a newton along the normal, and one of the cone's edges, that which bears most of the wrench."""
 BALANCE = 100.0
-"""Weight of the force against that of pressures, both as shares of the weight."""
-UNSURE, UNEVEN = 2.5e-3, 0.4
-"""Deviation of a centre of pressure from its place [m], and of people's pressures from equal ones, as a share: they weigh moments against pressures. Chosen."""
+"""Weight of the wrench against that of pressures, both as shares of the weight."""
+ARM = 0.05
+"""At which the weight's moment counts as the weight [m]."""
+UNEVEN = 0.4
+"""Deviation of people's pressures from equal ones, as a share: it weighs shifts of centres of pressure against pressures. Chosen."""
 PAD = 5e-3
-"""How far a centre of pressure may lie from its place: the radius of a pad that is pressed flat (handmodels/finger_pad.yaml) [m]."""
+"""How far a centre of pressure may lie from its place: the radius of a pad that is pressed flat (handmodels/finger_pad.yaml) [m]. Half of it is the
+standard deviation."""
+EVENLY = 1e-3
+"""Weight of the square of a generator's force against that of a pressure: forces that give the same are spread evenly."""
 TORQUES = 30.0
 """Weight of joint torques of 0.1 N m against an activation of 1."""
 PRESSURES = 0.1
@@ -44,14 +53,8 @@ SHARES = np.array([0.32, 0.32, 0.24, 0.12]) / 0.32
 """Of index, middle, ring and little finger in people's grips (Yun et al., docs/grasping.md)."""
 AROUND = 2 * np.pi * np.arange(EDGES) / EDGES
 COSINES, SINES = np.cos(AROUND), np.sin(AROUND)
-
-
-def solver() -> Any:
-    try:
-        from scipy.optimize import nnls
-    except ImportError:
-        raise input_error("SciPy", "no Python module of this name", "it, for forces on objects: pip install scipy") from None
-    return nnls
+SIGNS = np.array([[1.0, -1, 0, 0], [0, 0, 1, -1]])
+"""Of the ways along the two tangents."""
 
 
 class Places(NamedTuple):
@@ -67,6 +70,18 @@ class Places(NamedTuple):
     """Hand and finger of each place as one number, 4 for each hand; -1: thumb, palm, and what does not touch."""
     shares: Array
     """Of each place's finger in the grip of its hand, over the index finger's."""
+    noise: float = 0.0
+    """Standard deviation of a coordinate of a place [m]: it is moved by up to twice that, beside PAD."""
+
+    @property
+    def rim(self) -> float:
+        """How far a centre of pressure is moved, at most [m]."""
+        return PAD + 2 * self.noise
+
+    @property
+    def unsure(self) -> float:
+        """Standard deviation of a centre of pressure along a tangent [m]."""
+        return float(np.hypot(PAD / 2, self.noise))
 
 
 class Muscles(NamedTuple):
@@ -88,55 +103,82 @@ class Shared(NamedTuple):
     spin: Array
     """Moment about the normal, by place [N m]."""
     shift: Array
-    """Of the centres of pressure from their places, up to PAD, shape (n, 3) [m]."""
+    """Of the centres of pressure from their places, up to `Places.rim`, shape (n, 3) [m]."""
     residual: Array
     """What the places leave undone: force [N] and moment about the centre [N m], shape (6,)."""
     activation: Array
     """Of the muscles; none without."""
+    active: NDArray[np.intp]
+    """Unknowns that are not 0: the start of a problem alike."""
 
 
 def frames_of(normals: Array) -> tuple[Array, Array]:
     """Two tangents of each normal."""
     away = np.where(np.abs(normals[:, :1]) < 0.7, np.array([[1.0, 0, 0]]), np.array([[0, 1.0, 0]]))
-    first = np.cross(normals, away)
+    first = cross(normals, away)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normals, first)
+    return first, cross(normals, first)
 
 
-def generators(of: Places, centre: Array, friction: float, spin: float) -> tuple[Array, Array]:
-    """Forces on the object of the generators, shape (3, n PER), and moments about a centre, each of a newton along the normal.
+class Generators(NamedTuple):
+    """Each of a newton along the normal; n places."""
 
-    :param spin: largest moment about the normal over the normal force [m]
+    forces: Array
+    """On the object, shape (3, n PER)."""
+    moments: Array
+    """About a centre, shape (3, n PER)."""
+    normals: Array
+    first: Array
+    second: Array
+    """The tangents."""
+
+
+def generators(of: Places, centre: Array, friction: float, spin: float, bearing: Array) -> Generators:
+    """:param spin: largest moment about the normal over the normal force [m]
+    :param bearing: the force that the object needs
     """
     first, second = frames_of(of.normals)
-    along = COSINES[:, None] * first[:, None] + SINES[:, None] * second[:, None]
+    along = friction * (COSINES[:, None] * first[:, None] + SINES[:, None] * second[:, None])
     forces = np.repeat(-of.normals[:, None], PER, axis=1)
-    forces[:, :EDGES] += friction * along
-    moments = np.cross((of.points - centre)[:, None], forces)
+    forces[:, :EDGES] += along
+    best = np.argmax(along @ bearing, axis=1)
+    forces[:, EDGES + 2 + WAYS:] += along[np.arange(len(along)), best][:, None]
+    moments = cross((of.points - centre)[:, None], forces)
     moments[:, EDGES] += spin * of.normals
     moments[:, EDGES + 1] -= spin * of.normals
-    return forces.reshape(-1, 3).T, moments.reshape(-1, 3).T
+    # Of the shift and the normal force alone: what friction gives about the normal there is told from the spin after the solution.
+    shifted = of.rim * cross(np.stack([first, -first, second, -second], axis=1), -of.normals[:, None])
+    moments[:, EDGES + 2:] += np.concatenate([shifted, shifted], axis=1)
+    return Generators(forces.reshape(-1, 3).T, moments.reshape(-1, 3).T, of.normals, first, second)
 
 
 def share(of: Places, wrench: Array, centre: Array, weight: float, friction: float, spin: float, total: float = 0.0,
-          steady: Optional[Array] = None, muscles: Optional[Muscles] = None, nnls: Any = None) -> Shared:
+          steady: Optional[Array] = None, muscles: Optional[Muscles] = None,
+          start: Optional[NDArray[np.intp]] = None, routines: Any = None) -> Shared:
     """:param wrench: force and moment about the centre that the object needs, world axes
     :param weight: of the object [N]: scale of forces
     :param total: sum of normal forces that a person takes where fingers oppose each other [N]
     :param steady: normal forces of places in neighbouring frames [N]; NaN: not known
+    :param start: unknowns that are likely not 0
     """
     n = len(of.points)
     if n == 0:
-        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]))
-    forces, moments = generators(of, centre, friction, spin)
-    count = n * PER
-    scale = np.concatenate([np.full(3, BALANCE), np.full(3, UNEVEN / UNSURE)]) / weight
+        return Shared(np.zeros(0), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), wrench.copy(), np.zeros(0 if muscles is None else muscles.torques.shape[1]),
+                      np.zeros(0, dtype=np.intp))
+    made = generators(of, centre, friction, spin, wrench[:3])
+    forces, moments, count = made.forces, made.moments, n * PER
+    scale = np.concatenate([np.full(3, BALANCE), np.full(3, BALANCE / ARM)]) / weight
     light, active = (1.0, 0) if muscles is None else (PRESSURES, muscles.torques.shape[1])
     sums = np.zeros((n, count))
     sums[np.repeat(np.arange(n), PER), np.arange(count)] = 1 / weight
     touch = np.repeat(of.costs < FARTHER, PER) / weight
     rows = [np.vstack([forces, moments]) * scale[:, None], light * of.costs[:, None] * sums, light * TOTAL * touch[None]]
     goals = [wrench * scale, np.zeros(n), np.array([light * TOTAL * total / weight])]
+    moved = np.zeros((2, n, n, PER))
+    each = np.arange(n)
+    moved[:, each, each, EDGES + 2:] = np.tile(SIGNS, (1, 2))[:, None]
+    rows.append(light * UNEVEN * of.rim / of.unsure / weight * moved.reshape(2 * n, count))
+    goals.append(np.zeros(2 * n))
     if steady is not None:
         known = np.isfinite(steady)
         rows.append(light * STEADY * sums[known])
@@ -157,13 +199,19 @@ def share(of: Places, wrench: Array, centre: Array, weight: float, friction: flo
         rows += [TORQUES / 0.1 * np.hstack([-pulled[counts], muscles.torques[counts]]), np.hstack([np.zeros((active, before)), np.eye(active)])]
         goals += [TORQUES / 0.1 * muscles.needed[counts], np.zeros(active)]
     matrix, goal = np.vstack(rows), np.concatenate(goals)
-    x, _ = (nnls or solver())(matrix, goal, maxiter=50 * matrix.shape[1])
+    ridge = np.full(matrix.shape[1], (EVENLY * light / weight)**2)
+    x, rows_of = Problem(matrix, goal, ridge, routines).solve(start)
     by = x[:count].reshape(n, PER)
-    residual = wrench - np.concatenate([forces @ x[:count], moments @ x[:count]])
+    normal = by.sum(axis=1)
     force = np.einsum("kng,ng->nk", forces.reshape(3, n, PER), by)
-    shift = shifts(force, residual[3:])
-    residual[3:] -= np.cross(shift, force).sum(axis=0)
-    return Shared(by.sum(axis=1), force, spin * (by[:, EDGES] - by[:, EDGES + 1]), shift, residual, x[len(x) - active:])
+    across, up = of.rim * np.einsum("kg,ng->kn", np.tile(SIGNS, (1, 2)), by[:, EDGES + 2:]) / np.maximum(normal, 1e-12)
+    shift = across[:, None] * made.first + up[:, None] * made.second
+    # Friction at a place that is shifted has a moment about the normal of its own.
+    turning = spin * (by[:, EDGES] - by[:, EDGES + 1]) - (cross(shift, force) * of.normals).sum(axis=1)
+    turning = np.clip(turning, -spin * normal, spin * normal)
+    moment = (cross(of.points + shift - centre, force) + turning[:, None] * of.normals).sum(axis=0)
+    residual = wrench - np.concatenate([force.sum(axis=0), moment])
+    return Shared(normal, force, turning, shift, residual, x[len(x) - active:], rows_of)
 
 
 def _evenly(of: Places, sums: Array) -> Optional[tuple[Array, Array]]:
@@ -177,24 +225,13 @@ def _evenly(of: Places, sums: Array) -> Optional[tuple[Array, Array]]:
     return np.array([sums[of.fingers == finger].sum(axis=0) for finger in known]), means
 
 
-def shifts(force: Array, moment: Array) -> Array:
-    """The least shifts of centres of pressure that give a moment, up to the radius of a pad [m]."""
-    x, y, z = force.T
-    none = np.zeros(len(force))
-    # moment = sum of shift x force
-    rows = np.stack([np.stack([none, z, -y], axis=1), np.stack([-z, none, x], axis=1), np.stack([y, -x, none], axis=1)]).reshape(3, -1)
-    square = rows @ rows.T
-    out = (rows.T @ np.linalg.solve(square + 1e-9 * max(float(np.trace(square)), 1e-12) * np.eye(3), moment)).reshape(-1, 3)
-    away = np.linalg.norm(out, axis=1).max(initial=0)
-    return np.asarray(out * min(1.0, PAD / away) if away > 0 else out)
-
-
-def costs(radii: Array, gaps: Array, twins: Sequence[bool], reach: float) -> Array:
+def costs(radii: Array, gaps: Array, twins: Sequence[bool], touching: NDArray[np.bool_], noises: Array) -> Array:
     """Weight of a newton by the area of its pad, and by how far it is from the surface.
 
     :param radii: of the shapes [m]; area grows with their square
+    :param gaps: beyond that of a place that touches [m]
     :param twins: another place of the same shape touches, too, and shares its area
-    :param reach: gap up to which a place counts as touching [m]
+    :param noises: of places against the object [m]
     """
-    beyond = np.maximum(gaps - reach, 0) / reach
+    beyond = np.where(touching, 0.0, np.maximum(gaps / np.maximum(noises, 1e-9) - 1, 0))
     return np.asarray((RADIUS / radii)**2 * np.where(twins, np.sqrt(2.0), 1.0) * np.minimum(np.exp(np.minimum(3 * beyond, 12)), DEAREST))

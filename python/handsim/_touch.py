@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import input_error
 from ._hand import Hand
-from ._model import compose, inverse, turned
+from ._model import compose, inverse, matrices, turned
 from ._objects import Link
 
 Array = NDArray[np.float64]
@@ -135,6 +135,7 @@ def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Sur
         back = inverse(places[k])
         distance, nearest = surface.distances(turned(back[3:], balls) + back[:3], reach + widest)
         gaps = distance - shapes.radii
+        every: list[tuple[int, int, int]] = []
         least = np.minimum.reduceat(gaps, shapes.first)
         for shape in np.flatnonzero(least < reach):
             own = np.arange(shapes.first[shape], shapes.first[shape + 1] if shape + 1 < len(shapes.first) else len(gaps))
@@ -142,18 +143,25 @@ def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Sur
             others = own[(gaps[own] < gaps[chosen[0]] + SECOND) & (np.linalg.norm(balls[own] - balls[chosen[0]], axis=1) > APART)]
             if len(others):
                 chosen.append(int(others[np.argmax(np.linalg.norm(balls[others] - balls[chosen[0]], axis=1))]))
-            for i in chosen:
-                normal = turned(places[k, 3:], surface.link.normals[nearest[i]])
-                body = inverse(bodies[shapes.body[i]])
-                place = balls[i] - (shapes.radii[i] + gaps[i]) * normal
-                out.append(Touch(hand, int(shape), k, place, normal, float(gaps[i]), turned(body[3:], place) + body[:3]))
+            every += [(int(shape), k, i) for i in chosen]
+        if not every:
+            continue
+        rows = np.array([i for _, _, i in every])
+        normals = turned(places[k, 3:], surface.link.normals[nearest[rows]])
+        points = balls[rows] - (shapes.radii[rows] + gaps[rows])[:, None] * normals
+        own_bodies = bodies[shapes.body[rows]]
+        offsets = turned(own_bodies[:, 3:] * [1, -1, -1, -1], points - own_bodies[:, :3])
+        out += [Touch(hand, shape, link, point, normal, float(gap), offset)
+                for (shape, link, _), point, normal, gap, offset in zip(every, points, normals, gaps[rows], offsets)]
     return out
 
 
-def contact_jacobian(shapes: HandShapes, q: Array, wrist: Array, touch: Touch) -> Array:
-    """Velocity of the place on the hand by the rates of the coordinates, world axes, shape (3, coordinates)."""
-    body = shapes.hand.bodies.index(shapes.names[touch.shape])
-    return np.asarray(turned(wrist[3:], _core.hand_jacobian(shapes.hand.scene._core, q, body, touch.offset)[:3].T).T)
+def contact_jacobians(shapes: HandShapes, q: Array, wrist: Array, found: Sequence[Touch]) -> Array:
+    """Velocities of places on the hand by the rates of the coordinates, world axes, shape (places, 3, coordinates)."""
+    bodies = {name: i for i, name in enumerate(shapes.hand.bodies)}
+    core = shapes.hand.scene._core
+    own = np.array([_core.hand_jacobian(core, q, bodies[shapes.names[touch.shape]], touch.offset)[:3] for touch in found]).reshape(-1, 3, len(q))
+    return np.asarray(matrices(wrist)[:3, :3] @ own)
 
 
 def segment(name: str) -> tuple[str, str]:

@@ -39,6 +39,7 @@ Forces on an object that the recording has, too, in columns object.NAME.x[m] to 
   --support KIND     table, post or none: what the object rests on when it is not lifted; table
   --friction F       of skin on it, where it was measured; 0.8
   --muscles          shares forces by least muscle activation, and gives the activations
+  --replay           simulates each lift with the object free, and says for how long the hands hold it
   --uncertain N      draws of what is uncertain, for bands of 5 to 95 %
 
 Of a .c3d file alone:
@@ -48,7 +49,7 @@ In place of all these, where a tracker's points lie on the hand, from a recordin
 
 Example: handsim track keypoints.csv --out out/tracked
 """
-FLAGS = ("--keep-person", "--activations", "--no-smoothing", "--json", "--muscles")
+FLAGS = ("--keep-person", "--activations", "--no-smoothing", "--json", "--muscles", "--replay")
 VALUES = ("--out", "--person", "--model", "--markers", "--noise", "--seed", "--truth", "--names", "--up", "--points", "--handedness",
           "--object", "--support", "--friction", "--uncertain")
 

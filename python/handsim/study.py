@@ -232,7 +232,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
           smooth: bool = True, noise: float = 0, seed: int = 1, names: Optional[PathText] = None, up: Optional[str] = None,
           points: Optional[PathText] = None, handedness: Optional[str] = None, object: Optional[str] = None, support: Optional[str] = None,
           friction: Optional[float] = None, muscles: bool = False, uncertain: Optional[int] = None,
-          out: Out = None, progress: Progress = None) -> Study:
+          replay: bool = False, out: Out = None, progress: Progress = None) -> Study:
     """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["right_wrist"]``) of recorded hands.
 
     :param recording: 21 keypoints, markers or sensors: ``.csv``, ``.json``, ``.trc``, or with ezc3d ``.c3d``
@@ -253,6 +253,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param friction: of skin on it, where it was measured; None: 0.8
     :param muscles: forces by least muscle activation
     :param uncertain: draws of what is uncertain, for bands
+    :param replay: simulates each lift with the object free: ``summaries["forces"]["lifts"]``
     """
     recording = path_of("recording", recording)
     flags(fit_bones=fit_bones, smooth=smooth)
@@ -263,9 +264,9 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         recording, _path("person", person), _path("model", model), _path("markers", markers), _path("truth", truth), fit_bones, smooth, noise, seed,
         _path("names", names), _track.choice(words, "up", ("y", "z")), None if points is None else find_file(points, "points", "handmodels/points"),
         None if side is None else side == "left"))
-    flags(muscles=muscles)
+    flags(muscles=muscles, replay=replay)
     given = {"--object": object, "--support": support, "--friction": None if friction is None else str(real("friction", friction)),
-             "--uncertain": None if uncertain is None else str(whole("uncertain", uncertain, 2, 1000)), "--muscles": muscles or None}
+             "--uncertain": None if uncertain is None else str(whole("uncertain", uncertain, 2, 1000)), "--muscles": muscles or None, "--replay": replay or None}
     held = _forces_command.request({name: value for name, value in given.items() if value is not None}, recording)
     with _folder(out) as folder, bar(progress, "track") as told:
         found, _ = _track.study(asked, folder, told)

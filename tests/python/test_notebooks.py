@@ -33,5 +33,5 @@ def test_a_notebook_has_its_outputs(path):
     assert all(cell["execution_count"] == k for k, cell in enumerate(code_cells(path), 1))
 
 
-def test_there_are_four():
-    assert len(NOTEBOOKS) == 4
+def test_there_are_five():
+    assert len(NOTEBOOKS) == 5

@@ -1,0 +1,296 @@
+"""Whether found forces hold the object: each lift of a recording as a scene in which the object is free and driven hands press as hard as was found.
+
+Targets of the joints lie beyond the surface by torque over stiffness, and ahead by damping over stiffness times the rate. Before, hands are moved within
+their noise: pads that press are as deep in the object as their load asks, and others are not inside it.
+"""
+from __future__ import annotations
+
+import json
+import math
+import os
+from fnmatch import fnmatch
+from pathlib import Path
+from typing import Any, NamedTuple, Optional, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._errors import Error
+from ._forces import BEGINS, FURTHEST, NEAR, WINDOW, Result, Solver, smooth_rows
+from ._model import compose, inverse
+from ._objects import Thing, hull_text, of_hulls
+from ._progress import Told
+from ._scene import load
+from ._shipped import data_path
+from ._simulation import Simulation
+from ._study_files import number
+from ._touch import Surface, contact_jacobians, touches
+from ._yaml import parser
+
+Array = NDArray[np.float64]
+SHORTEST = 0.2
+"""Of a lift [s]."""
+FAR, TURNED = 0.010, math.radians(10)
+"""How far from the recording an object is still held [m], [rad]."""
+TIGHT = 3e-4
+"""Deviation of a gap from the one that is asked for [m]: chosen."""
+LEVER = 0.04
+"""From a joint to the pads it moves: the deviation of a point over it is that of an angle [m]. Chosen."""
+PASSES = 3
+STOP = 1e-3
+"""How far within its stops a joint starts [rad]."""
+LOST = 0.1
+"""Share of its force below which a finger has lost the object."""
+KINDS = ("forces", "angles")
+
+
+class Lift(NamedTuple):
+    """Rows of the recording."""
+
+    first: int
+    """From which the object is lifted."""
+    last: int
+    """Beyond it it is not."""
+
+
+class Replayed(NamedTuple):
+    """Of a lift."""
+
+    begin: float
+    end: float
+    """Of the time in which it is lifted [s]."""
+    held: dict[str, float]
+    """By kind: for how long the object stays within FAR and TURNED of the recording [s]."""
+    lost: dict[str, str]
+    """By kind: the finger that lost it first; empty where none did."""
+    problem: dict[str, str]
+    """By kind: why it could not be simulated to its end."""
+
+    @property
+    def whole(self) -> bool:
+        """Held with the forces for as long as the recording does."""
+        return self.held["forces"] >= self.end - self.begin - 1e-6
+
+
+def lifts(of: Result) -> list[Lift]:
+    interval = float(np.median(np.diff(of.times)))
+    free = np.concatenate([[False], of.lifted, [False]])
+    begins, ends = np.flatnonzero(free[1:] & ~free[:-1]), np.flatnonzero(free[:-1] & ~free[1:])
+    return [Lift(int(first), int(last)) for first, last in zip(begins, ends) if (last - first) * interval >= SHORTEST]
+
+
+def stiffness(joints: Sequence[str]) -> tuple[Array, Array]:
+    """Of the controller of grasps, by coordinate [N m/rad], and damping over it [s]."""
+    rows = parser().safe_load((data_path() / "controllers/grasp.yaml").read_text(encoding="utf-8"))["gains"]
+    gains, lags = np.full(len(joints), np.inf), np.zeros(len(joints))
+    for row in rows:
+        words = row["joints"] if isinstance(row["joints"], list) else [row["joints"]]
+        for i, name in enumerate(joints):
+            if "proportional" in row and any(word == "all" or fnmatch(name, word) or fnmatch(name.partition(".")[0], word) for word in words):
+                gains[i], lags[i] = float(row["proportional"]), float(row.get("derivative", 0)) / float(row["proportional"])
+    return gains, lags
+
+
+def pad_stiffness() -> float:
+    """[N/m]"""
+    return float(parser().safe_load((data_path() / "handmodels/finger_pad.yaml").read_text(encoding="utf-8"))["stiffness"])
+
+
+def moved(of: Solver, found: Result, surfaces: Sequence[Surface], k: int, row: int, pad: float) -> tuple[Array, Array]:
+    """Angles and wrist place by which a hand is moved within its noise, for pads to be as deep as their load asks."""
+    motion, shapes = of.motions[k], of.hands.shapes[k]
+    q, wrist = motion.q[row].copy(), motion.wrist[row].copy()
+    count, noise = len(q), max(of.noises[k], 1e-4)
+    turn = np.array([0.0 if name.startswith("wrist") else 1.0 for name in motion.hand.coordinates])
+    prior = np.concatenate([np.full(count, LEVER / noise), np.full(3, 1 / noise)])
+    change = np.zeros(count + 3)
+    for _ in range(PASSES):
+        places = touches(shapes, k, shapes.bodies(q, wrist), surfaces, of.of.places[row], NEAR + (FURTHEST + BEGINS) * noise)
+        wanted = np.array([found.normal[row, of.column[k, shapes.names[touch.shape]]] / pad for touch in places])
+        gaps = np.array([touch.gap for touch in places])
+        used = (wanted > 1e-6) | (gaps < 0)
+        if not used.any():
+            break
+        normals = np.array([touch.normal for touch in places])[used]
+        jacobian = contact_jacobians(shapes, q, wrist, [touch for touch, own in zip(places, used) if own])
+        rows = np.hstack([np.einsum("nk,nkc->nc", normals, jacobian) * turn, normals])
+        short = -wanted[used] - gaps[used]
+        # The change from here, with the prior on all of it.
+        matrix = np.vstack([rows / TIGHT, np.diag(prior)])
+        step = np.linalg.lstsq(matrix, np.concatenate([short / TIGHT, -prior * change]), rcond=None)[0]
+        change += step
+        q, wrist = q + step[:count], np.concatenate([wrist[:3] + step[count:], wrist[3:]])
+    return change[:count], change[count:]
+
+
+class Writer:
+    """Scenes of a recording's lifts."""
+
+    def __init__(self, thing: Thing, of: Solver, found: Result, model: Path, folder: Path) -> None:
+        self.thing, self.of, self.found, self.model, self.folder = thing, of, found, model, folder
+        self.pad = pad_stiffness()
+        self.meshes = thing.file.suffix.lower() == ".urdf"
+        # Meshes are simulated as their convex hulls: the hands are moved to these.
+        self.surfaces = [Surface(of_hulls(link)) for link in thing.links] if self.meshes else of.surfaces
+
+    def _hand(self, k: int, lift: Lift, kind: str, name: str) -> tuple[Optional[str], str]:
+        """Tables, and the text of the hand; None where it was not tracked in the lift."""
+        motion, of = self.of.motions[k], self.of
+        rows = np.flatnonzero(of.hands.tracked[k][lift.first:lift.last]) + lift.first
+        if len(rows) < 2:
+            return None, ""
+        joints = list(motion.hand.coordinates)
+        gains, lags = stiffness(joints)
+        q, wrist = of.hands.smooth[k][rows].copy(), motion.wrist[rows].copy()
+        targets = q + lags * of.hands.rates[k][rows]
+        if kind == "forces":
+            changes = [moved(of, self.found, self.surfaces, k, int(row), self.pad) for row in rows]
+            width = max(1, int(round(WINDOW / of.interval)) | 1)
+            angles, places = (smooth_rows(np.array([each[part] for each in changes]), width) for part in (0, 1))
+            pressing = self.found.pressing[rows, int(of.hands.starts[k]):int(of.hands.starts[k + 1])]
+            q += angles
+            targets += angles + np.where(np.isfinite(gains), pressing / gains, 0)
+            wrist[:, :3] += places
+        times = of.times[rows] - of.times[lift.first]
+        driven = [i for i, gain in enumerate(gains) if math.isfinite(gain)]
+        stem = f"{name}_{motion.name}"
+        head = "\t".join(["time", *(f"{motion.name}.{joints[i]}" for i in driven)])
+        lines = [f"{motion.name} hand, targets\nversion=1\nnRows={len(rows)}\nnColumns={len(driven) + 1}\ninDegrees=yes\nendheader", head]
+        lines += ["\t".join([f"{time:.9g}", *map(number, row)]) for time, row in zip(times, np.degrees(targets[:, driven]).tolist())]
+        _core.write_file(self.folder / f"{stem}.mot", ("\n".join(lines) + "\n").encode())
+        lines = [",".join(["time[s]", *(f"{motion.name}.wrist.{part}" for part in ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz"))])]
+        lines += [",".join([f"{time:.9g}", *map(number, row)]) for time, row in zip(times, wrist.tolist())]
+        _core.write_file(self.folder / f"{stem}_wrist.csv", ("\n".join(lines) + "\n").encode())
+        pose: dict[str, list[str]] = {}
+        stops = motion.hand.joints
+        inside = np.clip(q[0], np.asarray(stops["low"]) + STOP, np.asarray(stops["high"]) - STOP)
+        for joint, angle in zip(joints, inside):
+            if not joint.startswith("wrist"):
+                pose.setdefault(joint.partition(".")[0], []).append(f"{angle:.9g}")
+        angles_ = ", ".join(f"{joint}: [{', '.join(each)}]" for joint, each in pose.items())
+        return stem, (f'  - model: "{os.path.abspath(self.model)}"\n    person: ../person.yaml\n    side: {motion.name}\n'
+                      f"    wrist: {{mount: driven, motion: {{table: {stem}_wrist.csv}}}}\n    pose: {{{angles_}}}\n")
+
+    def _object(self, lift: Lift) -> str:
+        """Free, with the place and the velocity that it had; a hinge is stuck at the angle of the middle of the lift."""
+        of, row = self.of.of, lift.first
+        pose, turning = of.motion.poses[row], of.motion.turning[row]
+        velocity = of.motion.velocity[row] + np.cross(turning, of.centre[row] - pose[:3])
+        place = (f"    position: {json.dumps(pose[:3].tolist())}\n    rotation: {rotation(pose[3:])}\n    velocity: {json.dumps(velocity.tolist())}\n"
+                 f"    angular_velocity: {json.dumps(turning.tolist())}\n    overlap: allowed\n")
+        if not self.meshes:
+            return f'  - name: {self.thing.name}\n    file: "{os.path.abspath(self.thing.file)}"\n{place}'
+        middle = (lift.first + lift.last) // 2
+        back = compose(inverse(of.motion.poses[middle]), of.places[middle])
+        out = f"  - name: {self.thing.name}\n{place}    parts:\n"
+        for link, own in zip(self.thing.links, back):
+            for i, corners in enumerate(link.corners):
+                mesh = f"{self.thing.name}_{link.name}_{i}.obj"
+                _core.write_file(self.folder / mesh, hull_text(corners).encode())
+                out += (f"      - {{shape: convex_mesh, mesh: {mesh}, mass: {link.mass / len(link.corners):.9g}, position: {json.dumps(own[:3].tolist())}, "
+                        f"rotation: {rotation(own[3:])}}}\n")
+        return out
+
+    def write(self, lift: Lift, name: str, kind: str) -> Optional[Path]:
+        """None without a hand."""
+        hands = [self._hand(k, lift, kind, name) for k in range(len(self.of.motions))]
+        seen = [(stem, text, motion) for (stem, text), motion in zip(hands, self.of.motions) if stem]
+        if not seen:
+            return None
+        programs = ", ".join(f"{motion.name}: {stem}.mot" for stem, _, motion in seen)
+        ground = self.found.ground
+        floor = "" if math.isnan(ground) else f"ground: {{height: {ground:.9g}}}\n"
+        rules = "{between: [hands, objects], material: pad}" + ("" if math.isnan(ground) else ", {between: [objects, ground]}")
+        text = (f"# Written by handsim track: {'found forces' if kind == 'forces' else 'tracked angles alone'}, from {self.of.times[lift.first]:.6g} s on.\n"
+                f"title: lift of {self.thing.name}\nhands:\n{''.join(text for _, text, _ in seen)}objects:\n{self._object(lift)}{floor}"
+                f'control:\n  controller: "{data_path() / "controllers/grasp.yaml"}"\n  program: {{{programs}}}\n  motion: {{clamp: true}}\n'
+                f'contacts:\n  materials: [{{name: pad, file: "{data_path() / "handmodels/finger_pad.yaml"}", friction: {self.of.asked.friction:g}}}]\n'
+                f"  rules: [{rules}]\n"
+                f"effects: [gravity, object_contact, {'' if not floor else 'ground_contact, '}friction, joint_stops, passive_tissue, actuation, wrist_motion]\n"
+                'solver: {engine: ode, method: world_step, step: "1 ms", erp: 0.2, cfm: 1e-8}\n'
+                f'duration: {number(max(0.01, float(self.of.times[lift.last - 1] - self.of.times[lift.first])))}\nrecord: {{every: "10 ms"}}\n')
+        path = self.folder / f"{name}_{kind}.yaml"
+        _core.write_file(path, text.encode())
+        return path
+
+    def run(self, path: Path, lift: Lift) -> tuple[float, str, str]:
+        """For how long the object stays with the recording, the finger that lost it, and what ended the simulation."""
+        scene = load(path)
+        simulation = Simulation(scene)
+        body = next(i for i, each in enumerate(scene._model.bodies) if each.name == self.thing.name)
+        of, begin = self.of.of, float(self.of.times[lift.first])
+        frame = compose(inverse(scene._model.bodies[body].zero), of.motion.poses[lift.first])
+        for row in range(lift.first, lift.last):
+            steps = int(round((float(self.of.times[row]) - begin - simulation.time) / scene.step))
+            try:
+                if steps > 0:
+                    simulation.step(substeps=steps)
+            except Error as error:
+                return self._since(row, lift), "", str(error).splitlines()[0]
+            bodies = simulation.bodies
+            now = compose(np.concatenate([bodies.position[body], bodies.quaternion[body]]), frame)
+            expected = of.motion.poses[row]
+            away = float(np.linalg.norm(now[:3] - expected[:3]))
+            angle = 2 * math.acos(min(1.0, abs(float(now[3:] @ expected[3:]))))
+            if away > FAR or angle > TURNED:
+                return self._since(row, lift), self._lost(simulation, row), ""
+        return float(self.of.times[lift.last - 1] - self.of.times[lift.first]), "", ""
+
+    def _since(self, row: int, lift: Lift) -> float:
+        return float(self.of.times[max(row - 1, lift.first)] - self.of.times[lift.first])
+
+    def _lost(self, simulation: Simulation, row: int) -> str:
+        """The finger that bears the least of what it should."""
+        model = simulation.scene._model
+        bodies = {shape.name: model.bodies[shape.body].name for shape in model.shapes}
+        pressed = dict.fromkeys(self.found.fingers, 0.0)
+        contacts = simulation.contacts
+        for a, b, direction, force in zip(contacts.a, contacts.b, contacts.normal, contacts.force):
+            for name in (bodies.get(a, ""), bodies.get(b, "")):
+                finger = name.partition("_")[0]
+                if finger in pressed:
+                    pressed[finger] += abs(float(force @ direction))
+        shares = {finger: float(pressed[finger] / force) for finger, force in zip(self.found.fingers, self.found.by_finger[row]) if force > 1e-3}
+        least = min(shares, key=shares.__getitem__, default="")
+        return least if least and shares[least] < LOST else "it slips" if least else ""
+
+
+def rotation(quaternion: Array) -> str:
+    """As scenes have it."""
+    w, axis = (quaternion[0], quaternion[1:]) if quaternion[0] >= 0 else (-quaternion[0], -quaternion[1:])
+    long = float(np.linalg.norm(axis))
+    return f"{{axis: {json.dumps((axis / long).tolist()) if long > 1e-9 else '[0, 0, 1]'}, angle: {2 * math.atan2(long, float(w)):.12g}}}"
+
+
+def replay(thing: Thing, of: Solver, found: Result, model: Path, folder: Path, told: Told = None) -> list[Replayed]:
+    """Writes and simulates every lift."""
+    writer, out, every = Writer(thing, of, found, model, folder), [], lifts(found)
+    for i, lift in enumerate(every):
+        held, lost, problem = {}, {}, {}
+        for j, kind in enumerate(KINDS):
+            try:
+                path = writer.write(lift, f"lift_{i + 1}", kind)
+                held[kind], lost[kind], problem[kind] = (0.0, "", "no hand is tracked") if path is None else writer.run(path, lift)
+            except Error as error:
+                held[kind], lost[kind], problem[kind] = 0.0, "", str(error).splitlines()[0]
+            if told is not None:
+                told((2 * i + j + 1) / (2 * len(every)))
+        out.append(Replayed(float(found.times[lift.first]), float(found.times[lift.last - 1]), held, lost, problem))
+    return out
+
+
+def text(every: Sequence[Replayed]) -> str:
+    out = ""
+    for i, each in enumerate(every, 1):
+        words = []
+        for kind, title in zip(KINDS, ("with the forces", "with angles alone")):
+            why = each.problem[kind] or (f"lost by {each.lost[kind]}" if each.lost[kind] else "")
+            words.append(f"{title} {each.held[kind]:.2f} s{f' ({why})' if why else ''}")
+        out += f"  lift {i}, {each.begin:.2f} to {each.end:.2f} s: a simulated hand holds it {', '.join(words)} of {each.end - each.begin:.2f} s\n"
+    return out
+
+
+def figures(every: Sequence[Replayed]) -> list[dict[str, Any]]:
+    return [{"begin_s": each.begin, "end_s": each.end, "held_s": each.held, "lost_by": each.lost, "problem": each.problem, "held_to_the_end": each.whole}
+            for each in every]
