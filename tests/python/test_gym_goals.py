@@ -292,3 +292,28 @@ def test_draws_of_the_scene_reach_the_new_tasks():
     assert mass.min() > 0.1 and mass.max() < 0.3 and len(set(mass)) == 8 and len(task.people) == 3
     button = Episodes(Button(vary={"hands.0.tissue.damping": {"choice": [1, 2]}}, variants=2), 8, seed=1)
     assert set(button.task.person) == {0, 1} and pressed(button, button.task._goal[:, 0]).all()
+
+
+# Oracle: a simulation's own taxels at the same motion, and the normal forces of its contacts.
+@pytest.mark.parametrize("name", ("hold", "turn", "reorient", "pen_twirl", "rotate", "key_turn", "button", "relocate", "bottle"))
+def test_taxels_are_observed_by_a_flag(name):
+    task = TASKS[name](taxels=True)
+    episodes, plain = Episodes(task, 2, seed=1), Episodes(name, 2, seed=1)
+    for k in range(25):
+        action = np.full((2, task.actions), 0.6 if name != "button" else 0.3)
+        episodes.step(action)
+        plain.step(action)
+    taxels = episodes.batch["taxels"]
+    assert task.observation(episodes.batch).shape[1] == plain.task.observation(plain.batch).shape[1] + taxels.shape[1]
+    one = hs.Simulation(task.scene)
+    one.reset(episodes.batch.motion(1))
+    one.step()
+    alone = hs.Batch(task.scene, 1, observe=["taxels"])
+    alone.reset(to=episodes.batch.motion(1))
+    alone.step()
+    touch = one.taxels(5e-3)
+    assert np.array_equal(alone["taxels"][0], touch.forces) and taxels.shape == (2, sum(touch.counts))
+    assert [column.split(".taxel")[0] for column in alone.columns_of("taxels")] == [pad for pad, count in zip(touch.pads, touch.counts) for _ in range(count)]
+    assert np.array_equal(plain.batch.q, episodes.batch.q)
+    if name in ("hold", "turn", "reorient", "rotate", "key_turn"):  # in the others no pad touches anything so soon
+        assert (taxels > 0).any()

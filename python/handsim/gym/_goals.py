@@ -138,7 +138,7 @@ class Button(ToGoals):
     gap, pad, thick = 4e-3, 8e-3, 8e-3
     """Between skin and button, from the tip to the skin, and of the button [m]."""
 
-    def __init__(self, *, drive: str = "targets", vary: Vary = None, variants: int = 16, goals: bool = False) -> None:
+    def __init__(self, *, drive: str = "targets", vary: Vary = None, variants: int = 16, goals: bool = False, taxels: bool = False) -> None:
         """As `HandTask`, and `Reach` for ``goals``: achieved and desired force [N]."""
         free = Simulation(HandTask("a hand", _PALM_SIDE, "targets").scene)
         tips = []
@@ -162,7 +162,7 @@ class Button(ToGoals):
                                 "program": "every_pose"}
         else:
             scene["joints"][0]["axes"][0]["torque"] = 1e-6  # an effect needs something that acts; the spring is the task's
-        super().__init__("a finger presses a button", _PALM_SIDE, drive, vary=vary, variants=variants, **scene)
+        super().__init__("a finger presses a button", _PALM_SIDE, drive, vary=vary, variants=variants, taxels=taxels, **scene)
         self._motions: list[Motion] = []
         for each in self.people or [self.scene]:
             start = Simulation(each)
@@ -234,9 +234,9 @@ class Rotate(ToGoals, _InPalm):
     thing: Mapping[str, Any] = {"name": "cube", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16, goals: bool = False) -> None:
+                 variants: int = 16, goals: bool = False, taxels: bool = False) -> None:
         """As `Turn`, with ``object="tennis_ball"`` for a ball, and `Reach` for ``goals``: cosine and sine of the angle."""
-        super().__init__("a hand turns a cube", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
+        super().__init__("a hand turns a cube", drive=drive, persons=persons, object=object, vary=vary, variants=variants, taxels=taxels)
         self._take_goals(goals)
 
     def draw_goals(self, batch: Batch, mask: Mask, random: np.random.Generator) -> Array:

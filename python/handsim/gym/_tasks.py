@@ -190,7 +190,8 @@ class HandTask(Task):
     """Of an action of 1 [N m]."""
 
     def __init__(self, title: str, rotation: Union[dict[str, Any], Sequence[dict[str, Any]]], drive: str, *, hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
-                 place: Any = (0, 0, 0.2), mount: str = "fixed", pose: Optional[Mapping[str, Any]] = None, **scene: Any) -> None:
+                 place: Any = (0, 0, 0.2), mount: str = "fixed", pose: Optional[Mapping[str, Any]] = None, taxels: bool = False,
+                 **scene: Any) -> None:
         """
         :param rotation: of the wrist, as in a scene; or a list with one for each of `people`, as ``place`` then is
         :param drive: ``targets``, ``torques`` or ``muscles``
@@ -203,6 +204,7 @@ class HandTask(Task):
         :param place: of the wrist, or of the middle between both [m]
         :param mount: of the palm, as in a scene
         :param pose: angles of joints at the start, as in a scene
+        :param taxels: forces on points of the finger pads, 5 mm apart, are observed, too [N]: after q, u and activations
         :param scene: keys of the scene
         """
         if not isinstance(hands, (int, np.integer)) or hands not in (1, 2):
@@ -246,7 +248,8 @@ class HandTask(Task):
         self._low, self._high = self.scene.limits[self._driven].T
         self.actions = len(self.scene.muscles) if drive == "muscles" else len(self._driven)
         self._targets = np.empty((0, len(self._driven)))
-        self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), *self.observe[2:])
+        self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), *(["taxels"] if flag("taxels", taxels) else []),
+                        *self.observe[2:])
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         if self._targets.shape != (len(batch), len(self._driven)):
@@ -533,12 +536,13 @@ class Hold(_InHand):
     """Drawn for each episode; a longer one has them again."""
 
     def __init__(self, *, drive: str = "targets", disturbance: float = 1, persons: int = 0, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param disturbance: largest force over the can's weight
         :param persons: each begins with a grasp of their own; as `HandTask`
         :param vary: as `HandTask`; contacts.materials.0 is the pad of fingers and can
+        :param taxels: as `HandTask`
         :raises Error: of kind input for one whose hand does not hold the can
         """
         pictures = {"size": [480, 480], "camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
@@ -560,7 +564,7 @@ class Hold(_InHand):
         turns = [{"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(2 * np.arccos(np.clip(wrist[3], -1, 1)))}
                  for wrist in wrists]
         super().__init__(held[0].scene.title, turns, drive, place=[wrist[:3].tolist() for wrist in wrists], persons=persons, vary=vary,
-                         variants=variants, pictures=pictures, **_TOUCHED, objects=[
+                         variants=variants, taxels=taxels, pictures=pictures, **_TOUCHED, objects=[
                              {"name": held[0].scene.objects[0], "position": [0, 0, 1],
                               "file": str(data_path() / "config/objects/tomato_soup_can.yaml")}], contacts={
                              "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"),
@@ -614,7 +618,7 @@ class _InPalm(_InHand):
     """The object, where no other is asked for."""
 
     def __init__(self, title: str, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """
         :param object: in place of the task's own: a shipped one's name, a file of an object, an OBJ or STL file of a convex mesh
             in metres (60 g), or keys of a scene's object
@@ -627,7 +631,7 @@ class _InPalm(_InHand):
             "size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18], "field_of_view": "22 deg"}}}
         by_targets = HandTask(title, rotation, "targets", **given)
         settled = [self._settled(scene) for scene in by_targets.people or [by_targets.scene]]
-        super().__init__(title, rotation, drive, **given)
+        super().__init__(title, rotation, drive, taxels=taxels, **given)
         self._begin_as(settled)
         if drive == "targets":
             self._middle = np.array([self._bent(scene) for scene in self.people or [self.scene]])
@@ -667,9 +671,9 @@ class Turn(_InPalm):
     thing = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml")}
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """As `HandTask`; ``object``: a shipped one's name, a file, a mesh, or keys of a scene's object."""
-        super().__init__("a hand turns a ball", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
+        super().__init__("a hand turns a ball", drive=drive, persons=persons, object=object, vary=vary, variants=variants, taxels=taxels)
 
     def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         return {"turned": batch["objects"][:, 12] * self.scene.step * self.substeps,
@@ -698,9 +702,9 @@ class Reorient(_InPalm):
     thing: Mapping[str, Any] = {"name": "die", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """As `Turn`."""
-        super().__init__("a hand turns a die", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
+        super().__init__("a hand turns a die", drive=drive, persons=persons, object=object, vary=vary, variants=variants, taxels=taxels)
         self._goal, self._near = np.empty((0, 4)), np.empty(0, int)
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
@@ -789,7 +793,8 @@ class KeyTurn(HandTask):
     spring = 0.02, 0.06
     """Least and largest torque that turns the key back [N m]."""
 
-    def __init__(self, *, drive: str = "targets") -> None:
+    def __init__(self, *, drive: str = "targets", taxels: bool = False) -> None:
+        """As `HandTask`."""
         free = Simulation(HandTask("a hand", _PALM_SIDE, "targets").scene)
         angles = {f"right.{joint}.{name}": angle for joint, of in self.opened.items()
                   for name, angle in zip(("flexion", "abduction"), of)}
@@ -816,7 +821,7 @@ class KeyTurn(HandTask):
             data = data_path()
             scene["control"] = {"controller": str(data / "controllers/muscles.yaml"), "poses": str(data / "controllers/poses.yaml"),
                                 "program": "every_pose"}
-        super().__init__("a hand turns a key", _PALM_SIDE, drive, **scene)
+        super().__init__("a hand turns a key", _PALM_SIDE, drive, taxels=taxels, **scene)
         start = Simulation(self.scene)
         start.reset(q=np.append(q, 0))
         self._motion = start.motion()

@@ -56,17 +56,14 @@ class MovingWrist(ToGoals):
     at = -0.015, 0.105, -0.052
     """The grip in the hand frame [m]: the middle of a ball in the closed pose."""
 
-    def _make(self, title: str, drive: str, above: Sequence[float], persons: int, vary: Vary, variants: int, goals: bool,
-              **scene: Any) -> None:
-        """:param above: the grip's place at the start [m]"""
+    def _make(self, title: str, drive: str, above: Sequence[float], goals: bool, **scene: Any) -> None:
+        """:param above: the grip's place at the start [m]. :param scene: options of `HandTask`, and keys of the scene"""
         data = data_path()
         if drive == "targets":
             scene["control"] = {"controller": str(data / "controllers/grasp.yaml"), "poses": str(data / "controllers/poses.yaml"),
                                 "program": "every_pose"}
         scene = {**_TOUCHED, **scene, "effects": [*_TOUCHED["effects"], *scene.get("effects", [])]}
-        self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), "wrists", "fingertips", *self.observe[2:])
-        super().__init__(title, {"axis": [1, 0, 0], "angle": 0}, drive, persons=persons, vary=vary, variants=variants,
-                         place=(np.array(above) - self.at).tolist(), mount="free",
+        super().__init__(title, {"axis": [1, 0, 0], "angle": 0}, drive, place=(np.array(above) - self.at).tolist(), mount="free",
                          pose={joint: np.radians(angle).tolist() if len(angle) > 1 else float(np.radians(angle[0]))
                                for joint, angle in self.opened.items()}, **scene)
         names = [self.scene.coordinates[k].split(".") for k in self._driven]
@@ -175,16 +172,17 @@ class Relocate(MovingWrist):
 
     max_steps = 150
     numbers, near, unit = 3, 0.025, "distance_m"
-    observe = ("q", "u", "finger_contacts", "objects")
+    observe = ("q", "u", "wrists", "fingertips", "finger_contacts", "objects")
     radius = 0.035
     lies, aside, up = 0.04, 0.15, (0.08, 0.2)
     """Of the ball, how far it lies from the middle; its place from there, and above the ground [m]."""
     far = 0.4
     """Where the ball is lost [m]."""
 
-    def __init__(self, *, drive: str = "targets", persons: int = 0, vary: Vary = None, variants: int = 16, goals: bool = False) -> None:
+    def __init__(self, *, drive: str = "targets", persons: int = 0, vary: Vary = None, variants: int = 16, goals: bool = False,
+                 taxels: bool = False) -> None:
         """As `HandTask`, and `Reach` for ``goals``: the ball's place [m]."""
-        self._make("a hand takes a ball to its place", drive, (0, 0, self.radius + 0.1), persons, vary, variants, goals,
+        self._make("a hand takes a ball to its place", drive, (0, 0, self.radius + 0.1), goals, persons=persons, vary=vary, variants=variants, taxels=taxels,
                    effects=["ground_contact"], ground={"height": 0, "friction": 0.8}, contacts={
                        "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"), "spinning_friction": 0}],
                        "rules": [{"between": ["hands", "objects"], "material": "pad"}, {"between": ["hands", "ground"]},
@@ -244,7 +242,7 @@ class Bottle(MovingWrist):
 
     max_steps = 150
     numbers, near, unit = 1, 0.1, "distance_rad"
-    observe = ("q", "u", "finger_contacts")
+    observe = ("q", "u", "wrists", "fingertips", "finger_contacts")
     height = 0.2
     """Of the cap's middle above the ground [m]."""
     asked, drags = (0.5, 1.5), (0.05, 0.15)
@@ -252,11 +250,13 @@ class Bottle(MovingWrist):
     full = 2.0
     """Rate of the full drag [rad/s]."""
 
-    def __init__(self, *, drive: str = "targets", persons: int = 0, vary: Vary = None, variants: int = 16, goals: bool = False) -> None:
+    def __init__(self, *, drive: str = "targets", persons: int = 0, vary: Vary = None, variants: int = 16, goals: bool = False,
+                 taxels: bool = False) -> None:
         """As `HandTask`, and `Reach` for ``goals``: the cap's angle [rad]."""
         centre = [0.0, 0.0, self.height]
         torque = {} if drive == "targets" else {"torque": 1e-9}  # an effect needs something that acts; the drag is the task's
-        self._make("a hand unscrews a cap", drive, (0, 0, self.height + 0.046), persons, vary, variants, goals, effects=["actuation"],
+        self._make("a hand unscrews a cap", drive, (0, 0, self.height + 0.046), goals, persons=persons, vary=vary, variants=variants,
+                   taxels=taxels, effects=["actuation"],
                    bodies=[{"name": "cap", "mass": "60 g", "inertia": [2e-4, 2e-4, 2e-4], "position": centre, "collides": True,
                             "friction": 0.8, "shape": {"kind": "cylinder", "radius": "30 mm", "length": "16 mm"}}],
                    joints=[{"name": "thread", "type": "hinge", "parent": "world", "child": "cap", "position": centre,
