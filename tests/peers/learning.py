@@ -86,7 +86,8 @@ class Robotics(Peer):
 
         gymnasium.register_envs(gymnasium_robotics)
         self.pool = gymnasium.make_vec(name, n, vectorization_mode="async", vector_kwargs={"autoreset_mode": AutoresetMode.DISABLED})
-        super().__init__(n, gymnasium.spec(name).max_episode_steps, self.pool.single_action_space.shape[0], self._flat(self.pool.reset(seed=seed)[0]))
+        super().__init__(n, gymnasium.spec(name).max_episode_steps, self.pool.single_action_space.shape[0],
+                         self._flat(self.pool.reset(seed=seed)[0]))
 
     @staticmethod
     def _flat(observed):

@@ -131,7 +131,8 @@ std::span<const Observation::Kind> Observation::kinds() {
        [](auto& of) {
          Columns out;
          for (const engine::Taxels::Pad& pad : of.taxels_->pads())
-           for (std::size_t k = 0; k < pad.count; ++k) out.push_back(fmt::format("{}.taxel{}[N]", pad.name, k));
+           for (std::size_t k = 0; k < pad.count; ++k)
+             out.push_back(fmt::format("{}.taxel{}[N]", pad.name, k));
          return out;
        },
        [](auto& of, auto& run, Values to) {
