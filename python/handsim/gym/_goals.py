@@ -27,8 +27,9 @@ class ToGoals(HandTask):
     unit: str
     """Name of the distance in `info`."""
     steady = 5
-    bonus, loss = 10.0, 5.0
-    """Reward of success; what a lost episode takes."""
+    bonus, loss = 50.0, 50.0
+    """Reward of success; what a lost episode takes. Each is more than the other terms of a discounted episode, so that a policy
+    gains by a success, however well it fares beside the goal, and never by giving up."""
 
     def _take_goals(self, goals: bool) -> None:
         self._goal, self._near = np.empty((0, self.numbers)), np.empty(0, int)
@@ -116,9 +117,9 @@ class Button(ToGoals):
     force is 4 N more than asked for; a success, and ends, after ten steps in a row within the window in which the index finger
     touches the button. Observation: q and u of all joints, the last one's the button's [m], fingertips, force [N] and number of
     contact points of palm and fingers, what the drive holds (`HandTask`), the fingertip less the button's face [dm], the button's
-    force [N], and what is missing of it [N]. Reward of a step (20 ms): 1 within the window, minus the missing force over 4 N,
-    minus the fingertip's distance from the face [dm], minus 0.01 times the mean square of the action (of the excitation); 10 on
-    success, 5 less on loss. Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
+    force [N], and what is missing of it [N]. Reward of a step (20 ms): minus the missing force over 4 N, minus the fingertip's
+    distance from the face [dm], minus 0.01 times the mean square of the action (of the excitation); 50 on success, 50 less on loss.
+    Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
     """
 
     max_steps, steady = 100, 10
@@ -212,23 +213,23 @@ class Button(ToGoals):
         return self._with(batch, self._before_face(batch), self.achieved(batch))
 
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"near": 1.0 * self._at_goal(batch), "force": -self.distance(batch) / self.asked[1],
+        return {"force": -self.distance(batch) / self.asked[1],
                 "distance": -np.linalg.norm(self._before_face(batch), axis=1)}
 
 
 class Rotate(ToGoals, _InPalm):
     """The hand turns a cube of 45 mm, or a ball, that lies in it about the vertical by an angle that is drawn for each episode:
-    0.3 to 1 rad in either sense. Palm and fingers turn it: the wrist has its two joints.
+    0.5 to 1.5 rad in either sense. Palm and fingers turn it: the wrist has its two joints.
 
     Observation: as `Turn`, and the angle that is missing [rad]. Action: target of each joint, 1 is 0.4 rad from its target at the
-    start; torques and excitations as `HandTask`. Reward of a step (20 ms): 1 within ``near`` (0.2 rad), minus the missing angle
-    [rad], minus 0.01 times the mean square of the action (of the excitation); 10 on success, after five steps in a row within
-    ``near``, 5 less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
+    start; torques and excitations as `HandTask`. Reward of a step (20 ms): minus the missing angle [rad], minus 0.01
+    times the mean square of the action (of the excitation); 50 on success, after ten steps in a row within ``near`` (0.15 rad), 50
+    less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
     """
 
-    max_steps = 150
-    numbers, near, unit = 2, 0.2, "distance_rad"
-    turned = 0.3, 1.0
+    max_steps, steady = 150, 10
+    numbers, near, unit = 2, 0.15, "distance_rad"
+    turned = 0.5, 1.5
     """Least and largest angle [rad]."""
     mount = "universal"
     thing: Mapping[str, Any] = {"name": "cube", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
@@ -266,4 +267,4 @@ class Rotate(ToGoals, _InPalm):
         return self._lost(batch)
 
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"near": 1.0 * self._at_goal(batch), "angle": -self.distance(batch)}
+        return {"angle": -self.distance(batch)}

@@ -162,17 +162,17 @@ class Relocate(MovingWrist):
     The ball (70 mm, 150 g) lies up to 40 mm from the middle; its place is up to 0.15 m beside it and 0.08 to 0.2 m above the
     ground, both drawn for each episode. The hand begins with open fingers, palm down, 0.1 m above the middle; `MovingWrist` says
     what moves it. Action by targets: 4 of the wrist, then 20 of joints, -1 opens and 1 closes; torques and excitations as
-    `HandTask`. Observation: q, u, wrist, fingertips, force and number of contact points of palm and fingers, the ball's pose and
-    velocity, what the drive holds, place of the wrist less the grip [dm] and its angle, ball less grip [dm], and place less ball
-    [m]. Reward of a step (20 ms): minus the distances of ball and grip [dm] and of ball and place [dm], 1 for a ball that is held
-    up (above 15 mm, with thumb and fingers on it), 1 within 25 mm of the place, minus 0.01 times the mean square of the action (of
-    the excitation); 10 on success, after five steps in a row within 25 mm of the place; 5 less for a ball that is lost, 0.4 m from
+    `HandTask`. Observation: q, u, wrist, fingertips, normal force and number of contact points of palm and fingers with ball and
+    ground, the ball's pose and velocity, what the drive holds, place of the wrist less the grip [dm] and its angle, ball less grip
+    [dm], and place less ball [m]. Reward of a step (20 ms): minus the distances of ball and grip [dm] and of ball and place [dm], while thumb and a finger
+    touch it 0.5 and the ball's height above the ground [dm], at most 1, minus 0.01 times the mean square of the action (of the excitation);
+    50 on success, after five steps in a row within 25 mm of the place; 50 less for a ball that is lost, 0.4 m from
     the middle. Truncated after 150 steps.
     """
 
     max_steps = 150
     numbers, near, unit = 3, 0.025, "distance_m"
-    observe = ("q", "u", "wrists", "fingertips", "finger_contacts", "objects")
+    observe = ("q", "u", "wrists", "fingertips", "contact_pairs", "objects")
     radius = 0.035
     lies, aside, up = 0.04, 0.15, (0.08, 0.2)
     """Of the ball, how far it lies from the middle; its place from there, and above the ground [m]."""
@@ -191,8 +191,8 @@ class Relocate(MovingWrist):
                         "rolling_friction": "1 mm", "color": "#d9772e"}],
                    pictures={"size": [480, 480], "camera": {"position": [-0.75, 0.5, 0.45], "target": [0, 0, 0.12],
                                                             "field_of_view": "34 deg"}})
-        columns = Batch(self.scene, 1, observe=["finger_contacts"]).columns
-        self._points = [columns.index(f"right.{finger}.points") for finger in ("thumb", "index", "middle", "ring", "little")]
+        columns = Batch(self.scene, 1, observe=["contact_pairs"]).columns
+        self._points = [columns.index(f"right.{finger}-ball.points") for finger in ("thumb", "index", "middle", "ring", "little")]
 
     def prepare(self, batch: Batch, rows: Sequence[int], randoms: Sequence[np.random.Generator]) -> None:
         places = batch.get("objects.0.position")
@@ -213,17 +213,21 @@ class Relocate(MovingWrist):
     def seen(self, batch: Batch) -> Array:
         return np.hstack([super().seen(batch), 10 * self._to_ball(batch)])
 
-    def held_up(self, batch: Batch) -> Mask:
-        """Shape (n,)."""
-        touched = batch["finger_contacts"][:, self._points] > 0
-        return np.asarray(touched[:, 0] & touched[:, 1:].any(axis=1) & (self.achieved(batch)[:, 2] > self.radius + 0.015))
+    def held(self, batch: Batch) -> Mask:
+        """Shape (n,): thumb and a finger touch the ball."""
+        touched = batch["contact_pairs"][:, self._points] > 0
+        return np.asarray(touched[:, 0] & touched[:, 1:].any(axis=1))
+
+    def height(self, batch: Batch) -> Array:
+        """Of the ball above the ground [m], shape (n,)."""
+        return np.asarray(self.achieved(batch)[:, 2] - self.radius)
 
     def is_lost(self, batch: Batch) -> Mask:
         return np.asarray(np.linalg.norm(self.achieved(batch)[:, :2], axis=1) > self.far)
 
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
         return {"reach": -10 * np.linalg.norm(self._to_ball(batch), axis=1), "distance": -10 * self.distance(batch),
-                "held_up": 1.0 * self.held_up(batch), "near": 1.0 * self._at_goal(batch)}
+                "held": self.held(batch) * (0.5 + 10 * np.clip(self.height(batch), 0, 0.1))}
 
 
 class Bottle(MovingWrist):
@@ -235,8 +239,8 @@ class Bottle(MovingWrist):
     joints, -1 opens and 1 closes; torques and excitations as `HandTask`. Observation: q and u, the last one's the cap's, wrist,
     fingertips, force and number of contact points of palm and fingers, what the drive holds, place of the wrist less the grip [dm]
     and its angle, cap less grip [dm], and the angle that is missing [rad]. Reward of a step (20 ms): minus the distance of cap and
-    grip [dm], minus the missing angle [rad], ten times what a cap that thumb and a finger touch has turned on [rad], 1 within 0.1
-    rad of the goal, minus 0.01 times the mean square of the action (of the excitation); 10 on success, after five steps in a row
+    grip [dm], minus the missing angle [rad], ten times what a cap that thumb and a finger touch has turned on [rad], minus
+    0.01 times the mean square of the action (of the excitation); 50 on success, after five steps in a row
     within 0.1 rad. Truncated after 150 steps.
     """
 
@@ -296,5 +300,4 @@ class Bottle(MovingWrist):
         touched = batch["finger_contacts"][:, self._points] > 0
         angle = batch.q[:, -1]
         turned, self._before = np.where(touched[:, 0] & touched[:, 1:].any(axis=1), angle - self._before, 0), angle.copy()
-        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": 10 * turned,
-                "near": 1.0 * self._at_goal(batch)}
+        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": 10 * turned}
