@@ -27,7 +27,7 @@ class ToGoals(HandTask):
     unit: str
     """Name of the distance in `info`."""
     steady = 5
-    bonus, loss = 50.0, 50.0
+    bonus, loss = 100.0, 100.0
     """Reward of success; what a lost episode takes. Each is more than the other terms of a discounted episode, so that a policy
     gains by a success, however well it fares beside the goal, and never by giving up."""
 
@@ -117,9 +117,9 @@ class Button(ToGoals):
     force is 4 N more than asked for; a success, and ends, after ten steps in a row within the window in which the index finger
     touches the button. Observation: q and u of all joints, the last one's the button's [m], fingertips, force [N] and number of
     contact points of palm and fingers, what the drive holds (`HandTask`), the fingertip less the button's face [dm], the button's
-    force [N], and what is missing of it [N]. Reward of a step (20 ms): minus the missing force over 4 N, minus the fingertip's
-    distance from the face [dm], minus 0.01 times the mean square of the action (of the excitation); 50 on success, 50 less on loss.
-    Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
+    force [N], and what is missing of it [N]. Reward of a step (20 ms): 1 within the window, minus the missing force over 4 N,
+    minus the fingertip's distance from the face [dm], minus 0.01 times the mean square of the action (of the excitation); 100 on
+    success, 100 less on loss. Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
     """
 
     max_steps, steady = 100, 10
@@ -213,7 +213,7 @@ class Button(ToGoals):
         return self._with(batch, self._before_face(batch), self.achieved(batch))
 
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"force": -self.distance(batch) / self.asked[1],
+        return {"near": 1.0 * self._at_goal(batch), "force": -self.distance(batch) / self.asked[1],
                 "distance": -np.linalg.norm(self._before_face(batch), axis=1)}
 
 
@@ -222,9 +222,9 @@ class Rotate(ToGoals, _InPalm):
     0.5 to 1.5 rad in either sense. Palm and fingers turn it: the wrist has its two joints.
 
     Observation: as `Turn`, and the angle that is missing [rad]. Action: target of each joint, 1 is 0.4 rad from its target at the
-    start; torques and excitations as `HandTask`. Reward of a step (20 ms): minus the missing angle [rad], minus 0.01
-    times the mean square of the action (of the excitation); 50 on success, after ten steps in a row within ``near`` (0.15 rad), 50
-    less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
+    start; torques and excitations as `HandTask`. Reward of a step (20 ms): 1 within ``near`` (0.15 rad), minus the missing
+    angle [rad], minus 0.01 times the mean square of the action (of the excitation); 100 on success, after ten steps in a row within
+    ``near``, 100 less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
     """
 
     max_steps, steady = 150, 10
@@ -267,4 +267,4 @@ class Rotate(ToGoals, _InPalm):
         return self._lost(batch)
 
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"angle": -self.distance(batch)}
+        return {"near": 1.0 * self._at_goal(batch), "angle": -self.distance(batch)}

@@ -165,8 +165,8 @@ class Relocate(MovingWrist):
     `HandTask`. Observation: q, u, wrist, fingertips, normal force and number of contact points of palm and fingers with ball and
     ground, the ball's pose and velocity, what the drive holds, place of the wrist less the grip [dm] and its angle, ball less grip
     [dm], and place less ball [m]. Reward of a step (20 ms): minus the distances of ball and grip [dm] and of ball and place [dm], while thumb and a finger
-    touch it 0.5 and the ball's height above the ground [dm], at most 1, minus 0.01 times the mean square of the action (of the excitation);
-    50 on success, after five steps in a row within 25 mm of the place; 50 less for a ball that is lost, 0.4 m from
+    touch it 0.5 and the ball's height above the ground [dm], at most 1, 1 within 25 mm of the place, minus 0.01 times the mean square of the
+    action (of the excitation); 100 on success, after five steps in a row within 25 mm of the place; 100 less for a ball that is lost, 0.4 m from
     the middle. Truncated after 150 steps.
     """
 
@@ -227,7 +227,7 @@ class Relocate(MovingWrist):
 
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
         return {"reach": -10 * np.linalg.norm(self._to_ball(batch), axis=1), "distance": -10 * self.distance(batch),
-                "held": self.held(batch) * (0.5 + 10 * np.clip(self.height(batch), 0, 0.1))}
+                "held": self.held(batch) * (0.5 + 10 * np.clip(self.height(batch), 0, 0.1)), "near": 1.0 * self._at_goal(batch)}
 
 
 class Bottle(MovingWrist):
@@ -239,8 +239,8 @@ class Bottle(MovingWrist):
     joints, -1 opens and 1 closes; torques and excitations as `HandTask`. Observation: q and u, the last one's the cap's, wrist,
     fingertips, force and number of contact points of palm and fingers, what the drive holds, place of the wrist less the grip [dm]
     and its angle, cap less grip [dm], and the angle that is missing [rad]. Reward of a step (20 ms): minus the distance of cap and
-    grip [dm], minus the missing angle [rad], ten times what a cap that thumb and a finger touch has turned on [rad], minus
-    0.01 times the mean square of the action (of the excitation); 50 on success, after five steps in a row
+    grip [dm], minus the missing angle [rad], ten times what a cap that thumb and a finger touch has turned on [rad], 1 within
+    0.1 rad of the goal, minus 0.01 times the mean square of the action (of the excitation); 100 on success, after five steps in a row
     within 0.1 rad. Truncated after 150 steps.
     """
 
@@ -300,4 +300,5 @@ class Bottle(MovingWrist):
         touched = batch["finger_contacts"][:, self._points] > 0
         angle = batch.q[:, -1]
         turned, self._before = np.where(touched[:, 0] & touched[:, 1:].any(axis=1), angle - self._before, 0), angle.copy()
-        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": 10 * turned}
+        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": 10 * turned,
+                "near": 1.0 * self._at_goal(batch)}
