@@ -755,10 +755,10 @@ def learning():
     def reached(of):
         minutes = of["minutes_to_80"]
         return f"{100 * of['success']:.0f} %, " + (f"80 % after {minutes:.1f} min" if minutes else "never 80 %")
-    return table(["task, by muscles", "steps a second", "envpool's", "ratio", "success", "envpool's"],
-                 [[f"`{task}`, `{of['beside']}`", f"{of['steps_per_s']:,.0f}", f"{of['peer_steps_per_s']:,.0f}", f"{of['ratio']:.0f}",
-                   reached(of["handsim"]), reached(of["peer"])]
-                  for task, of in json.loads(path.read_text())["tasks"].items()])
+    return table(["task", "beside", "steps a second", "theirs", "ratio", "success", "theirs"],
+                 [[f"`{of['task']}` by {of['drive']}", f"`{of['beside']}`", f"{of['steps_per_s']:,.0f}", f"{of['peer_steps_per_s']:,.0f}",
+                   f"{of['ratio']:.0f}", *(reached(of[who]) if who in of else "not run" for who in ("handsim", "peer"))]
+                  for of in json.loads(path.read_text())["pairs"]])
 
 
 def longest_tests():

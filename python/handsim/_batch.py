@@ -50,7 +50,7 @@ class Batch:
         :param scene: a Scene, or what `load` takes
         :param n: number of environments, 1 to 1,000,000
         :param observe: parts of `observation`, in its order: time, q, u, tau, wrists, fingertips, objects,
-            finger_contacts, contact_pairs, excitation, activation, fibre_length, fibre_speed, tendon_length,
+            finger_contacts, taxels, contact_pairs, excitation, activation, fibre_length, fibre_speed, tendon_length,
             tendon_force, failed (docs/environment.md has their numbers); failed needs ``watch``
         :param randomise: what a reset draws, by name: ``{"objects.0.mass": ("uniform", 0.1, 0.5)}``; also
             ``("log_uniform", low, high)`` and ``("normal", mean, deviation)``. Names: gravity, objects.I.mass,

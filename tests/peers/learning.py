@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Learning by muscles beside MyoSuite: steps a second, and one PPO on both. Needs envpool (PyPI), which has MyoSuite's tasks.
+"""Learning beside MyoSuite and Gymnasium-Robotics: steps a second, and one PPO on all. Needs envpool, which has MyoSuite's tasks, and
+gymnasium-robotics (both PyPI); --tasks names pairs of one of them alone.
 
-    PYTHONPATH=build/release/python python3 tests/peers/learning.py --minutes 10 --out out/learning
+    PYTHONPATH=build/release/python python3 tests/peers/learning.py --minutes 2 --out out/learning
 
-A step is 20 ms in each. The PPO is python/examples/ppo.py with its defaults, but for the number of environments, which is the
-one that is fastest in each. Success, in both: five steps in a row within the task's own threshold (MyoSuite's `solved`).
-OUT/learning.json has the steps a second of random actions, in turns in one run, and for each task the success over time.
+The PPO is python/examples/ppo.py with its defaults, but for the number of environments, which is the one that is fastest in each.
+Success, in all: five steps in a row within the task's own threshold (MyoSuite's `solved`; `is_success` and `success` of
+Gymnasium-Robotics). OUT/learning.json has the steps a second of random actions, in turns in one run, and for each pair the success
+over time.
 """
 import argparse
 import json
@@ -16,7 +18,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-import envpool
 import numpy as np
 
 from handsim.gym import TASKS, Episodes
@@ -24,36 +25,82 @@ from handsim.gym import TASKS, Episodes
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "python/examples"))
 import ppo
 
-PAIRS = {"pose": "myoHandPoseRandom-v0", "reach": "myoHandReachRandom-v0"}
-OURS, THEIRS = 512, 64
+# Of ours: task and drive; of theirs: the library and the task's name.
+PAIRS = [("pose", "muscles", "envpool", "myoHandPoseRandom-v0"), ("reach", "muscles", "envpool", "myoHandReachRandom-v0"),
+         ("key_turn", "muscles", "envpool", "myoHandKeyTurnRandom-v0"), ("pen_twirl", "muscles", "envpool", "myoHandPenTwirlRandom-v0"),
+         ("reach", "targets", "gymnasium_robotics", "HandReachDense-v3"),
+         ("rotate", "targets", "gymnasium_robotics", "HandManipulateBlockRotateZDense-v1"),
+         ("relocate", "targets", "gymnasium_robotics", "AdroitHandRelocate-v1")]
+OURS, THEIRS = 512, {"envpool": 64, "gymnasium_robotics": 16}
 """Environments: more are not faster."""
 STEADY = 5
 
 
 class Peer:
-    """Episodes of an envpool task, as ppo.py takes them. An episode that was a success ends as one at its time limit."""
+    """Episodes of other libraries, as ppo.py takes them. An episode that was a success ends as one at its time limit."""
 
-    def __init__(self, name, n, seed=0):
-        self.pool = envpool.make(name, env_type="gymnasium", num_envs=n, seed=seed)
-        self.task = SimpleNamespace(max_steps=self.pool.spec.config.max_episode_steps, actions=self.pool.action_space.shape[0])
+    def __init__(self, n, steps, actions, observed):
+        self.task = SimpleNamespace(max_steps=steps, actions=actions)
         self.batch = SimpleNamespace(failed=np.zeros(n, bool))
-        self.observed = self.pool.reset()[0].copy()
+        self.observed = observed
         self.steps, self.row, self.done = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool)
 
     def reset(self, mask=None, seed=None):
-        chosen = np.flatnonzero(np.ones(len(self.steps), bool) if mask is None else mask).astype(np.int32)
-        self.observed[chosen] = self.pool.reset(chosen)[0]
+        chosen = np.ones(len(self.steps), bool) if mask is None else np.asarray(mask)
+        self.observed[chosen] = self._reset(chosen)
         self.steps[chosen] = self.row[chosen] = self.done[chosen] = 0
         return self.observed.copy()
 
     def step(self, action):
-        observed, reward, ended, cut, info = self.pool.step(np.clip(action, -1, 1).astype(np.float32))
+        observed, reward, ended, cut, solved = self._step(np.clip(action, -1, 1).astype(np.float32))
         self.observed[:] = observed
         self.steps += 1
-        self.row = np.where(info["solved"], self.row + 1, 0)
+        self.row = np.where(solved, self.row + 1, 0)
         self.done |= self.row >= STEADY
         over = ended | cut | (self.steps >= self.task.max_steps)
         return observed.copy(), reward, over & self.done, over & ~self.done
+
+
+class EnvPool(Peer):
+    def __init__(self, name, n, seed=0):
+        import envpool
+
+        self.pool = envpool.make(name, env_type="gymnasium", num_envs=n, seed=seed)
+        super().__init__(n, self.pool.spec.config.max_episode_steps, self.pool.action_space.shape[0], self.pool.reset()[0].copy())
+
+    def _reset(self, chosen):
+        return self.pool.reset(np.flatnonzero(chosen).astype(np.int32))[0]
+
+    def _step(self, action):
+        observed, reward, ended, cut, info = self.pool.step(action)
+        return observed, reward, ended, cut, info["solved"]
+
+
+class Robotics(Peer):
+    """In so many processes as there are cores, each with a part of the environments."""
+
+    def __init__(self, name, n, seed=0):
+        import gymnasium
+        import gymnasium_robotics
+        from gymnasium.vector import AutoresetMode
+
+        gymnasium.register_envs(gymnasium_robotics)
+        self.pool = gymnasium.make_vec(name, n, vectorization_mode="async", vector_kwargs={"autoreset_mode": AutoresetMode.DISABLED})
+        super().__init__(n, gymnasium.spec(name).max_episode_steps, self.pool.single_action_space.shape[0],
+                         self._flat(self.pool.reset(seed=seed)[0]))
+
+    @staticmethod
+    def _flat(observed):
+        if isinstance(observed, dict):
+            observed = np.concatenate([observed["observation"], observed["desired_goal"] - observed["achieved_goal"]], axis=1)
+        return np.array(observed, dtype=float)
+
+    def _reset(self, chosen):
+        return self._flat(self.pool.reset(options={"reset_mask": chosen})[0])[chosen]
+
+    def _step(self, action):
+        observed, reward, ended, cut, info = self.pool.step(action)
+        return self._flat(observed), reward, ended, cut, np.asarray(info.get("is_success", info.get("success")), bool)
 
 
 def rate(episodes, n, seconds, random):
@@ -74,30 +121,33 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10, help="of learning, for each task of each; 0: steps a second alone")
     parser.add_argument("--seconds", type=float, default=10, help="of each measurement of steps a second")
-    parser.add_argument("--tasks", nargs="+", default=list(PAIRS), choices=PAIRS)
+    names = [beside for *_, beside in PAIRS]
+    parser.add_argument("--beside", nargs="+", default=names, choices=names, help="pairs, by the peer's task")
     parser.add_argument("--out", type=Path, required=True)
     asked = parser.parse_args()
     asked.out = asked.out.resolve()
     asked.out.mkdir(parents=True, exist_ok=True)
     os.chdir(asked.out)  # MuJoCo leaves its log where it runs
-    found, random = {"envpool": envpool.__version__, "cores": os.cpu_count(), "tasks": {}}, np.random.default_rng(0)
-    for task in asked.tasks:
-        ours, theirs = Episodes(TASKS[task](drive="muscles"), OURS), Peer(PAIRS[task], THEIRS)
-        rates = [(rate(ours, OURS, asked.seconds, random), rate(theirs, THEIRS, asked.seconds, random)) for _ in range(3)]
+    found, random = {"cores": os.cpu_count(), "minutes": asked.minutes, "pairs": []}, np.random.default_rng(0)
+    for task, drive, library, beside in (pair for pair in PAIRS if pair[-1] in asked.beside):
+        n = THEIRS[library]
+        ours, theirs = Episodes(TASKS[task](drive=drive), OURS), {"envpool": EnvPool, "gymnasium_robotics": Robotics}[library](beside, n)
+        rates = [(rate(ours, OURS, asked.seconds, random), rate(theirs, n, asked.seconds, random)) for _ in range(3)]
         mine, peer = np.median(rates, axis=0)
-        row = found["tasks"][task] = {"beside": PAIRS[task], "steps_per_s": mine, "peer_steps_per_s": peer,
-                                      "ratio": float(np.median([a / b for a, b in rates]))}
-        print(f"{task}: {mine:.0f} steps/s; {PAIRS[task]}: {peer:.0f}; ratio {row['ratio']:.0f}", flush=True)
-        for who, episodes, n in (("handsim", ours, OURS), ("peer", theirs, THEIRS)):
+        row = {"task": task, "drive": drive, "beside": beside, "library": library, "version": __import__(library).__version__,
+               "steps_per_s": mine, "peer_steps_per_s": peer, "ratio": float(np.median([a / b for a, b in rates]))}
+        found["pairs"].append(row)
+        print(f"{task} by {drive}: {mine:.0f} steps/s; {beside}: {peer:.0f}; ratio {row['ratio']:.1f}", flush=True)
+        for who, episodes, count in (("handsim", ours, OURS), ("peer", theirs, n)):
             if asked.minutes == 0:
                 continue
-            folder = asked.out / f"{task}_{who}"
+            folder = asked.out / f"{task}_{drive}_{who}"
             folder.mkdir(parents=True, exist_ok=True)
-            words = ["--task", task, "--minutes", str(asked.minutes), "--environments", str(n), "--out", str(folder)]
-            rows = ppo.learn(ppo.parsed(words), folder, episodes, {"drive": "muscles"})
+            words = ["--task", task, "--drive", drive, "--minutes", str(asked.minutes), "--environments", str(count), "--out", str(folder)]
+            rows = ppo.learn(ppo.parsed(words), folder, episodes, {"drive": drive})
             row[who] = {"steps": int(rows[-1][0]), "success": float(rows[-1][2]), "minutes_to_80": minutes_to(rows, 0.8)}
             print(f"  {who}: {row[who]}", flush=True)
-    (asked.out / "learning.json").write_text(json.dumps(found, indent=2) + "\n")
+        (asked.out / "learning.json").write_text(json.dumps(found, indent=2) + "\n")
 
 
 if __name__ == "__main__":

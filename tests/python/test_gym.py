@@ -237,7 +237,7 @@ def test_any_scene_becomes_a_task(two_hands):
         observation, reward, terminated, truncated = episodes.step(np.ones((2, 40)))
     assert np.array_equal(reward, observation[:, :40].sum(axis=1))
     assert not terminated.any() and truncated.all()
-    with pytest.raises(hs.Error, match="task: got jump, need one of pose, reach, hold, turn, reorient, pen_twirl, key_turn"):
+    with pytest.raises(hs.Error, match="task: got jump, need one of pose, reach, hold, turn, reorient, pen_twirl, key_turn, button, rotate, relocate, bottle"):
         Episodes("jump", 2)
 
 

@@ -1,6 +1,6 @@
 """Environments for learning: `make_vec` for gymnasium, ready tasks, and `Episodes` that needs numpy only.
 
-    env = handsim.gym.make_vec("hold", 1024)                         # also pose, reach, turn, reorient, pen_twirl, key_turn
+    env = handsim.gym.make_vec("hold", 1024)                         # or another name of `TASKS`
     env = handsim.gym.make_vec("pose", 1024, drive="muscles")        # targets, torques or muscles
     env = handsim.gym.make_vec("two_hands", 1024, reward=my_reward)  # any scene, with a reward of your own
 
@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 from .._errors import input_error
 from .._scene import Scene
-from ._tasks import (TASKS, BatchFunction, Episodes, HandTask, Hold, KeyTurn, PenTwirl, Pose, Reach, Reorient, SceneTask, Task,
-                     Turn)
+from ._episodes import TASKS, Episodes
+from ._goals import Button, Rotate, ToGoals
+from ._tasks import BatchFunction, HandTask, Hold, KeyTurn, PenTwirl, Pose, Reach, Reorient, SceneTask, Task, Turn
+from ._wrist import Bottle, MovingWrist, Relocate
 
 if TYPE_CHECKING:
     from ._envs import HandEnv, HandVectorEnv
@@ -87,5 +89,5 @@ def _register() -> None:
 
 _register()
 
-__all__ = ["TASKS", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "KeyTurn", "PenTwirl", "Pose", "Reach", "Reorient", "SceneTask",
-           "Task", "Turn", "make_vec", "sb3_vec"]
+__all__ = ["TASKS", "Bottle", "Button", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "KeyTurn", "MovingWrist", "PenTwirl",
+           "Pose", "Reach", "Relocate", "Reorient", "Rotate", "SceneTask", "Task", "ToGoals", "Turn", "make_vec", "sb3_vec"]

@@ -1,7 +1,7 @@
 """Plays a policy in new episodes: python3 -m handsim.gym policy.onnx --out out/played
 
 Prints the share of episodes that end with success. Writes played.mp4 of four of them (with ffmpeg), and for a task that
-begins as its scene, driven by targets or muscles, a run of the first with its report: played/report.html. Needs onnxruntime
+begins as its scene and is driven by targets or muscles alone, a run of the first with its report: played/report.html. Needs onnxruntime
 (pip install onnxruntime), or onnx from 1.13 on.
 
 The model takes observations, float32 of shape (n, numbers), and gives actions (n, actions). Its metadata `task` and `options`
@@ -118,7 +118,7 @@ def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -
         going &= ~terminated
     print(f"{title}: {success.mean():.1%} of {count} new episodes end with success")
     out.mkdir(parents=True, exist_ok=True)
-    if episodes.task.start() is None and driven[0]:
+    if episodes.task.start() is None and type(episodes.task).advance is Task.advance and driven[0]:
         run_again(episodes, driven, out)
     if films(count):
         film(episodes, frames, out)

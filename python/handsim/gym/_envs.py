@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from .._batch import MOST
 from .._errors import flag, input_error, whole
 from .._pictures import Picture
-from ._tasks import TASKS, Episodes, Task, task_of
+from ._episodes import TASKS, Episodes, task_of
+from ._tasks import Task
 
 Observation = Union[NDArray[np.float32], dict[str, NDArray[np.float32]]]
 LARGEST = 1e6

@@ -1,17 +1,16 @@
 """Tasks: what an environment for learning does with a scene. Needs numpy only."""
 from __future__ import annotations
 
-import inspect
 from os import PathLike
 from pathlib import Path
 from typing import Any, Callable, Mapping, Optional, Sequence, Union
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from .._batch import Batch
 from .._core import Motion
-from .._errors import flag, input_error, real, seed_of, whole
+from .._errors import flag, input_error, real, whole
 from .._hand import draw_persons
 from .._scene import Scene, load
 from .._shipped import data_path
@@ -66,12 +65,22 @@ class Task:
         """The same for one of `people`."""
         return self.start()
 
+    def prepare(self, batch: Batch, rows: Sequence[int], randoms: Sequence[np.random.Generator]) -> None:
+        """Called before the reset of these environments: sets numbers of the batch that begin with it (`Batch.set`).
+
+        :param randoms: of all environments
+        """
+
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         """Called after the reset of the environments of the mask: draws goals."""
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
         """Arguments of `Batch.step` for an action of shape (n, actions)."""
         raise NotImplementedError
+
+    def advance(self, batch: Batch, given: Mapping[str, Any]) -> None:
+        """Steps the batch by what `drive` returned, for a step of the environment."""
+        batch.step(**given, substeps=self.substeps)
 
     def observation(self, batch: Batch) -> Array:
         """Shape (n, numbers)."""
@@ -181,7 +190,8 @@ class HandTask(Task):
     """Of an action of 1 [N m]."""
 
     def __init__(self, title: str, rotation: Union[dict[str, Any], Sequence[dict[str, Any]]], drive: str, *, hands: int = 1, persons: int = 0, vary: Vary = None, variants: int = 16,
-                 place: Any = (0, 0, 0.2), **scene: Any) -> None:
+                 place: Any = (0, 0, 0.2), mount: str = "fixed", pose: Optional[Mapping[str, Any]] = None, taxels: bool = False,
+                 **scene: Any) -> None:
         """
         :param rotation: of the wrist, as in a scene; or a list with one for each of `people`, as ``place`` then is
         :param drive: ``targets``, ``torques`` or ``muscles``
@@ -192,6 +202,9 @@ class HandTask(Task):
             torque_limits and q are drawn anew for each episode; all others make scenes, one of which each episode has
         :param variants: number of these scenes, without persons
         :param place: of the wrist, or of the middle between both [m]
+        :param mount: of the palm, as in a scene
+        :param pose: angles of joints at the start, as in a scene
+        :param taxels: forces on points of the finger pads, 5 mm apart, are observed, too [N]: after q, u and activations
         :param scene: keys of the scene
         """
         if not isinstance(hands, (int, np.integer)) or hands not in (1, 2):
@@ -218,7 +231,8 @@ class HandTask(Task):
             return load({
                 "title": title,
                 "hands": [{"model": model, "person": person, "side": side, **tissue,
-                           "wrist": {"mount": "fixed", "position": [across, y, z], "rotation": turned[k % len(turned)]}}
+                           **({"pose": pose} if pose else {}),
+                           "wrist": {"mount": mount, "position": [across, y, z], "rotation": turned[k % len(turned)]}}
                           for side, across in list(sides.items())[:hands]],
                 **(motors if drive == "targets" else {}), "effects": effects,
                 "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, scene_values(drawn.scenes, random))
@@ -233,12 +247,13 @@ class HandTask(Task):
         self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(of_hands)
         self._low, self._high = self.scene.limits[self._driven].T
         self.actions = len(self.scene.muscles) if drive == "muscles" else len(self._driven)
-        self._targets = np.empty((0, self.actions))
-        self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), *self.observe[2:])
+        self._targets = np.empty((0, len(self._driven)))
+        self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), *(["taxels"] if flag("taxels", taxels) else []),
+                        *self.observe[2:])
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
-        if self._targets.shape != (len(batch), self.actions):
-            self._targets = np.zeros((len(batch), self.actions))
+        if self._targets.shape != (len(batch), len(self._driven)):
+            self._targets = np.zeros((len(batch), len(self._driven)))
         if self.driven == "targets":
             self._targets[mask] = batch.q[mask][:, self._driven]
 
@@ -445,6 +460,7 @@ class _InHand(HandTask):
         self._motions = [each.motion() for each in begun]
         body = self.scene.bodies.index(self.scene.objects[0])
         self._start_place = np.array([each.bodies.position[body] for each in begun])
+        self._first = np.array([each.bodies.quaternion[body] for each in begun])
 
     def start(self) -> Optional[Motion]:
         return self._motions[0]
@@ -520,12 +536,13 @@ class Hold(_InHand):
     """Drawn for each episode; a longer one has them again."""
 
     def __init__(self, *, drive: str = "targets", disturbance: float = 1, persons: int = 0, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """
         :param drive: ``targets``, ``torques`` or ``muscles``
         :param disturbance: largest force over the can's weight
         :param persons: each begins with a grasp of their own; as `HandTask`
         :param vary: as `HandTask`; contacts.materials.0 is the pad of fingers and can
+        :param taxels: as `HandTask`
         :raises Error: of kind input for one whose hand does not hold the can
         """
         pictures = {"size": [480, 480], "camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
@@ -547,7 +564,7 @@ class Hold(_InHand):
         turns = [{"axis": (wrist[4:7] / np.linalg.norm(wrist[4:7])).tolist(), "angle": float(2 * np.arccos(np.clip(wrist[3], -1, 1)))}
                  for wrist in wrists]
         super().__init__(held[0].scene.title, turns, drive, place=[wrist[:3].tolist() for wrist in wrists], persons=persons, vary=vary,
-                         variants=variants, pictures=pictures, **_TOUCHED, objects=[
+                         variants=variants, taxels=taxels, pictures=pictures, **_TOUCHED, objects=[
                              {"name": held[0].scene.objects[0], "position": [0, 0, 1],
                               "file": str(data_path() / "config/objects/tomato_soup_can.yaml")}], contacts={
                              "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"),
@@ -590,6 +607,8 @@ class _InPalm(_InHand):
     """An object lies in the bent fingers of a hand whose palm is up, its fingers lower than its wrist."""
 
     span = 0.4
+    mount = "fixed"
+    """Of the palm, as in a scene."""
     lost = 0.06
     """Shift at which the object is lost [m]."""
     bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
@@ -599,7 +618,7 @@ class _InPalm(_InHand):
     """The object, where no other is asked for."""
 
     def __init__(self, title: str, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """
         :param object: in place of the task's own: a shipped one's name, a file of an object, an OBJ or STL file of a convex mesh
             in metres (60 g), or keys of a scene's object
@@ -607,12 +626,12 @@ class _InPalm(_InHand):
         """
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
         rotation = {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}
-        given: dict[str, Any] = {"persons": persons, "vary": vary, "variants": variants, **_TOUCHED, "objects": [
+        given: dict[str, Any] = {"persons": persons, "vary": vary, "variants": variants, "mount": self.mount, **_TOUCHED, "objects": [
             {"position": [0, 0.11, 0.23], **(self.thing if object is None else _object_keys(object))}], "pictures": {
             "size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18], "field_of_view": "22 deg"}}}
         by_targets = HandTask(title, rotation, "targets", **given)
         settled = [self._settled(scene) for scene in by_targets.people or [by_targets.scene]]
-        super().__init__(title, rotation, drive, **given)
+        super().__init__(title, rotation, drive, taxels=taxels, **given)
         self._begin_as(settled)
         if drive == "targets":
             self._middle = np.array([self._bent(scene) for scene in self.people or [self.scene]])
@@ -652,9 +671,9 @@ class Turn(_InPalm):
     thing = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml")}
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """As `HandTask`; ``object``: a shipped one's name, a file, a mesh, or keys of a scene's object."""
-        super().__init__("a hand turns a ball", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
+        super().__init__("a hand turns a ball", drive=drive, persons=persons, object=object, vary=vary, variants=variants, taxels=taxels)
 
     def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
         return {"turned": batch["objects"][:, 12] * self.scene.step * self.substeps,
@@ -683,16 +702,10 @@ class Reorient(_InPalm):
     thing: Mapping[str, Any] = {"name": "die", "shape": "box", "edges": ["45 mm", "45 mm", "45 mm"], "mass": "60 g"}
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, object: Object = None, vary: Vary = None,
-                 variants: int = 16) -> None:
+                 variants: int = 16, taxels: bool = False) -> None:
         """As `Turn`."""
-        super().__init__("a hand turns a die", drive=drive, persons=persons, object=object, vary=vary, variants=variants)
+        super().__init__("a hand turns a die", drive=drive, persons=persons, object=object, vary=vary, variants=variants, taxels=taxels)
         self._goal, self._near = np.empty((0, 4)), np.empty(0, int)
-        body, first = self.scene.bodies.index(self.scene.objects[0]), []
-        for scene, motion in zip(self.people or [self.scene], self._motions):
-            simulation = Simulation(scene)
-            simulation.reset(motion)
-            first.append(simulation.bodies.quaternion[body])
-        self._first = np.array(first)
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         if len(self._goal) != len(batch):
@@ -710,11 +723,7 @@ class Reorient(_InPalm):
 
     def missing(self, batch: Batch) -> Array:
         """Rotation vector from the object's orientation to its goal, world axes [rad], shape (n, 3)."""
-        now = batch["objects"][:, 3:7]
-        turn = _product(self._goal, now * [1, -1, -1, -1])
-        turn = np.where(turn[:, :1] < 0, -turn, turn)
-        length = np.linalg.norm(turn[:, 1:], axis=1, keepdims=True)
-        return np.asarray(2 * np.arctan2(length, turn[:, :1]) * turn[:, 1:] / np.maximum(length, 1e-12))
+        return _rotation_vector(self._goal, batch["objects"][:, 3:7])
 
     def observation(self, batch: Batch) -> Array:
         return np.concatenate((super().observation(batch), self.missing(batch)), axis=1)
@@ -784,7 +793,8 @@ class KeyTurn(HandTask):
     spring = 0.02, 0.06
     """Least and largest torque that turns the key back [N m]."""
 
-    def __init__(self, *, drive: str = "targets") -> None:
+    def __init__(self, *, drive: str = "targets", taxels: bool = False) -> None:
+        """As `HandTask`."""
         free = Simulation(HandTask("a hand", _PALM_SIDE, "targets").scene)
         angles = {f"right.{joint}.{name}": angle for joint, of in self.opened.items()
                   for name, angle in zip(("flexion", "abduction"), of)}
@@ -811,7 +821,7 @@ class KeyTurn(HandTask):
             data = data_path()
             scene["control"] = {"controller": str(data / "controllers/muscles.yaml"), "poses": str(data / "controllers/poses.yaml"),
                                 "program": "every_pose"}
-        super().__init__("a hand turns a key", _PALM_SIDE, drive, **scene)
+        super().__init__("a hand turns a key", _PALM_SIDE, drive, taxels=taxels, **scene)
         start = Simulation(self.scene)
         start.reset(q=np.append(q, 0))
         self._motion = start.motion()
@@ -884,130 +894,15 @@ def _product(a: Array, b: Array) -> Array:
     return np.hstack([w * x - np.sum(v * u, axis=1, keepdims=True), w * u + x * v + np.cross(v, u)])
 
 
+def _rotation_vector(goal: Array, now: Array) -> Array:
+    """From orientations w x y z to others, world axes [rad], row by row."""
+    turn = _product(goal, now * [1, -1, -1, -1])
+    turn = np.where(turn[:, :1] < 0, -turn, turn)
+    length = np.linalg.norm(turn[:, 1:], axis=1, keepdims=True)
+    return np.asarray(2 * np.arctan2(length, turn[:, :1]) * turn[:, 1:] / np.maximum(length, 1e-12))
+
+
 def _axis(q: Array) -> Array:
     """The z axis of each orientation w x y z, in the world."""
     w, x, y, z = q.T
     return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
-
-
-TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": Hold, "turn": Turn, "reorient": Reorient,
-                                         "pen_twirl": PenTwirl,
-                                         "key_turn": KeyTurn}
-
-
-def task_of(task: Union[Task, str], **options: Any) -> Task:
-    """A ready task by name, or the task itself. :raises Error: of kind input for a task or an option that there is not"""
-    if isinstance(task, Task):
-        if options:
-            raise input_error("options", ", ".join(options), "none beside a Task, which has its own")
-        return task
-    if not isinstance(task, str) or task not in TASKS:
-        raise input_error("task", task, f"one of {', '.join(TASKS)}, or a Task")
-    known = list(inspect.signature(TASKS[task]).parameters)
-    for name in options:
-        if name not in known:
-            raise input_error(name, repr(options[name]), f"options of {task}: {', '.join(known)}")
-    return TASKS[task](**options)
-
-
-Seeds = Union[int, Sequence[Optional[int]]]
-
-
-class Episodes:
-    """A task on a batch: episodes without gymnasium. `reset` and `step` as there; nothing is reset by itself.
-
-    Environment i draws all its episodes from seed + i, or from the i-th of a list of seeds, alone: it is the same in a batch
-    of any size.
-    """
-
-    def __init__(self, task: Union[Task, str], n: int, *, seed: Seeds = 0, threads: int = 0) -> None:
-        self.task = task_of(task)
-        self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, threads=threads)
-        self.random = np.random.default_rng(0)
-        """Of `Task.drive`."""
-        self._randoms = [self.random] * n
-        self.steps = np.zeros(n, int)
-        """Of each environment's episode."""
-        self.given: dict[str, Any] = {}
-        """To `Batch.step` by the last step."""
-        self.task.person = np.zeros(n, int)
-        self.reset(seed=seed)
-
-    def _seed(self, seed: Seeds) -> None:
-        n = len(self.batch)
-        if isinstance(seed, (list, tuple, np.ndarray)):
-            if len(seed) != n:
-                raise input_error("seed", f"{len(seed)} seeds", f"a seed for each of {n} environments, or one")
-            seeds = [None if each is None else seed_of(each) for each in seed]
-        else:
-            seeds = [(seed_of(seed) + i) % 2**64 for i in range(n)]
-        for i, each in enumerate(seeds):
-            if each is not None:
-                self._randoms[i] = np.random.default_rng(each)
-        self.random = np.random.default_rng([each or 0 for each in seeds])
-
-    def reset(self, mask: Optional[Mask] = None, *, seed: Optional[Seeds] = None) -> Array:
-        """New episodes for the environments of the mask.
-
-        :param seed: of environment 0, and one more for each that follows; or a list with one of each, None: it goes on
-        :returns: the observation, shape (n, numbers)
-        """
-        n = len(self.batch)
-        if seed is not None:
-            self._seed(seed)
-        chosen = np.ones(n, bool) if mask is None else np.asarray(mask)
-        if chosen.shape != (n,) or chosen.dtype != bool:
-            raise input_error("mask", f"shape {chosen.shape}, dtype {chosen.dtype}", f"shape ({n},), dtype bool")
-        seeds, rows = np.zeros(n, np.uint64), np.flatnonzero(chosen)
-        for i in rows:
-            seeds[i] = self._randoms[i].integers(2**63)
-            if self.task.people:
-                self.task.person[i] = k = int(self._randoms[i].integers(len(self.task.people)))
-                self.batch.replace(i, self.task.people[k])
-        for k in np.unique(self.task.person[chosen]) if self.task.people else [0]:
-            self.batch.reset(chosen & (self.task.person == k), seeds=seeds, to=self.task.start_of(int(k)))
-        self.steps[chosen] = 0
-        for i in rows:
-            one = np.zeros(n, bool)
-            one[i] = True
-            self.task.begin(self.batch, one, self._randoms[i])
-        return self.task.observation(self.batch)
-
-    def info(self) -> dict[str, Any]:
-        """Of the last step, each of shape (n,): ``failed``, ``is_success`` (of a task that has one), the task's `measures`
-        and, as a dictionary, ``reward_terms``."""
-        success = self.task.succeeded(self.batch)
-        out: dict[str, Any] = {"failed": self.batch.failed.copy()}
-        if success is not None:
-            out["is_success"] = success & ~self.batch.failed
-        out.update(self.task.measures(self.batch))
-        if self.task.rewarded:
-            out["reward_terms"] = {name: np.where(self.batch.failed, 0, term) for name, term in self.task.rewarded.items()}
-        return out
-
-    def _checked(self, action: ArrayLike) -> Array:
-        shape = (len(self.batch), self.task.actions)
-        try:
-            out: Array = np.asarray(action, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            raise input_error("action", type(action).__name__, f"numbers of shape {shape}") from None
-        if out.shape != shape:
-            raise input_error("action", f"shape {out.shape}", f"shape {shape}")
-        if not np.isfinite(out).all():
-            i, k = np.argwhere(~np.isfinite(out))[0]
-            raise input_error("action", f"{out[i, k]} at [{i}, {k}]", "finite numbers; those beyond -1 to 1 count as -1 and 1")
-        return out
-
-    def step(self, action: ArrayLike) -> tuple[Array, Array, Mask, Mask]:
-        """:returns: observation (n, numbers), reward, terminated and truncated (n,). Failed environments are
-        terminated, without reward.
-
-        :raises Error: of kind input for an action of another shape, or one that is not finite"""
-        clipped = _clipped(self._checked(action), -1, 1)
-        self.given = self.task.drive(self.batch, clipped, self.random)
-        self.batch.step(**self.given, substeps=self.task.substeps)
-        self.steps += 1
-        failed = self.batch.failed
-        reward = np.where(failed, 0, self.task.reward(self.batch, clipped))
-        terminated = self.task.terminated(self.batch) | failed
-        return self.task.observation(self.batch), reward, terminated, (self.steps >= self.task.max_steps) & ~terminated

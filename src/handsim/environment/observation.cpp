@@ -19,6 +19,7 @@ constexpr std::array kPoseColumns = {".x[m]", ".y[m]", ".z[m]", ".qw", ".qx", ".
 constexpr std::array kRateColumns = {".vx[m/s]",   ".vy[m/s]",   ".vz[m/s]",
                                      ".wx[rad/s]", ".wy[rad/s]", ".wz[rad/s]"};
 constexpr std::array kFingerColumns = {".fx[N]", ".fy[N]", ".fz[N]", ".points"};
+constexpr double kTaxelSpacing = 5e-3;  ///< [m]
 constexpr std::array kPairColumns = {".normal[N]", ".points"};
 
 bool failed(const simulation::Simulation& simulation) {
@@ -126,6 +127,17 @@ std::span<const Observation::Kind> Observation::kinds() {
       {"finger_contacts",
        [](auto& of) { return columns_of(of.hand_parts_, std::identity(), {kFingerColumns}); },
        [](auto& of, auto& run, Values to) { of.write_contacts(run.engine().contacts(), to, {}); }},
+      {"taxels",
+       [](auto& of) {
+         Columns out;
+         for (const engine::Taxels::Pad& pad : of.taxels_->pads())
+           for (std::size_t k = 0; k < pad.count; ++k)
+             out.push_back(fmt::format("{}.taxel{}[N]", pad.name, k));
+         return out;
+       },
+       [](auto& of, auto& run, Values to) {
+         std::ranges::copy(of.taxels_->read(run.engine().contacts(), run.state()), to.begin());
+       }},
       {"contact_pairs",
        [](auto& of) {
          Columns pairs;
@@ -170,6 +182,7 @@ Observation::Observation(const scene::Scene& scene, std::span<const std::string>
       problems.push_back({std::nullopt, "observe", name, fmt::format("one of {}", fmt::join(known, ", "))});
   if (!problems.empty()) throw Error(std::move(problems));
   collect_things();
+  if (std::ranges::find(names, "taxels") != names.end()) taxels_.emplace(scene.model, kTaxelSpacing);
   for (const std::string& name : names) {
     const Kind& kind = *std::ranges::find_if(kinds(), [&](auto& each) { return each.name == name; });
     kinds_.push_back(&kind);

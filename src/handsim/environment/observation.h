@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/engine/collision/taxels.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::environment {
@@ -25,6 +26,7 @@ struct ObservedPart {
 ///   objects           of each object that can move: p [m], quaternion, v [m/s], w [rad/s] of its body
 ///                     (centre of mass), world axes
 ///   finger_contacts   of palm and fingers of each hand: force on it [N], world axes, and number of points
+///   taxels            normal force [N] on points of the finger pads, 5 mm apart (engine/collision/taxels.h)
 ///   contact_pairs     of palm and fingers with each object, then with all else: normal force [N], points
 ///   excitation, activation            of each muscle, 0 to 1
 ///   fibre_length, fibre_speed         of each muscle [m], lengthening [m/s]
@@ -40,7 +42,7 @@ class Observation {
   /// @returns whether the observation needs watchers, which measure what the criteria judge
   bool needs_watchers() const { return has("failed"); }
   /// @returns whether the observation needs the contact forces of the engine (settings.contact_forces).
-  bool needs_forces() const { return has("finger_contacts") || has("contact_pairs"); }
+  bool needs_forces() const { return has("finger_contacts") || has("contact_pairs") || has("taxels"); }
   /// @param out of size().
   void write(const simulation::Simulation& simulation, std::span<double> out) const;
 
@@ -64,6 +66,7 @@ class Observation {
   /// For each shape the index in hand_parts_ if it is part of a hand; else other_ has its index in others_.
   std::vector<std::optional<std::size_t>> hand_part_;
   std::vector<std::size_t> other_;
+  std::optional<engine::Taxels> taxels_;  ///< where they are observed
 };
 
 }  // namespace handsim::environment

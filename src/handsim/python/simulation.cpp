@@ -214,10 +214,8 @@ class SimulationHandle {
   py::tuple taxels(double spacing) {
     if (!taxels_ || spacing != taxel_spacing_) taxels_.emplace(simulation().model(), spacing);
     taxel_spacing_ = spacing;
-    const auto forces = read([&](const auto& of) {
-      const std::span<const double> now = taxels_->read(of.engine().contacts(), of.state());
-      return std::vector<double>(now.begin(), now.end());
-    });
+    const auto forces =
+        read([&](const auto& of) { return taxels_->read(of.engine().contacts(), of.state()); });
     std::vector<std::string> names;
     std::vector<std::size_t> counts;
     for (const engine::Taxels::Pad& pad : taxels_->pads()) {

@@ -22,7 +22,6 @@ Taxels::Taxels(const model::Model& model, double spacing) : model_(model), rules
       for (std::size_t i = 0; i < model.shapes.size(); ++i)
         if (model.shapes[i].body == tip.body && model.shapes[i].kind == model::ShapeKind::capsule)
           add_pad(hand, tip, static_cast<int>(i), spacing);
-  forces_.resize(points_.size());
 }
 
 /// Rows along the capsule, and around its free end, each over the palmar half turn.
@@ -61,15 +60,16 @@ void Taxels::add_pad(const model::HandIndex& hand, const model::Fingertip& tip, 
   pads_.push_back(std::move(pad));
 }
 
-std::span<const double> Taxels::read(std::span<const Contact> contacts, const model::State& state) {
-  std::ranges::fill(forces_, 0.0);
+std::vector<double> Taxels::read(std::span<const Contact> contacts, const model::State& state) const {
+  std::vector<double> forces(points_.size());
   for (const Contact& contact : contacts)
     for (const Pad& pad : pads_)
-      if (contact.shape_a == pad.shape || contact.shape_b == pad.shape) spread(pad, contact, state);
-  return forces_;
+      if (contact.shape_a == pad.shape || contact.shape_b == pad.shape) spread(pad, contact, state, forces);
+  return forces;
 }
 
-void Taxels::spread(const Pad& pad, const Contact& contact, const model::State& state) {
+void Taxels::spread(const Pad& pad, const Contact& contact, const model::State& state,
+                    std::span<double> forces) const {
   const double force = contact.normal_force();
   if (!(force > 0)) return;
   const model::Material surface =
@@ -83,7 +83,11 @@ void Taxels::spread(const Pad& pad, const Contact& contact, const model::State& 
   const Vec3 e = normal.unitOrthogonal(), f = normal.cross(e);
   // Which way out of the pad the contact's normal points.
   const double out = contact.shape_a == pad.shape ? -1 : 1;
-  shares_.clear();
+  struct Share {
+    std::size_t taxel = 0;
+    double weight = 0, x = 0, y = 0;
+  };
+  std::vector<Share> shares;
   double sum = 0, x = 0, y = 0, nearest = HUGE_VAL;
   std::size_t closest = pad.first;
   for (std::size_t i = pad.first; i < pad.first + pad.count; ++i) {
@@ -96,30 +100,30 @@ void Taxels::spread(const Pad& pad, const Contact& contact, const model::State& 
     // Not the far side of the pad.
     if (r2 >= flat2 || out * normal.dot(away) < -radius) continue;
     const double weight = 1 - r2 / flat2;
-    shares_.push_back({i, weight, u, v});
+    shares.push_back({i, weight, u, v});
     sum += weight;
     x += weight * u;
     y += weight * v;
   }
   // Weights tilt by (1 + a u + b v) so that their centre is the contact's place.
   double xx = 0, xy = 0, yy = 0;
-  for (const Share& each : shares_) {
+  for (const Share& each : shares) {
     xx += each.weight * each.x * each.x;
     xy += each.weight * each.x * each.y;
     yy += each.weight * each.y * each.y;
   }
   const double determinant = xx * yy - xy * xy;
-  if (shares_.size() < 3 || !(determinant > kFlat * kFlat * sum * sum * flat2 * flat2)) {
-    forces_[closest] += force;
+  if (shares.size() < 3 || !(determinant > kFlat * kFlat * sum * sum * flat2 * flat2)) {
+    forces[closest] += force;
     return;
   }
   const double a = (xy * y - yy * x) / determinant, b = (xy * x - xx * y) / determinant;
   const auto tilt = [&](const Share& each) { return 1 + a * each.x + b * each.y; };
   // At the edge of the pad the disc has no such weights that push: the paraboloid stays as it is.
-  const bool pushes = std::ranges::all_of(shares_, [&](const Share& each) { return tilt(each) >= 0; });
+  const bool pushes = std::ranges::all_of(shares, [&](const Share& each) { return tilt(each) >= 0; });
   double tilted = 0;
-  for (Share& each : shares_) tilted += each.weight *= pushes ? tilt(each) : 1;
-  for (const Share& each : shares_) forces_[each.taxel] += force * each.weight / tilted;
+  for (Share& each : shares) tilted += each.weight *= pushes ? tilt(each) : 1;
+  for (const Share& each : shares) forces[each.taxel] += force * each.weight / tilted;
 }
 
 }  // namespace handsim::engine

@@ -31,23 +31,19 @@ class Taxels {
   std::span<const Vec3> points() const { return points_; }
   /// The part of the pad's surface that each taxel stands for [m2].
   std::span<const double> areas() const { return areas_; }
-  /// Normal forces on the taxels by an engine's contacts at a state [N]; valid until the next call.
-  std::span<const double> read(std::span<const Contact> contacts, const model::State& state);
+  /// Normal forces on the taxels by an engine's contacts at a state [N].
+  std::vector<double> read(std::span<const Contact> contacts, const model::State& state) const;
 
  private:
   void add_pad(const model::HandIndex& hand, const model::Fingertip& tip, int shape, double spacing);
-  void spread(const Pad& pad, const Contact& contact, const model::State& state);
+  void spread(const Pad& pad, const Contact& contact, const model::State& state,
+              std::span<double> forces) const;
 
   const model::Model& model_;
   PairTable rules_;
   std::vector<Pad> pads_;
   std::vector<Vec3> points_;
-  std::vector<double> areas_, forces_;
-  struct Share {
-    std::size_t taxel = 0;
-    double weight = 0, x = 0, y = 0;
-  };
-  std::vector<Share> shares_;  ///< of a contact
+  std::vector<double> areas_;
 };
 
 }  // namespace handsim::engine
