@@ -66,7 +66,8 @@ TEST(Forearm, DividesThePalmWithoutChangingTheHand) {
   }
 }
 
-/// Distance of two capsules' axes: that to one of them is convex along the other, so a ternary search finds it.
+/// Distance of two capsules' axes: that to one of them is convex along the other, so a ternary search finds
+/// it.
 double axes_apart(const std::array<Vec3, 2>& a, const std::array<Vec3, 2>& b) {
   const Vec3 along = b[1] - b[0];
   const auto distance = [&](double at) {
@@ -84,8 +85,8 @@ double axes_apart(const std::array<Vec3, 2>& a, const std::array<Vec3, 2>& b) {
   return distance(0.5 * (near + far));
 }
 
-/// How deep the proximal and the last segment of the thumb lie in shapes of the palm at most [m], on a grid over
-/// the thumb's own range, and at which share of the grid they are deeper than 3 mm.
+/// How deep the proximal and the last segment of the thumb lie in shapes of the palm at most [m], on a grid
+/// over the thumb's own range, and at which share of the grid they are deeper than 3 mm.
 std::pair<double, double> thumb_in_palm(const BuiltHand& hand) {
   const model::Model model = placed(hand, model::Side::right, Mount::fixed);
   std::vector<const model::Shape*> palm, thumb;
@@ -127,8 +128,8 @@ std::pair<double, double> thumb_in_palm(const BuiltHand& hand) {
   return {deepest, static_cast<double>(deep) / kAll};
 }
 
-// Oracle: the anatomical hand, whose pad is a rigid part of the palm. What is left is the corner in which the thumb
-// flexes and adducts at once, across the index's metacarpal.
+// Oracle: the anatomical hand, whose pad is a rigid part of the palm. What is left is the corner in which the
+// thumb flexes and adducts at once, across the index's metacarpal.
 TEST(Forearm, CarriesTheThenarPadOutOfTheThumbsWay) {
   for (const Person& each : kPeople) {
     const BuiltHand hand = build_hand(shipped("forearm"), each);
@@ -136,8 +137,8 @@ TEST(Forearm, CarriesTheThenarPadOutOfTheThumbsWay) {
     const auto [now, seldom] = thumb_in_palm(hand);
     EXPECT_LT(now, before);
     EXPECT_LE(seldom, 0.5 * often);
-    std::printf("%.2f m: %.1f mm before, %.1f now; deeper than 3 mm: %.3f, %.3f\n", each.stature, 1e3 * before,
-                1e3 * now, often, seldom);
+    std::printf("%.2f m: %.1f mm before, %.1f now; deeper than 3 mm: %.3f, %.3f\n", each.stature,
+                1e3 * before, 1e3 * now, often, seldom);
     const auto pad = std::ranges::find(hand.shapes, "thumb_metacarpal.thenar", &model::Shape::name);
     ASSERT_NE(pad, hand.shapes.end());
     EXPECT_EQ(hand.bodies[static_cast<std::size_t>(pad->body)].name, "thumb_metacarpal");

@@ -12,8 +12,8 @@
 
 namespace handsim::hand {
 
-/// What one row, or the palm, brings to a body: first the palm, then a part for each row, then what rows with a
-/// size of their own carry of the palm.
+/// What one row, or the palm, brings to a body: first the palm, then a part for each row, then what rows with
+/// a size of their own carry of the palm.
 struct Piece {
   std::string name;
   int body = 0;
