@@ -436,14 +436,20 @@ class Measurements:
         plain = _Subjects(self.core)
         subjects = _Subjects(self.core, {person: {name: _core.normal(1, hand, name) for name in of} for person, of in self._uncertain.items()})
         out = np.full(len(self.rows), np.nan)
+
+        def value(row: Row) -> float:
+            if row["of"] != "people" or row["kind"] not in POSED:
+                return subjects.measure(row)
+
+            def normal(axis: str) -> float:
+                return float(_core.normal(3, hand, f"{row['name']}: {axis}"))
+
+            return subjects.measure(row, lambda one: _posture(plain.of(row), subjects.of(row), one, normal))
+
         for r, row in enumerate(self.rows):
             if "person" in row:
                 try:
-                    if row["of"] == "people" and row["kind"] in POSED:
-                        out[r] = subjects.measure(row, lambda one, row=row: _posture(plain.of(row), subjects.of(row), one, lambda axis: _core.normal(
-                            3, hand, f"{row['name']}: {axis}")))
-                    else:
-                        out[r] = subjects.measure(row)
+                    out[r] = value(row)
                 except NotHeld:
                     out[r] = 0
                 except Error as error:
