@@ -15,7 +15,7 @@ from ._errors import Error, input_error
 from ._rollouts import Executor, Threads, map_units
 from ._scene import Scene
 from ._simulation import Simulation
-from ._statics import DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, enslaving, fault, matrix_of, pinch, tip_force
+from ._statics import AT_STOP, DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, enslaving, fault, matrix_of, pinch, tip_force
 from ._statistics import Uncertainty, uncertainty_of
 
 Row = dict[str, Any]
@@ -25,6 +25,11 @@ Angles = Mapping[str, float]
 Told = Optional[Callable[[float], object]]
 OF_SCENES = ("simulation", "grip_force")
 """Kinds of rows whose hand is a scene's, not one of the file's people."""
+POSTURE = np.radians(5)
+"""One standard deviation between a joint's angle and the one that a source states, of living people [rad]: standard errors of goniometers at finger
+joints are 2.4 to 4.9 deg (Macionis 2013, BMC Musculoskelet Disord 14:17) and 4 to 11 deg (Reissner 2019, J Orthop Surg Res 14:173)."""
+POSED = ("tip_force", "enslaving", "pinch_force", "joint_moment", "passive_moment", "excursion")
+"""Kinds of rows that people were in a posture for."""
 
 
 class Measured:
@@ -426,13 +431,25 @@ class Measurements:
         return {row["person"]: self.core.uncertain(row["person"]) for row in self.rows if "person" in row}
 
     def drawn_values(self, hand: int) -> Array:
-        """The values of all rows that are no simulations, on one drawn hand of each person; NaN: none."""
+        """The values of all rows that are no simulations, on one drawn hand of each person, in a posture that is not quite the stated one; NaN:
+        none."""
+        plain = _Subjects(self.core)
         subjects = _Subjects(self.core, {person: {name: _core.normal(1, hand, name) for name in of} for person, of in self._uncertain.items()})
         out = np.full(len(self.rows), np.nan)
+
+        def value(row: Row) -> float:
+            if row["of"] != "people" or row["kind"] not in POSED:
+                return subjects.measure(row)
+
+            def normal(axis: str) -> float:
+                return float(_core.normal(3, hand, f"{row['name']}: {axis}"))
+
+            return subjects.measure(row, lambda one: _posture(plain.of(row), subjects.of(row), one, normal))
+
         for r, row in enumerate(self.rows):
             if "person" in row:
                 try:
-                    out[r] = subjects.measure(row)
+                    out[r] = value(row)
                 except NotHeld:
                     out[r] = 0
                 except Error as error:
@@ -469,8 +486,24 @@ class _Subjects:
             self._built[key] = alone(self._core.hand(*key, self._deviations.get(key[0], {})))
         return self._built[key]
 
-    def measure(self, row: Row) -> float:
-        return measure(row, lambda one: KINDS[row["kind"]](self.of(row), one))
+    def measure(self, row: Row, posed: Callable[[Row], Row] = lambda row: row) -> float:
+        """:param posed: the row in the posture in which it is measured"""
+        return measure(row, lambda one: KINDS[row["kind"]](self.of(row), posed(one)))
+
+
+def _posture(plain: Statics, drawn: Statics, row: Row, normal: Callable[[str], float]) -> Row:
+    """A row whose stated angles are off by `POSTURE`, within the range of a drawn hand. What lies on the end of the plain hand's range lies on
+    the drawn one's."""
+    pose = dict(row["pose"])
+    for axis, angle in pose.items():
+        i = plain.names.index(axis)
+        if angle >= plain.high[i] - AT_STOP:
+            pose[axis] = float(drawn.high[i])
+        elif angle <= plain.low[i] + AT_STOP:
+            pose[axis] = float(drawn.low[i])
+        else:
+            pose[axis] = float(np.clip(angle + POSTURE * normal(axis), drawn.low[i], drawn.high[i]))
+    return {**row, "pose": pose}
 
 
 def _weigh(rows: list[Measured]) -> None:

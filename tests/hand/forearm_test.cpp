@@ -1,7 +1,11 @@
 // The hand on a forearm, with metacarpals that flex: the anatomical hand, otherwise.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
+#include <utility>
 
 #include "hand/shipped_hands.h"
 #include "handsim/hand/build.h"
@@ -59,6 +63,86 @@ TEST(Forearm, DividesThePalmWithoutChangingTheHand) {
       };
       EXPECT_LT((place(a) - place(b)).norm(), 1e-12 * a.size.length) << name;
     }
+  }
+}
+
+/// Distance of two capsules' axes: that to one of them is convex along the other, so a ternary search finds
+/// it.
+double axes_apart(const std::array<Vec3, 2>& a, const std::array<Vec3, 2>& b) {
+  const Vec3 along = b[1] - b[0];
+  const auto distance = [&](double at) {
+    const Vec3 off = a[0] + at * (a[1] - a[0]) - b[0];
+    return (off - std::clamp(off.dot(along) / along.squaredNorm(), 0.0, 1.0) * along).norm();
+  };
+  double near = 0, far = 1;
+  for (int i = 0; i < 40; ++i) {
+    const double third = (far - near) / 3;
+    if (distance(near + third) < distance(far - third))
+      far -= third;
+    else
+      near += third;
+  }
+  return distance(0.5 * (near + far));
+}
+
+/// How deep the proximal and the last segment of the thumb lie in shapes of the palm at most [m], on a grid
+/// over the thumb's own range, and at which share of the grid they are deeper than 3 mm.
+std::pair<double, double> thumb_in_palm(const BuiltHand& hand) {
+  const model::Model model = placed(hand, model::Side::right, Mount::fixed);
+  std::vector<const model::Shape*> palm, thumb;
+  for (const model::Shape& shape : model.shapes) {
+    const std::string& body = model.bodies[static_cast<std::size_t>(shape.body)].name;
+    if (body == "right.thumb_proximal" || body == "right.thumb_distal")
+      thumb.push_back(&shape);
+    else if (shape.part == model::Part::palm || shape.name.find("metacarpal.") != std::string::npos)
+      if (body != "right.thumb_metacarpal") palm.push_back(&shape);
+  }
+  std::vector<std::pair<int, model::Stop>> range;
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (joint.name.starts_with("right.thumb"))
+        range.emplace_back(joint.first_dof + static_cast<int>(a), *joint.axes[a].stop);
+  constexpr int kSteps = 6, kAll = kSteps * kSteps * kSteps * kSteps;
+  std::vector<double> q(static_cast<std::size_t>(model.dof_count()), 0.0);
+  double deepest = 0;
+  int deep = 0;
+  for (int i = 0; i < kAll; ++i) {
+    int rest = i;
+    for (const auto& [dof, stop] : range) {
+      q[static_cast<std::size_t>(dof)] = stop.low + (stop.high - stop.low) * (rest % kSteps) / (kSteps - 1);
+      rest /= kSteps;
+    }
+    const model::State state = model::state_at(model, q);
+    const auto axis = [&](const model::Shape& shape) {
+      const Pose pose = state.bodies[static_cast<std::size_t>(shape.body)].pose() * shape.pose;
+      const Vec3 half(0, 0, 0.5 * shape.length);
+      return std::array<Vec3, 2>{pose * Vec3(-half), pose * half};
+    };
+    double most = 0;
+    for (const model::Shape* a : thumb)
+      for (const model::Shape* b : palm)
+        most = std::max(most, a->radius + b->radius - axes_apart(axis(*a), axis(*b)));
+    deepest = std::max(deepest, most);
+    deep += most > 3e-3;
+  }
+  return {deepest, static_cast<double>(deep) / kAll};
+}
+
+// Oracle: the anatomical hand, whose pad is a rigid part of the palm. What is left is the corner in which the
+// thumb flexes and adducts at once, across the index's metacarpal.
+TEST(Forearm, CarriesTheThenarPadOutOfTheThumbsWay) {
+  for (const Person& each : kPeople) {
+    const BuiltHand hand = build_hand(shipped("forearm"), each);
+    const auto [before, often] = thumb_in_palm(build_hand(shipped("anatomical"), each));
+    const auto [now, seldom] = thumb_in_palm(hand);
+    EXPECT_LT(now, before);
+    EXPECT_LE(seldom, 0.5 * often);
+    std::printf("%.2f m: %.1f mm before, %.1f now; deeper than 3 mm: %.3f, %.3f\n", each.stature,
+                1e3 * before, 1e3 * now, often, seldom);
+    const auto pad = std::ranges::find(hand.shapes, "thumb_metacarpal.thenar", &model::Shape::name);
+    ASSERT_NE(pad, hand.shapes.end());
+    EXPECT_EQ(hand.bodies[static_cast<std::size_t>(pad->body)].name, "thumb_metacarpal");
+    EXPECT_EQ(pad->part, model::Part::thumb);
   }
 }
 

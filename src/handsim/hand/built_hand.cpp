@@ -257,6 +257,17 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
       built.body = hand.segments[*row.parent].body;
     }
     parts.push_back(segment_part(row, built, hand.size));
+    parts.back().row = i;
+  }
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    if (spec.segments[i].pads.empty()) continue;
+    Piece pad;
+    pad.name = parts[i + 1].name;
+    pad.body = parts[i + 1].body;
+    pad.frame = parts[i + 1].frame;
+    pad.row = i;
+    for (const std::string& name : spec.segments[i].pads) pad.of_palm.push_back("palm." + name);
+    parts.push_back(std::move(pad));
   }
   for (Piece& part : parts)
     if (part.shapes.size() > 1) part.together = model::union_properties(part.shapes);

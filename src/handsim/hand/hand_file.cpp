@@ -159,28 +159,31 @@ void read_finger(MapReader& reader, SegmentSpec& segment) {
   segment.part = reader.choice<Part>("counts_as", kFingers, like ? within->second : Part::little);
 }
 
-/// A length and a radius with more shapes, or shapes of the palm.
+/// A length and a radius with more shapes, shapes of the palm, or both.
 void read_matter(MapReader& reader, const HandSpec& spec, SegmentSpec& segment) {
   const bool on_part = segment.parent && !spec.segments[*segment.parent].of_palm.empty();
   if (reader.sound() && on_part && !segment.at)
     reader.problem("at", "nothing", "the joint's place in a parent that is a part of the palm");
-  if (!reader.has("of_palm")) {
+  const bool sized = reader.has("length") || !reader.has("of_palm");
+  if (sized) {
     segment.length = read_length(reader, "length");
     segment.radius = read_length(reader, "radius");
     segment.shapes = read_shapes(reader, 0);
-    return;
   }
-  segment.of_palm = reader.texts("of_palm", 1, 20, "names of the palm's shapes");
+  if (!reader.has("of_palm")) return;
+  std::vector<std::string>& moved = sized ? segment.pads : segment.of_palm;
+  moved = reader.texts("of_palm", 1, 20, "names of the palm's shapes");
   std::vector<std::string> open;
   for (const ShapeSpec& shape : spec.palm.shapes) open.push_back(shape.name);
   for (const SegmentSpec& other : spec.segments)
-    for (const std::string& name : other.of_palm) std::erase(open, name);
-  for (const std::string& name : segment.of_palm) {
+    for (const auto* names : {&other.of_palm, &other.pads})
+      for (const std::string& name : *names) std::erase(open, name);
+  for (const std::string& name : moved) {
     if (reader.sound() && (std::ranges::find(open, name) == open.end() || open.size() == 1))
       reader.problem("of_palm", name, "shapes of the palm that no row above has; one stays with the palm");
     std::erase(open, name);
   }
-  if (reader.sound() && segment.parent)
+  if (reader.sound() && segment.parent && !sized)
     reader.problem("of_palm", "a row whose parent is not the palm", "parent: palm");
 }
 

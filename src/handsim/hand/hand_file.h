@@ -46,6 +46,8 @@ struct SegmentSpec {
   bool carrier = false;
   /// Shapes of the palm that move with this row, in place of a size and shapes of its own; with their mass.
   std::vector<std::string> of_palm;
+  std::vector<std::string>
+      pads;  ///< shapes of the palm that move with this row beside its own; with their mass
   JointSpec joint;
   Place place;  ///< of the row, for messages
 };

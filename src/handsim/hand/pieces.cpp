@@ -43,7 +43,7 @@ MassProperties taken_from(const Piece& parent, const Piece& piece, double length
 /// Space that two rows share at zero angles counts once: a plane through the joint divides them. Of a parent
 /// that is one box, or goes on beyond the joint, the segment begins where it leaves it.
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
-  for (std::size_t i = 1; i < parts.size(); ++i) {
+  for (std::size_t i = 1; i <= spec.segments.size(); ++i) {
     // A carrier has no shape: its segment starts where it does, in its parent. The palm's are in the palm.
     std::optional<std::size_t> row = spec.segments[i - 1].parent;
     while (row && (spec.segments[*row].carrier || !spec.segments[*row].of_palm.empty()))
@@ -108,6 +108,19 @@ void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const Hand
   for (std::size_t i = 0; i < parts.size(); ++i) parts[i].mass = hand.mass * volumes[i] / total;
 }
 
+/// The part of a segment within the palm, which the palm lacks for it, in the palm's frame.
+MassProperties given_to(const Piece& palm, const Piece& segment) {
+  const Shape& capsule = segment.shapes[0];
+  const double reach = covered(exit_from(palm, segment), capsule.radius);
+  return taken_from(palm, segment, std::min(reach, 0.95 * capsule.length));
+}
+
+MassProperties negative(MassProperties of) {
+  of.mass = -of.mass;
+  of.inertia = -of.inertia;
+  return of;
+}
+
 /// Gives the parts of the palm their shapes, and of its mass what it would lack without them: what their
 /// shapes share with the rest of it stays there. The sum of both is the palm, to rounding.
 void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
@@ -119,22 +132,22 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
       return std::ranges::find(own.of_palm, shape.name) == own.of_palm.end();
     };
     const MassProperties before = model::union_properties(palm.shapes);
+    const Piece whole = palm;
     const auto moved = std::stable_partition(palm.shapes.begin(), palm.shapes.end(), stays);
     own.shapes.assign(moved, palm.shapes.end());
     palm.shapes.erase(moved, palm.shapes.end());
-    MassProperties rest = model::union_properties(palm.shapes);
-    rest.mass = -rest.mass;
-    rest.inertia = -rest.inertia;
-    std::vector<MassProperties> volumes = {before, rest};
-    for (std::size_t k = i + 1; k < parts.size(); ++k)
+    std::vector<MassProperties> volumes = {before, negative(model::union_properties(palm.shapes))};
+    for (std::size_t k = i + 1; k <= spec.segments.size(); ++k)
       if (spec.segments[k - 1].parent == i - 1 && parts[k].taken) volumes.push_back(*parts[k].taken);
+    // A segment that carries these shapes has its own part of them already: what the palm gave it there.
+    if (const Piece& carrier = parts[own.row + 1]; i > spec.segments.size() && carrier.taken) {
+      volumes.push_back(given_to(whole, carrier));
+      volumes.push_back(negative(given_to(palm, carrier)));
+    }
     MassProperties volume = model::joined(volumes);
     own.mass = palm.mass * volume.mass / palm.together->mass;
     palm.mass -= own.mass;
-    MassProperties less = volume;
-    less.mass = -less.mass;
-    less.inertia = -less.inertia;
-    palm.together = model::joined({*palm.together, less});
+    palm.together = model::joined({*palm.together, negative(volume)});
     // From the palm's frame, which is the hand's, to its own.
     const Pose frame = own.frame.inverse();
     const Mat3 axes = frame.q.toRotationMatrix();
@@ -142,7 +155,7 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
         MassProperties{volume.mass, frame * volume.centre, axes * volume.inertia * axes.transpose()};
     for (Shape& shape : own.shapes) {
       shape.name = own.name + shape.name.substr(std::string("palm").size());
-      shape.part = spec.segments[i - 1].part;
+      shape.part = spec.segments[own.row].part;
       shape.pose = frame * shape.pose;
     }
   }
@@ -158,7 +171,7 @@ void set_masses(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec
   else
     set_masses_by_volume(parts, hand, spec, person);
   split_palm(parts, spec);
-  for (std::size_t i = 1; i < parts.size(); ++i)
+  for (std::size_t i = 1; i <= spec.segments.size(); ++i)
     if (!parts[i].of_palm.empty()) hand.palm_parts.push_back(parts[i].body);
 }
 

@@ -12,7 +12,8 @@
 
 namespace handsim::hand {
 
-/// What one row, or the palm, brings to a body.
+/// What one row, or the palm, brings to a body: first the palm, then a part for each row, then what rows with
+/// a size of their own carry of the palm.
 struct Piece {
   std::string name;
   int body = 0;
@@ -21,6 +22,7 @@ struct Piece {
   double mass = 0;                                ///< [kg]
   double round = 0;                               ///< radius of a carrier's ball [m]
   std::vector<std::string> of_palm;               ///< shapes that the palm brings it
+  std::size_t row = 0;                            ///< in HandSpec::segments, of whom brings or carries it
   std::optional<Cut> cut;                         ///< of its capsule; absent: the whole capsule is its matter
   std::optional<model::MassProperties> together;  ///< of several shapes at unit density, in the part's frame
   std::optional<model::MassProperties> taken;     ///< that its parent lacks for it, in the parent's frame
