@@ -45,8 +45,6 @@ class Case(NamedTuple):
     """A fast lift."""
     spin: float = 0.0
     """Spinning friction of its pads [m]; several points on a round object resist rotation without it."""
-    trust: float = 1.0
-    """Friction that the plan reckons with over that of the pads: above 1 it grips more loosely."""
 
 
 FIVE = {"thumb": 1.0, "index": 0.8, "middle": 0.8, "ring": 0.6, "little": 0.4}
@@ -71,7 +69,7 @@ def overrides(case: Case, person: str, margin: float) -> dict[str, Any]:
     pad = {"name": "pad", "stiffness": 1800, "damping": 6, "friction": case.friction, "spinning_friction": case.spin}
     forces = ", ".join(f"{finger}: {force} N" for finger, force in case.forces.items())
     return {"hands.0.person": f"config/persons/{person}.yaml" if Path(f"config/persons/{person}.yaml").exists() else person,
-            "objects.0.mass": case.mass, "contacts.materials": json.dumps([pad]), "grasps.0.grip.friction": case.trust * case.friction,
+            "objects.0.mass": case.mass, "contacts.materials": json.dumps([pad]), "grasps.0.grip.friction": case.friction,
             "grasps.0.grip.forces": "{" + forces + "}", "grasps.0.shake.levels": "[]", "grasps.0.hold": "10 ms" if case.turn or case.down else "0.8 s",
             "grasps.0.rest": 0, "grasps.0.lift.time": "0.4 s" if case.quick else "0.7 s", "grasps.0.lift.height": "0.2 m", "grasps.0.settle": "0.3 s"}
 
@@ -105,7 +103,6 @@ def margin_of(of: Recorded) -> float:
 def person_grips(name: str, person: str, margin: float) -> Recorded:
     """A recording in which the hand grips about `margin` times as hard as needed: the object is as heavy as that."""
     case, nearest = CASES[name], None
-    planned = case
     tries = 0
     while tries < 3:
         try:
@@ -121,21 +118,10 @@ def person_grips(name: str, person: str, margin: float) -> Recorded:
         tries += 1
         has = margin_of(found)
         if has > 0 and (nearest is None or abs(math.log(has / margin)) < abs(math.log(margin_of(nearest) / margin))):
-            nearest, planned = found, case
+            nearest = found
         if 0.93 * margin < has < 1.07 * margin:
             break
         case = case._replace(mass=case.mass * min(max(has / margin, 0.5), 2.5))
-    # Where no heavier object can be planned for, the plan trusts in more friction than there is.
-    for _ in range(3):
-        if nearest is None or margin_of(nearest) < 1.15 * margin:
-            break
-        planned = planned._replace(trust=planned.trust * margin_of(nearest) / margin)
-        try:
-            found = simulate(name, person, margin, planned)
-        except hs.Error:
-            break
-        if 1 < margin_of(found) < margin_of(nearest):
-            nearest = found
     if nearest is None or not 1.1 < margin_of(nearest) < 2.5:
         raise hs.Error(f"{name}: a margin of {0 if nearest is None else margin_of(nearest):.2f}, which no mass mends", "physics")
     return nearest
