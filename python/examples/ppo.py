@@ -22,9 +22,6 @@ from onnx import helper, numpy_helper
 from handsim.gym import TASKS, Episodes
 from handsim.gym.__main__ import options_of
 
-LASTING = ("hold",)
-"""Tasks of which an episode is a success when it lasts to its end."""
-
 
 class Net:
     """A perceptron with two hidden layers (tanh); Adam (Kingma & Ba 2014). All arrays are float32."""
@@ -134,8 +131,9 @@ def collect(episodes, policy, observation, options, random, ended):
         rows.append((x, action, -0.5 * np.square(noise).sum(axis=1) - policy.log_deviation.sum(), value, options.scale * reward, over, rest))
         observation = after
         if over.any():
-            won = (truncated if options.task in LASTING else terminated)[over]
-            ended += zip(won & ~episodes.batch.failed[over], collect.total[over])
+            # An episode that is lost is terminated, too: the task says which are a success, if it has any.
+            won = episodes.task.succeeded(episodes.batch)
+            ended += zip((over & (False if won is None else won) & ~episodes.batch.failed)[over], collect.total[over])
             collect.total[over] = 0
             observation = episodes.reset(over)
     return [np.array(column) for column in zip(*rows)], observation

@@ -40,7 +40,7 @@ class Peer:
     """Episodes of other libraries, as ppo.py takes them. An episode that was a success ends as one at its time limit."""
 
     def __init__(self, n, steps, actions, observed):
-        self.task = SimpleNamespace(max_steps=steps, actions=actions)
+        self.task = SimpleNamespace(max_steps=steps, actions=actions, succeeded=lambda batch: self.done)
         self.batch = SimpleNamespace(failed=np.zeros(n, bool))
         self.observed = observed
         self.steps, self.row, self.done = np.zeros(n, int), np.zeros(n, int), np.zeros(n, bool)

@@ -700,7 +700,7 @@ def test_infos_have_success_distances_and_terms_of_the_reward(name):
     _, reward, *_ = episodes.step(np.full((3, episodes.task.actions), 0.1))
     info = episodes.info()
     assert sum(info["reward_terms"].values()) == pytest.approx(reward) and not info["failed"].any()
-    assert ("is_success" in info) == (name != "turn") and any(key.endswith(("_m", "_rad")) for key in info)
+    assert ("is_success" in info) == (name != "turn") and any(key.endswith(("_m", "_rad", "_N")) for key in info)
     assert all(np.shape(value) == (3,) for value in [*info["reward_terms"].values(), *(each for key, each in info.items() if key != "reward_terms")])
 
 

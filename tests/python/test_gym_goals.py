@@ -56,7 +56,7 @@ def test_a_button_that_is_pressed_too_hard_is_lost():
         action = np.zeros((8, 20))
         action[:, flexion] = 1
         _, reward, terminated, _ = episodes.step(action)
-        assert np.all(reward[terminated & ~lost] < -99)
+        assert np.all(reward[terminated & ~lost] < -9)
         lost |= terminated
     assert lost.all() and not task.succeeded(episodes.batch).any()
 

@@ -10,7 +10,8 @@ from .._core import Motion
 from .._errors import flag
 from .._shipped import data_path
 from .._simulation import Simulation
-from ._tasks import _PALM_SIDE, _TOUCHED, Array, HandTask, Mask, Object, Vary, _InPalm, _mean_square, _product, _seen
+from ._tasks import _PALM_SIDE, _TOUCHED, Array, HandTask, Mask, Object, _InPalm, _mean_square, _product, _seen
+from ._vary import Vary
 
 
 class ToGoals(HandTask):
@@ -27,9 +28,8 @@ class ToGoals(HandTask):
     unit: str
     """Name of the distance in `info`."""
     steady = 5
-    bonus, loss = 100.0, 100.0
-    """Reward of success; what a lost episode takes. Each is more than the other terms of a discounted episode, so that a policy
-    gains by a success, however well it fares beside the goal, and never by giving up."""
+    bonus, loss = 100.0, 10.0
+    """Reward of success, more than all that a hand gains that stays near its goal and avoids to end; what a lost episode takes."""
 
     def _take_goals(self, goals: bool) -> None:
         self._goal, self._near = np.empty((0, self.numbers)), np.empty(0, int)
@@ -84,7 +84,9 @@ class ToGoals(HandTask):
         return np.concatenate((self.seen(batch), *more), axis=1)
 
     def goal_reward(self, achieved: Array, goal: Array) -> Array:
-        return np.where(self.apart(np.float32(achieved), np.float32(goal)) < self.near, 0.0, -1.0)
+        # As float32, which the spaces of dictionaries have.
+        near = self.apart(np.asarray(achieved, np.float32), np.asarray(goal, np.float32)) < self.near  # type: ignore[arg-type]
+        return np.where(near, 0.0, -1.0)
 
     def _at_goal(self, batch: Batch) -> Mask:
         return np.asarray((self.distance(batch) < self.near) & self.counts(batch))
@@ -119,7 +121,7 @@ class Button(ToGoals):
     contact points of palm and fingers, what the drive holds (`HandTask`), the fingertip less the button's face [dm], the button's
     force [N], and what is missing of it [N]. Reward of a step (20 ms): 1 within the window, minus the missing force over 4 N,
     minus the fingertip's distance from the face [dm], minus 0.01 times the mean square of the action (of the excitation); 100 on
-    success, 100 less on loss. Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
+    success, 10 less on loss. Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
     """
 
     max_steps, steady = 100, 10
@@ -224,7 +226,7 @@ class Rotate(ToGoals, _InPalm):
     Observation: as `Turn`, and the angle that is missing [rad]. Action: target of each joint, 1 is 0.4 rad from its target at the
     start; torques and excitations as `HandTask`. Reward of a step (20 ms): 1 within ``near`` (0.15 rad), minus the missing
     angle [rad], minus 0.01 times the mean square of the action (of the excitation); 100 on success, after ten steps in a row within
-    ``near``, 100 less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
+    ``near``, 10 less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
     """
 
     max_steps, steady = 150, 10
@@ -246,7 +248,7 @@ class Rotate(ToGoals, _InPalm):
         return np.column_stack([np.cos(angle), np.sin(angle)])
 
     def achieved(self, batch: Batch) -> Array:
-        turn = _product(batch["objects"][:, 3:7], self._first[self.person] * [1, -1, -1, -1])
+        turn = _product(batch["objects"][:, 3:7], self._first[self.person] * np.array([1.0, -1, -1, -1]))
         angle = 2 * np.arctan2(turn[:, 3], turn[:, 0])
         return np.column_stack([np.cos(angle), np.sin(angle)])
 

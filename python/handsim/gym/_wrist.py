@@ -9,7 +9,8 @@ from .._batch import Batch
 from .._shipped import data_path
 from .._simulation import Simulation
 from ._goals import ToGoals
-from ._tasks import _TOUCHED, Array, Mask, Vary, _rotation_vector, _seen
+from ._tasks import _TOUCHED, Array, Mask, _rotation_vector, _seen
+from ._vary import Vary
 
 
 def _turned(q: Array, v: Array) -> Array:
@@ -113,7 +114,8 @@ class MovingWrist(ToGoals):
         self.most[:] = 0
         for _ in range(self.substeps):  # the arm acts anew in each step of the solver
             self._carry(batch)
-            batch.step(**{**given, **self.acts(batch, given), "forces": {"right.palm": self.wrench}})
+            step: dict[str, Any] = {**given, **self.acts(batch, given), "forces": {"right.palm": self.wrench}}
+            batch.step(**step)
             self.most = np.maximum(self.most, np.column_stack([*self._given, np.linalg.norm(self._speed(batch), axis=1)]))
 
     def acts(self, batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -166,7 +168,7 @@ class Relocate(MovingWrist):
     ground, the ball's pose and velocity, what the drive holds, place of the wrist less the grip [dm] and its angle, ball less grip
     [dm], and place less ball [m]. Reward of a step (20 ms): minus the distances of ball and grip [dm] and of ball and place [dm], while thumb and a finger
     touch it 0.5 and the ball's height above the ground [dm], at most 1, 1 within 25 mm of the place, minus 0.01 times the mean square of the
-    action (of the excitation); 100 on success, after five steps in a row within 25 mm of the place; 100 less for a ball that is lost, 0.4 m from
+    action (of the excitation); 100 on success, after five steps in a row within 25 mm of the place; 10 less for a ball that is lost, 0.4 m from
     the middle. Truncated after 150 steps.
     """
 
@@ -299,6 +301,6 @@ class Bottle(MovingWrist):
     def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
         touched = batch["finger_contacts"][:, self._points] > 0
         angle = batch.q[:, -1]
-        turned, self._before = np.where(touched[:, 0] & touched[:, 1:].any(axis=1), angle - self._before, 0), angle.copy()
-        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": 10 * turned,
+        turned, self._before = np.where(touched[:, 0] & touched[:, 1:].any(axis=1), angle - self._before, 0.0), angle.copy()
+        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": np.asarray(10.0 * turned, dtype=float),
                 "near": 1.0 * self._at_goal(batch)}
