@@ -85,7 +85,7 @@ class ToGoals(HandTask):
 
     def goal_reward(self, achieved: Array, goal: Array) -> Array:
         # As float32, which the spaces of dictionaries have.
-        near = self.apart(np.asarray(achieved, np.float32), np.asarray(goal, np.float32)) < self.near  # type: ignore[arg-type]
+        near = self.apart(np.asarray(achieved, np.float32), np.asarray(goal, np.float32)) < self.near
         return np.where(near, 0.0, -1.0)
 
     def _at_goal(self, batch: Batch) -> Mask:
