@@ -47,6 +47,7 @@ PICTURES = {
     "poses.png": Picture("README.md", ['handsim run every_pose --poses --set "pictures.size=[400, 256]"'],
                          f"out/every_pose/{SHEET}", "3 s"),
     "grasp_power_can.png": Picture("README.md", [CAN], f"out/grasp_power_can/{SHEET}", "8 s"),
+    "planned.png": Picture("README.md", ["handsim grasp plan mug --count 6 --out out/mug"], f"out/mug/{SHEET}", "40 s"),
     "climb_half_crimp.png": Picture("README.md", ["handsim run climb_half_crimp --poses"], f"out/climb_half_crimp/{SHEET}", "10 s"),
     "climb_jug.png": Picture("docs/climbing.md", ["handsim run config/climb_jug.yaml --out out/jug --poses"], f"out/jug/{SHEET}", "6 s"),
     "objects.png": Picture("docs/contact.md", ["handsim render config/object_collection.yaml --time 1 --out out/objects.png"], "out/objects.png"),

@@ -36,7 +36,8 @@ def test_excitations_are_those_of_a_scene(engine):
 
 
 # Oracle: the order of semi-implicit Euler. Fingers reach 60 to 80 rad/s; where what the muscles do in a step was not counted
-# as work, a fast finger lost energy at every step size, and no step came closer than 0.24 rad.
+# as work, a fast finger lost energy at every step size, and no step came closer than 0.24 rad. The steps are half of those that
+# this test began with: since DIP joints bend back by 10 deg, the ring finger of seed 3 is farther off at each of them.
 @pytest.mark.parametrize("seed", [0, 3])
 def test_fast_motion_converges(seed):
     random = np.random.default_rng(seed)
@@ -51,8 +52,8 @@ def test_fast_motion_converges(seed):
             out.append(simulation.q.copy())
         return np.array(out)
 
-    true = motion(1e-3 / 32)
-    errors = [abs(motion(step) - true).max() for step in (1e-3, 5e-4, 2.5e-4)]
+    true = motion(1e-3 / 64)
+    errors = [abs(motion(step) - true).max() for step in (5e-4, 2.5e-4, 1.25e-4)]
     assert errors[2] < 0.06
     assert all(a > 1.7 * b for a, b in zip(errors, errors[1:]))
 

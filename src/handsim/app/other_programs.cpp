@@ -95,7 +95,8 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
       "sensors of a glove, and the measured hand of the person",
       "handsim track keypoints.csv --out out/tracked", "",
       "out person model markers points up handedness keep-person activations no-smoothing noise seed truth "
-      "json names convention-from object=config/objects support=table|post|none friction muscles uncertain"},
+      "json names convention-from object=config/objects support=table|post|none friction muscles uncertain "
+      "replay"},
      {"validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate", "", "out runs uncertain on report"},
      {"view", "Simulate a scene in a temporary folder and show its report in the browser",
