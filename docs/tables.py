@@ -224,9 +224,8 @@ def run_study(name, build, handsim):
         if label == "cases_drake" and not (PACKAGES / "pydrake").exists():
             continue
         print("+", shlex.join(command), flush=True)
-        # The package is built for the interpreter's own numpy, which those packages replace.
-        own = name in ("agreement", "formats", "skin", "gradients", "reach", "suite")
-        paths = os.pathsep.join([str(build / "python"), *([] if own else [ENVIRONMENT["PYTHONPATH"]])])
+        # Only comparisons need those packages: they replace numpy, and Debian's SciPy does not take theirs.
+        paths = os.pathsep.join([str(build / "python"), *([ENVIRONMENT["PYTHONPATH"]] if name in ("peers", "ik", "learning") else [])])
         done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": paths})
         (OUT / name / f"{label}.txt").write_text(done.stdout)
         (OUT / name / f"{label}.err").write_text(done.stderr)
