@@ -376,20 +376,32 @@ class Search:
         beyond = sorted({0.0 if ends[1][0] <= 0 <= ends[1][1] else mid[1]} | ({ends[1][0], ends[1][0] / 2} if ends[1][0] < 0 else set()), key=abs)
         return list(product(along, beyond))
 
+    def _thickness(self, of: GraspType, part: int, axes: Array, middle: Array, width: float, row: float, nothing: str) -> Optional[tuple[float, float, float]]:
+        """Where the object begins and ends across, and its thickness [m], if a hand of the type spans it.
+
+        :param nothing: the reason where there is no object
+        """
+        length = self.posed.length
+        found = self.solid.between(part, axes, middle, width, row)
+        if found is None:
+            self._left_out(of, nothing)
+            return None
+        thickness = found[1] - found[0]
+        if not of.size[0] * length <= thickness <= of.size[1] * length:
+            self._left_out(of, "too thick" if thickness > of.size[1] * length else "too thin")
+            return None
+        return (*found, thickness)
+
     def _between(self, of: GraspType, part: int, axes: Array, low: Array, high: Array) -> list[Place]:
         assert of.sites is not None
         length, out = self.posed.length, list[Place]()
         row = PAD * length * max(len(of.sites[0]), len(of.sites[1]))
         for along, beyond in self._middles(low, high, PAD * length / 2):
             middle = self.solid.centre + axes @ np.array([0.0, along, beyond])
-            found = self.solid.between(part, axes, middle, PAD * length, row)
+            found = self._thickness(of, part, axes, middle, PAD * length, row, "nothing lies between the fingers")
             if found is None:
-                self._left_out(of, "nothing lies between the fingers")
                 continue
-            thickness = found[1] - found[0]
-            if not of.size[0] * length <= thickness <= of.size[1] * length:
-                self._left_out(of, "too thick" if thickness > of.size[1] * length else "too thin")
-                continue
+            thickness = found[2]
             sites = self.posed.sites_at(of, thickness)
             if sites is None:
                 self._left_out(of, "too thick" if thickness > self.posed.opened(of)[0].gap else "too thin")
@@ -413,14 +425,10 @@ class Search:
             spots |= {float(low[1]) + breadth / 2, float(high[1]) - breadth / 2}
         for along in sorted(spots, key=abs):
             middle = self.solid.centre + axes @ np.array([0.0, along, float(low[2] + high[2]) / 2])
-            found = self.solid.between(part, axes, middle, math.inf, breadth)
+            found = self._thickness(of, part, axes, middle, math.inf, breadth, "nothing lies in the palm")
             if found is None:
-                self._left_out(of, "nothing lies in the palm")
                 continue
-            thickness = found[1] - found[0]
-            if not of.size[0] * length <= thickness <= of.size[1] * length:
-                self._left_out(of, "too thick" if thickness > of.size[1] * length else "too thin")
-                continue
+            thickness = found[2]
             for angle in of.about_normal:
                 c, s = math.cos(angle), math.sin(angle)
                 # Out of the palm, along the row of knuckles, beyond.

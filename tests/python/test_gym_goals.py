@@ -300,7 +300,10 @@ def test_taxels_are_observed_by_a_flag(name):
     task = TASKS[name](taxels=True)
     episodes, plain = Episodes(task, 2, seed=1), Episodes(name, 2, seed=1)
     for k in range(25):
-        action = np.full((2, task.actions), 0.6 if name != "button" else 0.3)
+        action = np.full((2, task.actions), 0.6)
+        if name == "button":  # the index finger alone, until it presses
+            action[:] = 0
+            action[:, task.scene.axes.index("right.index_mcp.flexion")] = 0.3 if (task.achieved(episodes.batch) < 1).any() else 0
         episodes.step(action)
         plain.step(action)
     taxels = episodes.batch["taxels"]
@@ -315,5 +318,5 @@ def test_taxels_are_observed_by_a_flag(name):
     assert np.array_equal(alone["taxels"][0], touch.forces) and taxels.shape == (2, sum(touch.counts))
     assert [column.split(".taxel")[0] for column in alone.columns_of("taxels")] == [pad for pad, count in zip(touch.pads, touch.counts) for _ in range(count)]
     assert np.array_equal(plain.batch.q, episodes.batch.q)
-    if name in ("hold", "turn", "reorient", "rotate", "key_turn"):  # in the others no pad touches anything so soon
+    if name not in ("pen_twirl", "relocate", "bottle"):  # a pen lies between sides of fingers; what the wrist goes to is not reached so soon
         assert (taxels > 0).any()
