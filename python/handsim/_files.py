@@ -12,7 +12,7 @@ import sys
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
-from typing import Any, Callable, Iterable, Mapping, Optional, Sequence, Union
+from typing import IO, Any, Callable, Iterable, Mapping, Optional, Sequence, Union
 
 from . import _core
 from ._errors import Error, Problem, input_error
@@ -130,11 +130,18 @@ def ended(work: Callable[[], int]) -> int:
         message, status = "not enough memory", 1
     except OSError as error:
         message, status = f"output was lost: {error.strerror or error}", 1
-        with suppress(OSError, ValueError):  # else Python itself writes to it again at its end
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    with suppress(OSError):
+        _silence(sys.stdout)
+    try:
         print(message, file=sys.stderr)
+    except OSError:
+        _silence(sys.stderr)
     return status
+
+
+def _silence(stream: IO[str]) -> None:
+    """What a stream could not write stays in its buffer: Python would write it again at its end, fail, and exit with status 120."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def usage(text: str, arguments: Sequence[str]) -> Optional[int]:
