@@ -30,8 +30,8 @@ from handsim._table_files import read_csv
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = ROOT / "config"
 STEPS = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0)  # [ms]
-COARSE = {"ode": (0.25, 0.5, 1.0, 2.0, 4.0), "drake": (0.5, 1.0, 2.0, 4.0), "mujoco4": STEPS[1:]}
-"""Of engines that take longer."""
+ODE_STEPS = SUITE_STEPS = STEPS[2:]
+"""Of what takes longer: ODE, and the suite's cases in all engines."""
 TERMS = {"": (False, False), "pads": (True, False), "pads and servos": (True, True)}
 """Damping that a step adds and that is taken away again, of the random grasps: which part of the error is its."""
 TERM_STEPS = (1.0, 2.0, 4.0)
@@ -140,7 +140,7 @@ def run_scenes(options, rows, write):
     for engine, of_engine in engines.items():
         for kind, name, run in of_engine:
             for term, (pads, servos) in TERMS.items():
-                for step in COARSE.get(engine, STEPS) if not term else TERM_STEPS if engine == "articulated" and kind == "draws" else ():
+                for step in (STEPS if engine == "articulated" else ODE_STEPS) if not term else TERM_STEPS if engine == "articulated" and kind == "draws" else ():
                     if (kind, name, engine, term, step) in done:
                         continue
                     try:
@@ -177,11 +177,11 @@ def end_of(path):
 
 def run_peers(options, rows, write):
     peers = load_module(ROOT / "tests" / "peers" / "suite.py", "peers_suite")
-    for step in sorted(STEPS, reverse=True):
+    for step in sorted(SUITE_STEPS, reverse=True):
         suite = options.out / "cases" / f"{step:g}"
         export_cases(suite, 1e-3 * step)
         for engine in PEERS:
-            if step not in COARSE.get(engine, STEPS) or engine not in options.engines:
+            if engine not in options.engines:
                 continue
             results = options.out / "results" / f"{step:g}"
             if any(row["set"] == "suite" and row["engine"] == engine and row["step_ms"] == step for row in rows):
@@ -244,6 +244,21 @@ def summary(rows):
     return out
 
 
+def terms_of(rows):
+    """What is off with and without the damping that a step adds, of the random grasps that ran with both."""
+    every = [row for row in compared(rows) if row["set"] == "draws" and row["engine"] == "articulated"]
+    at = {(row["scene"], row["term"], row["step_ms"]): row for row in every}
+    scenes = [name for name in dict.fromkeys(row["scene"] for row in every) if all((name, term, step) in at for term in TERMS for step in TERM_STEPS)]
+    out = []
+    for term in TERMS if scenes else ():
+        for step in TERM_STEPS:
+            own = [at[name, term, step] for name in scenes]
+            off = {name: [row[name] for row in own if row[name] is not None] for name in ("margin_off", "force_off", "place_off")}
+            out.append({"term": term, "step_ms": step, "right": sum(row["right"] for row in own), "of": len(own),
+                        **{name: statistics.median(values) for name, values in off.items()}})
+    return out
+
+
 def order_of(found, name):
     """Exponent of the step in a median error, by least squares over 1/4 to 2 ms, where it is above rounding; None without three steps."""
     points = [(math.log(each["step_ms"]), math.log(each[name])) for each in found if 0.25 <= each["step_ms"] <= 2 and each[name]]
@@ -295,7 +310,7 @@ def write_files(rows, out):
     found = summary(rows)
     orders = {f"{kind} {engine} {name}": order_of([each for each in found if each["set"] == kind and each["engine"] == engine and not each["term"]], f"{name}_median")
               for kind, engine in dict.fromkeys((each["set"], each["engine"]) for each in found) for name in ("margin_off", "force_off", "place_off")}
-    (out / "contact_step.json").write_text(json.dumps({"versions": {"handsim": hs.__version__}, "summary": found, "orders": orders, "rows": rows}, indent=1) + "\n")
+    (out / "contact_step.json").write_text(json.dumps({"versions": {"handsim": hs.__version__}, "summary": found, "orders": orders, "terms": terms_of(rows), "rows": rows}, indent=1) + "\n")
     with open(out / "contact_step.csv", "w", newline="") as file:
         table = csv.writer(file)
         names = ("set", "scene", "engine", "term", "step_ms", "verdict", "right", "margin", "margin_off", "force", "force_off", "place_off", "simulated", "cpu")
