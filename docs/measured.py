@@ -176,6 +176,35 @@ def agreement_differences():
     return table(["draw", "mass, friction", "ODE (margin)", "articulated", "articulated/4", "ODE/4", "why"], rows)
 
 
+STEP_SETS = {"draws": "random grasps of a box", "shipped": "shipped grasps", "climbs": "climbs", "interlace": "two hands interlace", "drop": "a dropped hand",
+             "suite": "the suite's grasps"}
+STEP_ENGINES = {"articulated": "articulated", "ode": "ODE", "mujoco4": "MuJoCo 4.0", "drake": "Drake 1.51"}
+STEP_TERMS = {"": "as it is", "pads": "less that of the pads", "pads and servos": "less that of pads and servos"}
+
+
+def pair_of(median, most, scale):
+    return "" if median is None else slashed([scale * median, scale * most])
+
+
+def contact_step():
+    """Not of finest steps, which everything is compared with."""
+    rows = []
+    found = [each for each in study_json("contact_step", "run", "contact_step.json")["summary"] if not each["term"]]
+    for each in found:
+        if each["step_ms"] == min(other["step_ms"] for other in found if (other["set"], other["engine"]) == (each["set"], each["engine"])):
+            continue
+        rows.append([STEP_SETS[each["set"]], STEP_ENGINES[each["engine"]], f"{each['step_ms']:g}", f"{each['right']} of {each['of']}",
+                     pair_of(each["margin_off_median"], each["margin_off_most"], 100), pair_of(each["force_off_median"], each["force_off_most"], 100),
+                     pair_of(each["place_off_median"], each["place_off_most"], 1e3), number(each["cost"]) if each["cost"] else ""])
+    return table(["scenes", "engine", "step, ms", "right verdicts", "margin off, points", "force off, %", "place off, mm", "cost"], rows)
+
+
+def contact_step_terms():
+    rows = [[STEP_TERMS[each["term"]], f"{each['step_ms']:g}", f"{each['right']} of {each['of']}", number(100 * each["margin_off"]), number(100 * each["force_off"]),
+             number(1e3 * each["place_off"])] for each in study_json("contact_step", "run", "contact_step.json")["terms"]]
+    return table(["damping that the step adds", "step, ms", "right verdicts", "margin off, points", "force off, %", "place off, mm"], rows)
+
+
 def climb():
     runs = {label: study_json("climb", label, "climbs.json") for label in ("both", "slippery", "2ms", "articulated")}
     def load(label, scene, side="right"):
@@ -917,7 +946,8 @@ def day_at_the_bench():
 # Name of the table -> the study whose files it needs, and the function that makes it.
 TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "formats": ("formats", formats), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
-          "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
+          "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb), "contact-step": ("contact_step", contact_step),
+          "contact-step-terms": ("contact_step", contact_step_terms),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
           "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "effects-muscles": ("effects", lambda: effects("muscles")), "contacts": ("contacts", contacts),

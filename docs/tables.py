@@ -108,6 +108,7 @@ STUDIES = {
     "tracking": Study("20 s", tracking_runs()),
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
     "agreement": Study("45 min", {"run": None}),
+    "contact_step": Study("20 min", {"run": None}, {"run/contact_step.svg": "contact_step.svg"}),
     "climb": Study("1 min", climb_runs()),
     "contacts": Study("1.5 min", {"contacts": None},
                       {"contacts/contacts_cost.png": "contacts_cost.png"}),
@@ -151,7 +152,7 @@ STUDIES = {
 BENCHMARKS = {"environment": "^(batch_|muscle_batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs or fetches them; learning needs envpool and onnx, gradients
 # pin and mujoco, ik mink, dex_retargeting and opensim (PyPI); tests is a matter of this checkout.
-ONLY_IF_NAMED = ("peers", "suite", "learning", "gradients", "reach", "ik", "tests")
+ONLY_IF_NAMED = ("contact_step", "peers", "suite", "learning", "gradients", "reach", "ik", "tests")
 
 
 # Running studies and writing pages.
@@ -172,6 +173,9 @@ def command_of(name, label, build):
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
     if name == "agreement":
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
+    if name == "contact_step":
+        return [python_of(build), "tests/study/contact_step.py", "--draws", "17", "--seed", "6301", "--packages", str(ROOT / "build" / "peers" / "suite"),
+                "--out", str(OUT / name / label)]
     if name == "formats":
         return [python_of(build), "-c", "import json; from handsim._formats import FORMATS; "
                 "print(json.dumps([[of.name, of.endings, of.text, of.of, of.needs] for of in FORMATS.values()]))"]

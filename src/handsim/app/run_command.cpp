@@ -17,6 +17,7 @@
 #include "handsim/output/video/video.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
+#include "handsim/simulation/run/step_choice.h"
 #include "handsim/simulation/snapshot.h"
 #include "handsim/simulation/watch/state_hash.h"
 #include "handsim/study/rollouts/rollout_study.h"
@@ -182,6 +183,12 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
   return study.scene(*arguments.rollout);
 }
 
+/// What was chosen for `auto`, and why.
+void print_choice(const scene::SceneSpec& scene) {
+  const std::string& choice = scene.engine_choice;
+  if (!choice.empty()) print("{} auto: {}\n", choice.starts_with("step ") ? "solver.step" : "engine", choice);
+}
+
 /// One picture, drawn in a child process.
 void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
   const simulation::PictureState moment = simulation::picture_state_at(scene, arguments.time.value_or(0));
@@ -240,11 +247,10 @@ int run_scene_command(const RunArguments& arguments) {
     check_many(arguments);
     run_uncertain(arguments);
   }
-  scene::Scene scene = scene_of(arguments, stop_lost);
+  scene::Scene scene = simulation::with_chosen_step(scene_of(arguments, stop_lost));
   if (arguments.report) record_contacts(scene);
   print_warnings(scene.warnings);
-  if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
-    print("engine auto: {}\n", scene.spec.engine_choice);
+  if (!arguments.quiet && !arguments.json) print_choice(scene.spec);
   simulation::RunResult result = with_progress([&](const auto& show) {
     simulation::RunOptions options = arguments;
     options.stop_lost = stop_lost;
@@ -281,7 +287,7 @@ int render_command(const RenderArguments& arguments) {
   const auto& video = arguments.video;
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene.warnings);
-  if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
+  print_choice(scene.spec);
   if (arguments.time.value_or(0) > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", *arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));

@@ -11,6 +11,7 @@
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
 #include "handsim/simulation/run/output_size.h"
+#include "handsim/simulation/run/step_choice.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/rollouts/rollout_figures.h"
 
@@ -29,8 +30,8 @@ struct Finished {
 /// The run of a scene in memory: as simulation::run, whose files are tables and frames here.
 class MemoryRun {
  public:
-  MemoryRun(const SceneHandle& of, int frames, bool stop_lost)
-      : scene_(of.scene), simulation_(of.scene), frames_(frames), stop_lost_(stop_lost) {}
+  MemoryRun(const ScenePtr& scene, int frames, bool stop_lost)
+      : scene_(scene), simulation_(scene), frames_(frames), stop_lost_(stop_lost) {}
 
   Finished run(Signals& signals) {
     const auto start = std::chrono::steady_clock::now();
@@ -108,7 +109,10 @@ py::dict result_dict(const simulation::RunResult& result) {
 
 py::dict run_scene(const SceneHandle& of, int frames, bool stop_lost, const py::object& progress) {
   Signals signals(progress);
-  const Finished run = without_gil([&] { return MemoryRun(of, frames, stop_lost).run(signals); });
+  const Finished run = without_gil([&] {
+    const auto own = std::make_shared<const scene::Scene>(simulation::with_chosen_step(*of.scene));
+    return MemoryRun(own, frames, stop_lost).run(signals);
+  });
   py::dict out = result_dict(run.result);
   const std::vector<std::string> columns = output::trajectory_columns(of.scene->model);
   out["columns"] = columns;
@@ -135,10 +139,9 @@ py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folde
   options.stop_lost = stop_lost;
   options.progress = [&signals](double share) { signals.poll(share); };
   return result_dict(without_gil([&] {
-    if (!report) return simulation::run(*of.scene, options);
-    output::require_three();
-    scene::Scene scene = *of.scene;
-    app::record_contacts(scene);
+    scene::Scene scene = simulation::with_chosen_step(*of.scene);
+    if (report) output::require_three();
+    if (report) app::record_contacts(scene);
     return simulation::run(scene, options);
   }));
 }

@@ -17,6 +17,7 @@
 #include "handsim/engine/collision/pair_table.h"
 #include "handsim/engine/muscles.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/scene/read/engine_choice.h"
 
 namespace handsim::simulation {
 
@@ -33,6 +34,9 @@ double ns_between(Clock::time_point a, Clock::time_point b) {
 }
 
 std::shared_ptr<const scene::Scene> checked(std::shared_ptr<const scene::Scene> scene) {
+  if (scene::asks_for_step(scene->resolved))
+    throw input_error("solver.step", "auto",
+                      "a step: handsim run and handsim grasp choose one, and write it into resolved.yaml");
   check_start(*scene);
   return scene;
 }

@@ -184,6 +184,11 @@ std::vector<CostTable> read_costs(const YamlNode& root, const std::string& path,
   return out;
 }
 
+bool asks_for_step(const YamlNode& resolved) {
+  const YamlNode* step = value_at(resolved, "solver.step");
+  return step && step->text == "auto";
+}
+
 void choose_engine(MapReader& reader, SceneSpec& scene) {
   MapReader block = reader.map("solver");
   const YamlNode engine = *block.child("engine");

@@ -34,4 +34,8 @@ std::vector<CostTable> read_costs(const YamlNode& root, const std::string& path,
 /// and `speculative` apply if the chosen engine has them.
 void choose_engine(MapReader& reader, SceneSpec& scene);
 
+/// Whether a scene has `solver.step: auto`: runs choose its step (simulation/run/step_choice.h), and nothing
+/// runs before. @param resolved text of the scene
+bool asks_for_step(const YamlNode& resolved);
+
 }  // namespace handsim::scene

@@ -103,14 +103,26 @@ void refuse_keys(MapReader& reader, const std::function<std::optional<std::strin
   reader.warning("engine", fmt::format("the file's {} left out: {}", fmt::join(left_out, ", "), why));
 }
 
-void read_settings(MapReader& reader, engine::Settings& solver) {
+namespace {
+
+/// @param chosen_step `step: auto` is accepted (engine_choice.h)
+void read_settings(MapReader& reader, engine::Settings& solver, bool chosen_step) {
   std::vector<std::pair<std::string_view, EngineKind>> engines;
   for (const EngineKind kind : kEngines) engines.emplace_back(engine::name(kind), kind);
   // For the message only: choose_engine() reads engine auto.
   engines.emplace_back("auto", EngineKind::ode);
   const std::size_t before = reader.diagnostics().problems.size();
   const EngineKind kind = reader.choice<EngineKind>("engine", engines, EngineKind::ode);
-  const auto read_step = [&] { solver.step = reader.number("step", engine::kStepRange, solver.step); };
+  const auto read_step = [&] {
+    const std::string need = engine::kStepRange.need() + ", or on engine articulated auto";
+    const YamlNode* step =
+        chosen_step ? reader.value("step", {{YamlNode::Kind::scalar}, need, false, {"auto"}}) : nullptr;
+    if (step && step->text == "auto")
+      return kind == EngineKind::articulated ? void() : reader.problem("step", "auto", need);
+    // What is no scalar is a problem already.
+    if (step || !chosen_step || !reader.node().find("step"))
+      solver.step = reader.number("step", engine::kStepRange, solver.step);
+  };
   // The keys of an unknown engine are unknown, too: all are accepted.
   if (const YamlNode* named = reader.node().find("engine"); named && named->text != engine::name(kind)) {
     if (reader.diagnostics().problems.size() == before)
@@ -128,11 +140,15 @@ void read_settings(MapReader& reader, engine::Settings& solver) {
   std::visit([&](auto& own) { reader.fields(own); }, solver.own);
 }
 
+}  // namespace
+
+void read_settings(MapReader& reader, engine::Settings& solver) { read_settings(reader, solver, false); }
+
 void read_solver(MapReader& reader, SceneSpec& scene) {
   MapReader solver = reader.map("solver");
   const YamlNode* engine = solver.node().find("engine");
   if (engine && engine->text == "auto") return choose_engine(reader, scene);
-  read_settings(solver, scene.solver);
+  read_settings(solver, scene.solver, true);
   if (const auto problem = engine::missing_library(scene.solver))
     solver.problem("method", problem->got, problem->need);
   solver.finish();

@@ -11,6 +11,7 @@
 #include "handsim/hand/grip_strength.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
+#include "handsim/simulation/run/step_choice.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::study {
@@ -108,6 +109,7 @@ std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refus
                               "names of their own, by which the runs' folders are called");
           Work work{name, side, file, overrides, scene::load_scene(file, overrides)};
           if (study.friction) set_friction(work.scene, *study.friction);
+          work.scene = simulation::with_chosen_step(std::move(work.scene));
           if (const std::string why = person ? blocked(work.scene) : ""; !why.empty())
             refused.push_back({name, side, why});
           else

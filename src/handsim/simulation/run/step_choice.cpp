@@ -1,0 +1,84 @@
+#include "handsim/simulation/run/step_choice.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+#include "handsim/scene/read/engine_choice.h"
+#include "handsim/simulation/run/run.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/simulation/watch/standard_watchers.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+/// Steps that are tried, the largest first [s].
+constexpr std::array kSteps = {4e-3, 2e-3, 1e-3, 5e-4, 2.5e-4, 1.25e-4};
+
+void set_step(scene::Scene& scene, double step) {
+  scene.spec.solver.step = step;
+  *value_at(scene.resolved, "solver.step") = yaml_scalar(number_text(step));
+}
+
+/// Figures with a limit, of a run to its end; none of a run that diverges.
+std::vector<Verdict> judged(scene::Scene scene, double step) {
+  set_step(scene, step);
+  Simulation simulation(std::make_shared<const scene::Scene>(std::move(scene)), standard_watchers);
+  const long steps = simulation.step_count();
+  try {
+    while (simulation.steps() < steps && !over(simulation, true)) simulation.step();
+  } catch (const Error& error) {
+    if (!error.fault()) throw;
+    return {};
+  }
+  std::vector<Verdict> out = simulation.verdicts();
+  std::erase_if(out, [](const Verdict& each) { return !each.limit; });
+  return out;
+}
+
+/// The figure whose verdict a step turns or may turn; empty: there is none.
+std::string doubtful(const std::vector<Verdict>& whole, const std::vector<Verdict>& half) {
+  if (whole.size() != half.size()) return "the motion, which diverged,";
+  for (std::size_t i = 0; i < whole.size(); ++i) {
+    const Verdict &a = whole[i], &b = half[i];
+    if (a.held() != b.held() || a.missed() != b.missed()) return a.name;
+    if (!a.measured || !b.measured) continue;
+    // Written so that NaN is in doubt.
+    if (!(2 * std::abs(*a.measured - *b.measured) <= std::abs(*a.measured - *a.limit))) return a.name;
+  }
+  return {};
+}
+
+}  // namespace
+
+scene::Scene with_chosen_step(scene::Scene scene) {
+  if (!scene::asks_for_step(scene.resolved)) return scene;
+  std::vector<Verdict> whole = judged(scene, kSteps[0]);
+  std::string why;
+  for (std::size_t i = 1; i < kSteps.size(); ++i) {
+    const std::vector<Verdict> half = judged(scene, kSteps[i]);
+    if (whole.empty() && half.empty())
+      throw input_error("solver.step", "auto in a scene that no figure judges, or that diverges",
+                        "a step, or criteria, by which a step can be judged");
+    const std::string turned = doubtful(whole, half);
+    if (turned.empty()) {
+      set_step(scene, kSteps[i - 1]);
+      scene.spec.engine_choice = fmt::format(
+          "step {:g} ms, the largest whose error turns no verdict, by runs at it and at half of it{}",
+          1e3 * kSteps[i - 1], why);
+      return scene;
+    }
+    why = fmt::format("; at {:g} ms {} was in doubt", 1e3 * kSteps[i - 1], turned);
+    whole = half;
+  }
+  set_step(scene, kSteps.back());
+  scene.spec.engine_choice = fmt::format("step {:g} ms, the smallest that is tried{}, and may be so still",
+                                         1e3 * kSteps.back(), why);
+  return scene;
+}
+
+}  // namespace handsim::simulation

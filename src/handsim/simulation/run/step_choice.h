@@ -1,0 +1,17 @@
+// `solver.step: auto`, on the articulated engine: the largest step at which no verdict of a scene is the
+// step's.
+#pragma once
+
+#include "handsim/scene/compile/scene.h"
+
+namespace handsim::simulation {
+
+/// A scene at the step that its criteria ask for. Runs of it at h and h / 2 tell how much its figures are
+/// off: the error is of first order (docs/speed.md), so that h has twice the difference of the two. Steps
+/// from 4 ms down are tried until each verdict is the same at both and its figure farther from its limit than
+/// that; where none is left, the smallest is taken. The spec and the resolved text have the step,
+/// SceneSpec::engine_choice the reason. A scene that names its step is returned as it is.
+/// @throws Error (input) for a scene without limits, by which a step could be judged
+scene::Scene with_chosen_step(scene::Scene scene);
+
+}  // namespace handsim::simulation
