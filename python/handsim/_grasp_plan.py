@@ -60,10 +60,10 @@ CLOSED = ("wrap", "fist", "cracker_box", "cylinder_50mm", "hook_bar", "pinch_car
 TOO_HEAVY = "too heavy: the hand is too weak for weight and shake"
 LIGHT = 0.01
 """[kg]"""
-REASONS = (("cannot open round", "too large: the hand cannot open round it"), ("does not reach it", "out of reach: a finger does not reach it"),
-           ("do not balance", "no opposition: forces do not balance"), ("does not press", "no opposition: it lies against a part that does not press"),
-           ("in sum", TOO_HEAVY), ("stops", "out of reach: beyond the joints' stops"))
-"""What the fit says, by a part of its words."""
+REASONS = {"cannot_open": "too large: the hand cannot open round it", "out_of_reach": "out of reach: a finger does not reach it",
+           "unbalanced": "no opposition: forces do not balance", "idle_part": "no opposition: it lies against a part that does not press",
+           "too_weak": TOO_HEAVY, "beyond_stops": "out of reach: beyond the joints' stops"}
+"""By the refusal of the fit."""
 
 
 class Grasp(NamedTuple):
@@ -123,6 +123,8 @@ class Plan(NamedTuple):
     """By type, places that were not tried, by reason."""
     hand_length: float
     grip_strength: float
+    others: list[Path] = []
+    """Objects that the study has in place of this one, too."""
 
     def why(self) -> list[str]:
         """Why there are no more grasps, a line each, the most frequent reason first."""
@@ -157,9 +159,15 @@ def _pose(of: dict[str, list[float]]) -> dict[str, Any]:
     return out
 
 
+def named(file: Path, folder: str) -> str:
+    """The name of a shipped file, which stands in scenes wherever they are; else the absolute path. :param folder: below the shipped data"""
+    path, shipped = file.resolve(), (data_path() / folder).resolve()
+    return str(path.relative_to(shipped).with_suffix("")) if path.is_relative_to(shipped) else str(path)
+
+
 def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[str, Any]], side: str, length: float, share: float = 1.0) -> dict[str, Any]:
     """The scene of a grasp. :param share: of the type's forces"""
-    data, of = data_path().resolve(), place.type
+    of = place.type
     # The person stands at -y: the forearm comes from there.
     forearm = (place.rest @ place.turn.T)[:, 1]
     yaw = math.pi / 2 - math.atan2(forearm[1], forearm[0]) if math.hypot(forearm[0], forearm[1]) > 0.2 else 0.0
@@ -172,9 +180,9 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
     several = of.opposition == "palm" or len(of.touches) > 2
     return {
         "title": f"{of.name} of {name}",
-        "hands": [{"model": str(data / "handmodels/anatomical.yaml"), "person": person, "side": side, "wrist": {"mount": "driven"}}],
-        "objects": [{"name": name, "file": str(file.resolve())}],
-        "control": {"controller": str(data / "controllers/grasp.yaml"),
+        "hands": [{"model": "anatomical", "person": person, "side": side, "wrist": {"mount": "driven"}}],
+        "objects": [{"name": name, "file": named(file, "config/objects")}],
+        "control": {"controller": "grasp",
                     "poses": {"title": f"poses of {of.name}", "unit": "deg", "poses": {"open": _pose(of.open), "closed": _pose(of.closed)}}},
         "grasps": [{
             "object": name,
@@ -182,10 +190,10 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
             "at": {"position": [round(float(x), 6) for x in place.position], "rotation": _rotation(place.turn), "hand_length": f"{1e3 * length:.4f} mm",
                    "touches": "palm" if of.sites is None else "nothing"},
             "support": {"radius": f"{1e3 * place.post:.2f} mm"}, "open": "open", "closed": "closed",
-            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": str(data / "handmodels/grip_strength.yaml")},
+            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": "grip_strength"},
             "approach": {"from": [round(float(WAY * x), 5) for x in place.approach], "time": "0.5 s"},
             "close": "0.6 s", "lift": {"height": "0.25 m", "time": "0.6 s"}, "hold": f"{HOLD} s", "shake": {"levels": [SHAKE]}}],
-        "contacts": {"materials": [{"name": "pad", "file": str(data / "handmodels/finger_pad.yaml"), **({"spinning_friction": 0} if several else {})}],
+        "contacts": {"materials": [{"name": "pad", "file": "finger_pad", **({"spinning_friction": 0} if several else {})}],
                      "rules": [{"between": ["hands", "objects"], "material": "pad"}, {"between": ["objects", "objects"]}]},
         "effects": ["gravity", "object_contact", "friction", "joint_stops", "passive_tissue", "actuation", "wrist_motion"],
         "solver": {"engine": "articulated", "step": "1 ms"},
@@ -194,11 +202,11 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
 
 
 def _refusal(error: Error) -> str:
-    text = str(error)
-    for words, reason in REASONS:
-        if words in text:
-            return reason
-    return text.splitlines()[0][:200]
+    """What the fit says, or the first line of another problem."""
+    for problem in error.problems:
+        if problem.refusal:
+            return REASONS[problem.refusal]
+    return str(error).splitlines()[0][:200]
 
 
 class _Run(NamedTuple):
@@ -218,13 +226,9 @@ def _run(scene: Scene) -> _Run:
 def _held_until(scene: Scene) -> Simulation:
     """At the end of the hold."""
     simulation = Simulation(scene)
-    simulation.step(substeps=round(_hold_end(scene) / scene.step))
+    end = next(end for name, _, end in scene._core.phases() if name == "hold")
+    simulation.step(substeps=round(end / scene.step))
     return simulation
-
-
-def _hold_end(scene: Scene) -> float:
-    """Approach, closing with its squeeze, settling, lift and hold [s]."""
-    return 0.5 + 0.6 + 0.3 + 0.3 + 0.6 + HOLD
 
 
 def _segment_forces(simulation: Simulation, side: str, name: str) -> dict[str, float]:
@@ -398,7 +402,7 @@ def object_file(object: Union[str, "PathLike[str]"]) -> Path:
 
 
 def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike[str]", Mapping[str, Any]], side: str, types: Sequence[str], count: int,
-            ode: bool, threads: int, told: Told = None) -> Plan:
+            ode: bool, threads: int, others: Sequence[Union[str, "PathLike[str]"]] = (), told: Told = None) -> Plan:
     """:raises Error: of kind input for what is no object that moves, no person, no type"""
     known = read_types()
     for name in types:
@@ -406,7 +410,8 @@ def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike
             raise input_error("type", name, _core.need_word(str(name), list(known)))
     if side not in ("right", "left"):
         raise input_error("side", side, "right or left")
-    who: Union[str, Mapping[str, Any]] = person if isinstance(person, Mapping) else str(find_file(person, "person", "config/persons").resolve())
+    who: Union[str, Mapping[str, Any]] = person if isinstance(person, Mapping) else named(find_file(person, "person", "config/persons"), "config/persons")
     asked = {name: of for name, of in known.items() if not types or name in types}
-    planner = Planner(object_file(object), who, side, asked, not types, threads or os.cpu_count() or 1)
-    return planner.plan(count, ode, told)
+    files = [object_file(each) for each in (object, *others)]
+    planner = Planner(files[0], who, side, asked, not types, threads or os.cpu_count() or 1)
+    return planner.plan(count, ode, told)._replace(others=files[1:])

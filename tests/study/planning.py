@@ -115,7 +115,7 @@ def objects(out, persons, only):
                          "least_effort": f"{best.least_effort:.4f}" if best else "", "tried": len(found.tried), "seconds": f"{time.monotonic() - start:.0f}",
                          "why": "" if best else found.why()[0]})
             if best:
-                (out / f"held_{name}_{person}.yaml").write_text(scene_text(best.content))
+                (out / f"held_{name}_{person}.yaml").write_text(scene_text(best.content, out))
             print(rows[-1], flush=True)
             write(out / "objects.csv", rows)
     for person in persons:
@@ -138,7 +138,7 @@ def types(out, only):
                 if hs.has_pictures:
                     pictures.append(best.scene().draw_frames([best.frame], size=(480, 360))[0])
                     captions.append(f"{of.number} {name}: {each}")
-                (out / f"type_{of.number:02d}_{name}.yaml").write_text(scene_text(best.content))
+                (out / f"type_{of.number:02d}_{name}.yaml").write_text(scene_text(best.content, out))
                 break
         rows.append({"number": of.number, "type": name, "object": held or "", "margin": f"{best.margin:.3f}" if held else "", "seconds": f"{time.monotonic() - start:.0f}"})
         print(rows[-1], flush=True)

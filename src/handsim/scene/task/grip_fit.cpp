@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <tuple>
 
 #include <fmt/format.h>
 
@@ -339,7 +340,8 @@ class Fit {
                fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, {}",
                            1e3 * site_.built.size.length, total_force(), limit),
                fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
-                           total_force() * used / kMostUse)};
+                           total_force() * used / kMostUse),
+               Refusal::too_weak};
     else if (lacking > 1 + 2 * kEnough)
       out_.warnings.push_back(fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: {}",
                                           task_.path, total_force(), total_force() * lacking, limit));
@@ -366,14 +368,20 @@ class Fit {
 
   void report() {
     std::string why;
-    if (!opens_) why = "cannot open round it";
+    Refusal refusal = Refusal::none;
+    const auto refuse = [&](Refusal kind, std::string words) {
+      if (refusal == Refusal::none) std::tie(refusal, why) = std::tuple(kind, std::move(words));
+    };
+    if (!opens_) refuse(Refusal::cannot_open, "cannot open round it");
     for (const auto& [part, force] : spec_.forces)
-      if (why.empty() && !out_.forces.contains(part))
-        why = fmt::format("{} finger does not reach it", part_name(part));
-    if (why.empty() && !balances())
-      why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
-    if (why.empty() && unplanned() > kMostUnplanned) why = "it lies against a part that does not press";
-    if (why.empty()) {
+      if (!out_.forces.contains(part))
+        refuse(Refusal::out_of_reach, fmt::format("{} finger does not reach it", part_name(part)));
+    if (!balances())
+      refuse(Refusal::unbalanced,
+             fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced));
+    if (unplanned() > kMostUnplanned)
+      refuse(Refusal::idle_part, "it lies against a part that does not press");
+    if (refusal == Refusal::none) {
       if (weak_) out_.problems.push_back(*weak_);
       return;
     }
@@ -384,7 +392,8 @@ class Fit {
                                          1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name,
                                          edges.x(), edges.y(), edges.z(), why),
                              balances() ? "a larger hand, or a smaller object"
-                                        : "a larger hand, or a smaller or lighter object"});
+                                        : "a larger hand, or a smaller or lighter object",
+                             refusal});
   }
 
   /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].
