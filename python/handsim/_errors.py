@@ -19,9 +19,6 @@ class Problem(NamedTuple):
     """Dotted path, e.g. ``hands.0.wrist.position``; the argument's name where no file is meant."""
     got: str
     need: str
-    refusal: str = ""
-    """Why a hand cannot hold an object as a task has it: ``cannot_open``, ``out_of_reach``, ``unbalanced``, ``idle_part``, ``too_weak``,
-    ``beyond_stops``; empty for other problems."""
 
 
 class Fault(NamedTuple):

@@ -60,10 +60,10 @@ CLOSED = ("wrap", "fist", "cracker_box", "cylinder_50mm", "hook_bar", "pinch_car
 TOO_HEAVY = "too heavy: the hand is too weak for weight and shake"
 LIGHT = 0.01
 """[kg]"""
-REASONS = {"cannot_open": "too large: the hand cannot open round it", "out_of_reach": "out of reach: a finger does not reach it",
-           "unbalanced": "no opposition: forces do not balance", "idle_part": "no opposition: it lies against a part that does not press",
-           "too_weak": TOO_HEAVY, "beyond_stops": "out of reach: beyond the joints' stops"}
-"""By the refusal of the fit."""
+REASONS = (("cannot open round", "too large: the hand cannot open round it"), ("does not reach it", "out of reach: a finger does not reach it"),
+           ("do not balance", "no opposition: forces do not balance"), ("does not press", "no opposition: it lies against a part that does not press"),
+           ("in sum", TOO_HEAVY), ("stops", "out of reach: beyond the joints' stops"))
+"""What the fit says, by a part of its words."""
 
 
 class Grasp(NamedTuple):
@@ -202,11 +202,11 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
 
 
 def _refusal(error: Error) -> str:
-    """What the fit says, or the first line of another problem."""
-    for problem in error.problems:
-        if problem.refusal:
-            return REASONS[problem.refusal]
-    return str(error).splitlines()[0][:200]
+    text = str(error)
+    for words, reason in REASONS:
+        if words in text:
+            return reason
+    return text.splitlines()[0][:200]
 
 
 class _Run(NamedTuple):
@@ -226,7 +226,7 @@ def _run(scene: Scene) -> _Run:
 def _held_until(scene: Scene) -> Simulation:
     """At the end of the hold."""
     simulation = Simulation(scene)
-    end = next(end for name, _, end in scene._core.phases() if name == "hold")
+    end = next(end for name, _, end in _core.drawn(scene._core)["phases"] if name == "hold")
     simulation.step(substeps=round(end / scene.step))
     return simulation
 
@@ -354,7 +354,7 @@ class Planner:
                 tried += pool.map(self.judged, batch)
                 found = self.different([grasp for grasp in tried if not grasp.reason])
                 if told:
-                    told(0.8 * max(len(tried) / most, len(found) / enough))
+                    told(0.8 * min(1.0, max(len(tried) / most, len(found) / enough)))
             if not found:
                 tried = list(pool.map(self.weighed, tried))
             best = found[:count]

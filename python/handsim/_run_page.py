@@ -418,7 +418,7 @@ def _curves(run: _Run) -> _Curves:
 
 def _marks(run: _Run) -> list[dict[str, Any]]:
     """Phases of tasks, and events: times of figures, verdicts and faults."""
-    out = [{"kind": "phase", "name": name, "time": start, "end": end} for name, start, end in run.core.phases()]
+    out = [{"kind": "phase", "name": name, "time": start, "end": end} for name, start, end in run.drawn["phases"]]
     failed = [(f"climb {each['name']} fails", each.get("failure_time_s")) for each in run.summary.get("climbs") or []]
     for each in run.summary.get("grasps") or []:
         outcome = each.get("outcome")

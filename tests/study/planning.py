@@ -1,9 +1,11 @@
-"""Figures of `handsim grasp plan`: objects by person, types, agreement with ODE and with a quarter of the step.
+"""Figures of `handsim grasp plan`: objects by person, types, agreement with ODE and with a quarter of the step, other planners' limits.
 
     export PYTHONPATH=build/release/python
     python3 tests/study/planning.py objects --persons median_man small_woman --out out/planning    # shipped objects and ten meshes: objects.csv
     python3 tests/study/planning.py types --out out/planning                                       # an object for each type: types.csv, a sheet
     python3 tests/study/planning.py checks --out out/planning                                      # grasps of `objects` at 1/4 step; --ode: on ODE
+    python3 tests/study/planning.py tests --persons median_man --out out/planning                  # all grips that fit, held by our limits and by others': tests.csv
+    python3 tests/study/planning.py stl --out out/planning                                         # stl/handle.stl, and the meshes
 
 The meshes need trimesh, CoACD and fast-simplification, as `handsim object` does.
 """
@@ -15,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import handsim as hs
-from handsim._grasp_plan import ODE, _run, planned
+from handsim._grasp_plan import ODE, Planner, _run, object_file, planned
 from handsim._grasp_plan_files import scene_text
 from handsim._grasp_types import read_types
 
@@ -30,6 +32,10 @@ FITTING = {
 """By type, what people hold so."""
 OTHERS = ("golf_ball", "large_marker", "card", "screwdriver", "tennis_ball")
 """Then these."""
+TESTED = ("mug", "tomato_soup_can", "sugar_box", "banana", "baseball", "tuna_fish_can")
+TRIED = 40
+FAR, TURNED = 0.05, np.radians(15)
+"""Limits of the tests of planners for robots' hands: the object may move so far in the hand [m], [rad]."""
 STATIC = ("edge_10mm", "edge_15mm", "edge_20mm", "jug", "sloper", "pinch_block")
 
 
@@ -80,6 +86,43 @@ def meshes():
         "bowl": (*lathe([(0, 0), (30, 0), (65, 55), (61, 55), (27, 5), (0, 5)]), 0.3),
         "card": (*cells([((0, 0, 0), (1, 1, 1))], 1), 0.005),
         "spray_can": (*lathe([(0, 0), (29, 0), (29, 150), (20, 165), (20, 185), (0, 185)]), 0.35)}
+
+
+def stl(out):
+    """A file of each mesh [mm], and of a handle with a waist, as a CAD program writes them."""
+    (out / "stl").mkdir(exist_ok=True)
+    handle = lathe([(0, 0), (14, 0), (17, 12), (17, 30), (15, 55), (17, 85), (18, 105), (14, 120), (0, 120)])
+    for name, (vertices, faces, *_) in {**meshes(), "handle": handle}.items():
+        lines = [f"solid {name}"]
+        for face in 1000 * vertices[faces]:
+            lines += ["facet normal 0 0 0", " outer loop", *(f"  vertex {x:.9g} {y:.9g} {z:.9g}" for x, y, z in face), " endloop", "endfacet"]
+        (out / "stl" / f"{name}.stl").write_text("\n".join([*lines, f"endsolid {name}", ""]))
+
+
+def tests(out, persons, only):
+    """Of places that are tried, whose grip fits: how many hold by the limits of planners for robots' hands, and by ours. Goes through the whole shake."""
+    rows = []
+    for name, path in object_files(out).items():
+        if name not in (only or TESTED):
+            continue
+        for person in persons:
+            planner = Planner(object_file(path), person, "right", read_types(), True, 1)
+            for place in planner.queue()[:TRIED]:
+                try:
+                    run = hs.load(planner.content(place)).run(frames=0, progress=False)
+                except hs.Error:
+                    continue
+                shift, turn = run.figures["shift"], run.figures["turn"]
+                held = run.figures["outcome"] == "held"
+                lenient = run.fault is None and not str(run.figures["outcome"]).startswith("LOST") and shift < FAR and turn < TURNED
+                rows.append({"object": name, "person": person, "type": place.type.name, "held": int(held), "held_by_5cm_15deg": int(lenient), "shift": shift, "turn": turn,
+                             "force_closure": int(run.figures["force_closure"]), "epsilon": run.figures["epsilon"]})
+                print(rows[-1], flush=True)
+                write(out / "tests.csv", rows)
+    for kind in ("held", "held_by_5cm_15deg", "force_closure"):
+        print(f"{kind}: {sum(row[kind] for row in rows)} of {len(rows)}")
+    closed = [row for row in rows if row["force_closure"]]
+    print(f"of {len(closed)} with force closure {sum(row['held'] for row in closed)} are held, by 5 cm and 15 degrees {sum(row['held_by_5cm_15deg'] for row in closed)}")
 
 
 def object_files(out):
@@ -173,11 +216,12 @@ def write(path, rows):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("objects", "types", "checks"))
+    parser.add_argument("what", choices=("objects", "types", "checks", "tests", "stl"))
     parser.add_argument("--persons", nargs="+", default=["median_man", "small_woman"])
     parser.add_argument("--only", nargs="+", default=[])
     parser.add_argument("--ode", action="store_true", help="of checks: on ODE in place of a quarter of the step")
     parser.add_argument("--out", type=Path, default=Path("out/planning"))
     asked = parser.parse_args()
     asked.out.mkdir(parents=True, exist_ok=True)
-    {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.persons, asked.ode)}[asked.what]()
+    {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.persons, asked.ode),
+     "tests": lambda: tests(asked.out, asked.persons, asked.only), "stl": lambda: stl(asked.out)}[asked.what]()

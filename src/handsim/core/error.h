@@ -20,24 +20,12 @@ struct Place {
   std::string text() const;
 };
 
-/// Why a hand cannot hold an object as a task has it, for programs that choose among grips.
-enum class Refusal {
-  none,          ///< the problem is another one
-  cannot_open,   ///< the fingers do not open round the object
-  out_of_reach,  ///< a finger does not reach it
-  unbalanced,    ///< forces do not balance
-  idle_part,     ///< it lies against a part that does not press
-  too_weak,      ///< the hand cannot press as weight and shake need
-  beyond_stops,  ///< a joint would start beyond its stops
-};
-
 /// One thing wrong with an input, printed as `file:line:column: key: got X, need Y`.
 struct Problem {
   std::optional<Place> place;  ///< absent for problems outside any file
   std::string key;             ///< dotted path, e.g. `hands.0.wrist.position`; may be empty
   std::string got;             ///< what was found
   std::string need;            ///< what would have been accepted
-  Refusal refusal = Refusal::none;
 
   std::string text() const;
 };

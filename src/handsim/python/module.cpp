@@ -20,14 +20,10 @@ namespace handsim::python {
 namespace {
 
 py::tuple problem_tuple(const Problem& problem) {
-  constexpr const char* kRefusals[] = {"",          "cannot_open", "out_of_reach", "unbalanced",
-                                       "idle_part", "too_weak",    "beyond_stops"};
-  const char* refusal = kRefusals[static_cast<std::size_t>(problem.refusal)];
   if (!problem.place || problem.place->file.empty())
-    return py::make_tuple(py::none(), py::none(), py::none(), problem.key, problem.got, problem.need,
-                          refusal);
+    return py::make_tuple(py::none(), py::none(), py::none(), problem.key, problem.got, problem.need);
   return py::make_tuple(problem.place->file, problem.place->line, problem.place->column, problem.key,
-                        problem.got, problem.need, refusal);
+                        problem.got, problem.need);
 }
 
 void raise(const Error& error) {

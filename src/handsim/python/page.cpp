@@ -152,7 +152,7 @@ py::dict drawn(const SceneHandle& of) {
     return out;
   };
   const auto colour = [](const output::Colour& c) { return std::array{c.r, c.g, c.b}; };
-  py::list shapes, reaches, arrows;
+  py::list shapes, reaches, arrows, phases;
   for (const output::DrawShape& draw : list.shapes) {
     if (!draw.mark) reaches.append(py::make_tuple(draw.shape, draw.solid.reach()));
     const output::Solid solid = output::bevelled(draw.solid);
@@ -173,16 +173,23 @@ py::dict drawn(const SceneHandle& of) {
           joint.name + "." + joint.axes[axis].name, body, array(Vec3(frame(body) * arrow->from)),
           array(Vec3(frame(body) * arrow->to)), arrow->radius, colour(arrow->colour)));
     }
+  const auto add_phases = [&](const auto& plans) {
+    for (const auto& plan : plans)
+      for (const scene::TaskPhase& phase : plan.phases)
+        phases.append(py::make_tuple(phase.name, phase.start, phase.end));
+  };
+  add_phases(scene.plans.grasps);
+  add_phases(scene.plans.climbs);
   constexpr const char* kLooks[] = {"skin", "shapes", "both"};
   constexpr int kSides = 24;
   using py::arg;
-  return py::dict(arg("shapes") = shapes, arg("reaches") = reaches, arg("arrows") = arrows,
-                  arg("look") = kLooks[static_cast<std::size_t>(scene.spec.pictures.hands)],
-                  arg("finger_colours") = scene.spec.pictures.finger_colours,
-                  arg("size") = scene.spec.pictures.size, arg("ground") = scene.spec.ground.has_value(),
-                  arg("capsule") = mesh_tuple(output::capsule_mesh(kSides)),
-                  arg("box") = mesh_tuple(output::box_mesh()),
-                  arg("cylinder") = mesh_tuple(output::cylinder_mesh(kSides)));
+  return py::dict(
+      arg("shapes") = shapes, arg("reaches") = reaches, arg("arrows") = arrows, arg("phases") = phases,
+      arg("look") = kLooks[static_cast<std::size_t>(scene.spec.pictures.hands)],
+      arg("finger_colours") = scene.spec.pictures.finger_colours, arg("size") = scene.spec.pictures.size,
+      arg("ground") = scene.spec.ground.has_value(),
+      arg("capsule") = mesh_tuple(output::capsule_mesh(kSides)), arg("box") = mesh_tuple(output::box_mesh()),
+      arg("cylinder") = mesh_tuple(output::cylinder_mesh(kSides)));
 }
 
 /// `handsim run` of a scene whose folder is removed afterwards. @param page writes the page of the folder

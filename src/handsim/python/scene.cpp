@@ -66,19 +66,6 @@ std::map<std::string, std::map<std::string, std::vector<double>>> named_poses(co
   return out;
 }
 
-/// Name, start and end of the phases of all tasks [s].
-py::list phases(const SceneHandle& of) {
-  py::list out;
-  const auto add = [&](const auto& plans) {
-    for (const auto& plan : plans)
-      for (const scene::TaskPhase& phase : plan.phases)
-        out.append(py::make_tuple(phase.name, phase.start, phase.end));
-  };
-  add(of.scene->plans.grasps);
-  add(of.scene->plans.climbs);
-  return out;
-}
-
 /// Names of the objects that can move.
 std::vector<std::string> objects(const SceneHandle& of) {
   std::vector<std::string> out;
@@ -159,7 +146,6 @@ void bind_scene(py::module_& module) {
       .def("driven_coordinates", &driven_coordinates)
       .def("driven_wrists", &driven_wrists)
       .def("poses", &named_poses)
-      .def("phases", &phases)
       .def("objects", &objects)
       .def("all_objects", &all_objects)
       .def("takes", &takes)

@@ -33,8 +33,7 @@ std::vector<Problem> start_defects(const model::Model& model, const model::Effec
       problems.push_back(
           {origins.joints[i], joint.name + "." + axis.name,
            fmt::format("a start at {:.4g} {}", axis.initial, unit),
-           fmt::format("{:.4g} to {:.4g} {}, within its stops", axis.stop->low, axis.stop->high, unit),
-           Refusal::beyond_stops});
+           fmt::format("{:.4g} to {:.4g} {}, within its stops", axis.stop->low, axis.stop->high, unit)});
     }
   return problems;
 }

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <numeric>
-#include <tuple>
 
 #include <fmt/format.h>
 
@@ -340,8 +339,7 @@ class Fit {
                fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, {}",
                            1e3 * site_.built.size.length, total_force(), limit),
                fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
-                           total_force() * used / kMostUse),
-               Refusal::too_weak};
+                           total_force() * used / kMostUse)};
     else if (lacking > 1 + 2 * kEnough)
       out_.warnings.push_back(fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: {}",
                                           task_.path, total_force(), total_force() * lacking, limit));
@@ -368,20 +366,14 @@ class Fit {
 
   void report() {
     std::string why;
-    Refusal refusal = Refusal::none;
-    const auto refuse = [&](Refusal kind, std::string words) {
-      if (refusal == Refusal::none) std::tie(refusal, why) = std::tuple(kind, std::move(words));
-    };
-    if (!opens_) refuse(Refusal::cannot_open, "cannot open round it");
+    if (!opens_) why = "cannot open round it";
     for (const auto& [part, force] : spec_.forces)
-      if (!out_.forces.contains(part))
-        refuse(Refusal::out_of_reach, fmt::format("{} finger does not reach it", part_name(part)));
-    if (!balances())
-      refuse(Refusal::unbalanced,
-             fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced));
-    if (unplanned() > kMostUnplanned)
-      refuse(Refusal::idle_part, "it lies against a part that does not press");
-    if (refusal == Refusal::none) {
+      if (why.empty() && !out_.forces.contains(part))
+        why = fmt::format("{} finger does not reach it", part_name(part));
+    if (why.empty() && !balances())
+      why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
+    if (why.empty() && unplanned() > kMostUnplanned) why = "it lies against a part that does not press";
+    if (why.empty()) {
       if (weak_) out_.problems.push_back(*weak_);
       return;
     }
@@ -392,8 +384,7 @@ class Fit {
                                          1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name,
                                          edges.x(), edges.y(), edges.z(), why),
                              balances() ? "a larger hand, or a smaller object"
-                                        : "a larger hand, or a smaller or lighter object",
-                             refusal});
+                                        : "a larger hand, or a smaller or lighter object"});
   }
 
   /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].
