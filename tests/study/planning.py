@@ -89,9 +89,9 @@ def meshes():
 
 
 def stl(out):
-    """A file of each mesh [mm], and of a handle with a waist, as a CAD program writes them."""
-    (out / "stl").mkdir(exist_ok=True)
-    handle = lathe([(0, 0), (14, 0), (17, 12), (17, 30), (15, 55), (17, 85), (18, 105), (14, 120), (0, 120)])
+    """A file of each mesh [mm], and of a round handle, as a CAD program writes them."""
+    (out / "stl").mkdir(parents=True, exist_ok=True)
+    handle = lathe([(0, 0), (14, 0), (17, 20), (17, 100), (14, 120), (0, 120)], around=12)
     for name, (vertices, faces, *_) in {**meshes(), "handle": handle}.items():
         lines = [f"solid {name}"]
         for face in 1000 * vertices[faces]:
