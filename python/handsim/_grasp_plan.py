@@ -41,7 +41,9 @@ TRIES = 12
 """Places that are tried for each grasp that is asked for, at most, and at least LEAST_TRIES."""
 LEAST_TRIES = 60
 APART, TURNED = 0.02, math.radians(25)
-"""Two places of a type are different from this distance [m] or this angle on."""
+"""Two grasps of a type are different from this distance [m] or this angle on."""
+NEXT = 0.01
+"""So far apart are places of a type that are tried [m]: a fingertip touches with another segment."""
 HEIGHT = 0.35
 """Of the object's centre in the scenes [m]."""
 WAY = 0.1
@@ -267,7 +269,7 @@ class Planner:
         for of in self.types.values():
             chosen: list[Place] = []
             for place in self.search.places(of):
-                if len(chosen) < EACH and not any(alike(place, other) for other in chosen):
+                if len(chosen) < EACH and not any(alike(place, other, NEXT) for other in chosen):
                     chosen.append(place)
             by_type.append(chosen)
         by_type.sort(key=lambda places: places[0].cost if places else math.inf)
@@ -385,12 +387,12 @@ class Planner:
 ODE = {"engine": "ode", "method": "world_step", "step": "1 ms", "erp": 0.2, "cfm": 1e-8, "seed": 1}
 
 
-def alike(a: Place, b: Place) -> bool:
+def alike(a: Place, b: Place, apart: float = APART) -> bool:
     """Of nearly the same place in the hand."""
     if a.part != b.part:
         return False
     angle = math.acos(float(np.clip((np.trace(a.turn @ b.turn.T) - 1) / 2, -1, 1)))
-    return bool(angle < TURNED and np.linalg.norm(a.position - b.position) < APART)
+    return bool(angle < TURNED and np.linalg.norm(a.position - b.position) < apart)
 
 
 def object_file(object: Union[str, "PathLike[str]"]) -> Path:

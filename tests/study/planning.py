@@ -152,7 +152,7 @@ def objects(out, persons, only):
             if any(row["object"] == name and row["person"] == person for row in rows):
                 continue
             start = time.monotonic()
-            found = planned(path, person=person, side="right", types=[], count=1, ode=False, threads=0)
+            found = planned(path, person=person, side="right", types=[], count=1, ode=False, threads=THREADS)
             best = found.grasps[0] if found.grasps else None
             rows.append({"object": name, "person": person, "held": int(best is not None), "type": best.type.name if best else "", "margin": f"{best.margin:.3f}" if best else "",
                          "least_effort": f"{best.least_effort:.4f}" if best else "", "tried": len(found.tried), "seconds": f"{time.monotonic() - start:.0f}",
@@ -174,7 +174,7 @@ def types(out, only):
             continue
         start, held = time.monotonic(), None
         for each in [*FITTING[name].split(), *(other for other in OTHERS if other not in FITTING[name])]:
-            found = planned(files[each], person="median_man", side="right", types=[name], count=1, ode=False, threads=0)
+            found = planned(files[each], person="median_man", side="right", types=[name], count=1, ode=False, threads=THREADS)
             if found.grasps:
                 held = each
                 best = found.grasps[0]
@@ -221,7 +221,9 @@ if __name__ == "__main__":
     parser.add_argument("--only", nargs="+", default=[])
     parser.add_argument("--ode", action="store_true", help="of checks: on ODE in place of a quarter of the step")
     parser.add_argument("--out", type=Path, default=Path("out/planning"))
+    parser.add_argument("--threads", type=int, default=0, help="one for each core")
     asked = parser.parse_args()
+    THREADS = asked.threads
     asked.out.mkdir(parents=True, exist_ok=True)
     {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.persons, asked.ode),
      "tests": lambda: tests(asked.out, asked.persons, asked.only), "stl": lambda: stl(asked.out)}[asked.what]()
