@@ -416,4 +416,4 @@ def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike
     asked = {name: of for name, of in known.items() if not types or name in types}
     files = [object_file(each) for each in (object, *others)]
     planner = Planner(files[0], who, side, asked, not types, threads or os.cpu_count() or 1)
-    return planner.plan(count, ode, told)._replace(others=files[1:])
+    return planner.plan(count, ode, told)._replace(others=[each for each in files[1:] if each.resolve() != files[0].resolve()])

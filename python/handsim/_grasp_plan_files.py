@@ -62,7 +62,7 @@ def study_text(plan: Plan, folder: Path) -> str:
     vary["contacts.materials.0.friction"] = {"uniform": list(FRICTION)}
     forces = [f"force.{part}" for part in (*FINGERS, "palm")]
     content = {"title": f"who can hold {plan.object.stem} so: {plan.grasps[0].type.name}", "scene": scene_name(1), "count": DRAWS, "seed": 1, "vary": vary,
-               "outcome": ["margin", "normal_force", *forces], "stop": {"lost": True},
+               "outcome": ["margin", *forces[:-1]], "stop": {"lost": True},
                "record": {"figures": ["margin", "outcome", "friction_used", "normal_force[N]", *(f"{force}[N]" for force in forces)]}}
     lines = ["# Who can hold it? handsim rollouts who.yaml --report"]
     for key, value in content.items():

@@ -25,7 +25,7 @@ FITTING = {
     "large_diameter": "tomato_soup_can", "small_diameter": "large_marker", "medium_wrap": "spray_can screwdriver", "adducted_thumb": "screwdriver", "light_tool": "large_marker",
     "prismatic_4_finger": "large_marker", "prismatic_3_finger": "large_marker", "prismatic_2_finger": "large_marker", "palmar_pinch": "card", "power_disk": "tuna_fish_can",
     "power_sphere": "tennis_ball", "precision_disk": "tuna_fish_can", "precision_sphere": "tennis_ball", "tripod": "golf_ball", "fixed_hook": "screwdriver banana",
-    "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "plate card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
+    "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "gelatin_box card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
     "tripod_variation": "coin large_marker", "parallel_extension": "gelatin_box card", "adduction_grip": "large_marker coin", "tip_pinch": "coin", "lateral_tripod": "coin large_marker",
     "sphere_4_finger": "baseball", "quadpod": "golf_ball", "sphere_3_finger": "racquetball", "stick": "large_marker", "palmar": "gelatin_box", "ring": "spray_can",
     "ventral": "large_marker", "inferior_pincer": "strawberry"}
