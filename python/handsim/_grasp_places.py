@@ -420,6 +420,8 @@ class Search:
         length, out = self.posed.length, list[Place]()
         q = self.posed.angles(of.open)
         breadth = 0.4 * length
+        # Fingers bend round the side that is away from the wrist: the wider the object is there, the nearer to the fingertips its middle lies.
+        wide = 0.45 * float(high[2] - low[2]) / length
         spots = {0.0} if low[1] <= 0 <= high[1] else {float(low[1] + high[1]) / 2}
         if high[1] - low[1] > breadth:
             spots |= {float(low[1]) + breadth / 2, float(high[1]) - breadth / 2}
@@ -434,8 +436,7 @@ class Search:
                 # Out of the palm, along the row of knuckles, beyond.
                 hand = np.stack([[0.0, 0.0, -1.0], [c, s, 0.0], np.cross([0.0, 0.0, -1.0], [c, s, 0.0])], axis=1)
                 turn = hand @ axes.T
-                # A thicker object lies nearer to the fingertips: its middle is before the finger roots.
-                for forward in (0.31 + 0.45 * thickness / length, 0.24 + 0.45 * thickness / length):
+                for forward in (0.31 + wide, 0.24 + wide):
                     at = np.array([-0.05 * length, forward * length, -0.5 * thickness - 0.09 * length])
                     position = at - turn @ (middle + 0.5 * (found[0] + found[1]) * axes[:, 0])
                     out.append(self._placed(of, part, turn, position, thickness, q, np.array([0.0, 0.0, 1.0]), abs(along) + 0.02 * abs(angle)))

@@ -41,7 +41,9 @@ TRIES = 12
 """Places that are tried for each grasp that is asked for, at most, and at least LEAST_TRIES."""
 LEAST_TRIES = 60
 APART, TURNED = 0.02, math.radians(25)
-"""Two places of a type are different from this distance [m] or this angle on."""
+"""Two grasps of a type are different from this distance [m] or this angle on."""
+NEXT = 0.01
+"""So far apart are places of a type that are tried [m]: a fingertip touches with another segment."""
 HEIGHT = 0.35
 """Of the object's centre in the scenes [m]."""
 WAY = 0.1
@@ -123,6 +125,8 @@ class Plan(NamedTuple):
     """By type, places that were not tried, by reason."""
     hand_length: float
     grip_strength: float
+    others: list[Path] = []
+    """Objects that the study has in place of this one, too."""
 
     def why(self) -> list[str]:
         """Why there are no more grasps, a line each, the most frequent reason first."""
@@ -157,9 +161,15 @@ def _pose(of: dict[str, list[float]]) -> dict[str, Any]:
     return out
 
 
+def named(file: Path, folder: str) -> str:
+    """The name of a shipped file, which stands in scenes wherever they are; else the absolute path. :param folder: below the shipped data"""
+    path, shipped = file.resolve(), (data_path() / folder).resolve()
+    return str(path.relative_to(shipped).with_suffix("")) if path.is_relative_to(shipped) else str(path)
+
+
 def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[str, Any]], side: str, length: float, share: float = 1.0) -> dict[str, Any]:
     """The scene of a grasp. :param share: of the type's forces"""
-    data, of = data_path().resolve(), place.type
+    of = place.type
     # The person stands at -y: the forearm comes from there.
     forearm = (place.rest @ place.turn.T)[:, 1]
     yaw = math.pi / 2 - math.atan2(forearm[1], forearm[0]) if math.hypot(forearm[0], forearm[1]) > 0.2 else 0.0
@@ -172,9 +182,9 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
     several = of.opposition == "palm" or len(of.touches) > 2
     return {
         "title": f"{of.name} of {name}",
-        "hands": [{"model": str(data / "handmodels/anatomical.yaml"), "person": person, "side": side, "wrist": {"mount": "driven"}}],
-        "objects": [{"name": name, "file": str(file.resolve())}],
-        "control": {"controller": str(data / "controllers/grasp.yaml"),
+        "hands": [{"model": "anatomical", "person": person, "side": side, "wrist": {"mount": "driven"}}],
+        "objects": [{"name": name, "file": named(file, "config/objects")}],
+        "control": {"controller": "grasp",
                     "poses": {"title": f"poses of {of.name}", "unit": "deg", "poses": {"open": _pose(of.open), "closed": _pose(of.closed)}}},
         "grasps": [{
             "object": name,
@@ -182,10 +192,10 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
             "at": {"position": [round(float(x), 6) for x in place.position], "rotation": _rotation(place.turn), "hand_length": f"{1e3 * length:.4f} mm",
                    "touches": "palm" if of.sites is None else "nothing"},
             "support": {"radius": f"{1e3 * place.post:.2f} mm"}, "open": "open", "closed": "closed",
-            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": str(data / "handmodels/grip_strength.yaml")},
+            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": "grip_strength"},
             "approach": {"from": [round(float(WAY * x), 5) for x in place.approach], "time": "0.5 s"},
             "close": "0.6 s", "lift": {"height": "0.25 m", "time": "0.6 s"}, "hold": f"{HOLD} s", "shake": {"levels": [SHAKE]}}],
-        "contacts": {"materials": [{"name": "pad", "file": str(data / "handmodels/finger_pad.yaml"), **({"spinning_friction": 0} if several else {})}],
+        "contacts": {"materials": [{"name": "pad", "file": "finger_pad", **({"spinning_friction": 0} if several else {})}],
                      "rules": [{"between": ["hands", "objects"], "material": "pad"}, {"between": ["objects", "objects"]}]},
         "effects": ["gravity", "object_contact", "friction", "joint_stops", "passive_tissue", "actuation", "wrist_motion"],
         "solver": {"engine": "articulated", "step": "1 ms"},
@@ -218,13 +228,9 @@ def _run(scene: Scene) -> _Run:
 def _held_until(scene: Scene) -> Simulation:
     """At the end of the hold."""
     simulation = Simulation(scene)
-    simulation.step(substeps=round(_hold_end(scene) / scene.step))
+    end = next(end for name, _, end in _core.drawn(scene._core)["phases"] if name == "hold")
+    simulation.step(substeps=round(end / scene.step))
     return simulation
-
-
-def _hold_end(scene: Scene) -> float:
-    """Approach, closing with its squeeze, settling, lift and hold [s]."""
-    return 0.5 + 0.6 + 0.3 + 0.3 + 0.6 + HOLD
 
 
 def _segment_forces(simulation: Simulation, side: str, name: str) -> dict[str, float]:
@@ -263,7 +269,7 @@ class Planner:
         for of in self.types.values():
             chosen: list[Place] = []
             for place in self.search.places(of):
-                if len(chosen) < EACH and not any(alike(place, other) for other in chosen):
+                if len(chosen) < EACH and not any(alike(place, other, NEXT) for other in chosen):
                     chosen.append(place)
             by_type.append(chosen)
         by_type.sort(key=lambda places: places[0].cost if places else math.inf)
@@ -350,7 +356,7 @@ class Planner:
                 tried += pool.map(self.judged, batch)
                 found = self.different([grasp for grasp in tried if not grasp.reason])
                 if told:
-                    told(0.8 * max(len(tried) / most, len(found) / enough))
+                    told(0.8 * min(1.0, max(len(tried) / most, len(found) / enough)))
             if not found:
                 tried = list(pool.map(self.weighed, tried))
             best = found[:count]
@@ -381,12 +387,12 @@ class Planner:
 ODE = {"engine": "ode", "method": "world_step", "step": "1 ms", "erp": 0.2, "cfm": 1e-8, "seed": 1}
 
 
-def alike(a: Place, b: Place) -> bool:
+def alike(a: Place, b: Place, apart: float = APART) -> bool:
     """Of nearly the same place in the hand."""
     if a.part != b.part:
         return False
     angle = math.acos(float(np.clip((np.trace(a.turn @ b.turn.T) - 1) / 2, -1, 1)))
-    return bool(angle < TURNED and np.linalg.norm(a.position - b.position) < APART)
+    return bool(angle < TURNED and np.linalg.norm(a.position - b.position) < apart)
 
 
 def object_file(object: Union[str, "PathLike[str]"]) -> Path:
@@ -398,7 +404,7 @@ def object_file(object: Union[str, "PathLike[str]"]) -> Path:
 
 
 def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike[str]", Mapping[str, Any]], side: str, types: Sequence[str], count: int,
-            ode: bool, threads: int, told: Told = None) -> Plan:
+            ode: bool, threads: int, others: Sequence[Union[str, "PathLike[str]"]] = (), told: Told = None) -> Plan:
     """:raises Error: of kind input for what is no object that moves, no person, no type"""
     known = read_types()
     for name in types:
@@ -406,7 +412,8 @@ def planned(object: Union[str, "PathLike[str]"], *, person: Union[str, "PathLike
             raise input_error("type", name, _core.need_word(str(name), list(known)))
     if side not in ("right", "left"):
         raise input_error("side", side, "right or left")
-    who: Union[str, Mapping[str, Any]] = person if isinstance(person, Mapping) else str(find_file(person, "person", "config/persons").resolve())
+    who: Union[str, Mapping[str, Any]] = person if isinstance(person, Mapping) else named(find_file(person, "person", "config/persons"), "config/persons")
     asked = {name: of for name, of in known.items() if not types or name in types}
-    planner = Planner(object_file(object), who, side, asked, not types, threads or os.cpu_count() or 1)
-    return planner.plan(count, ode, told)
+    files = [object_file(each) for each in (object, *others)]
+    planner = Planner(files[0], who, side, asked, not types, threads or os.cpu_count() or 1)
+    return planner.plan(count, ode, told)._replace(others=[each for each in files[1:] if each.resolve() != files[0].resolve()])

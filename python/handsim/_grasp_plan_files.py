@@ -3,13 +3,15 @@ from __future__ import annotations
 
 import json
 import math
+import os
+from pathlib import Path
 from typing import Any, Mapping, Optional, Sequence
 
 import numpy as np
 
 from . import _core
 from ._files import OutputFolder, PathText
-from ._grasp_plan import Grasp, Plan
+from ._grasp_plan import Grasp, Plan, named
 from ._grasp_types import FINGERS
 from ._model import quaternion_of
 from ._pictures import contact_sheet, png
@@ -21,11 +23,23 @@ PARTS = ("palm", *FINGERS)
 HEAD = ("rank,scene,type,number,held,why,outcome,margin,outcome_half_step,margin_half_step,outcome_ode,margin_ode,effort,least_effort,unnatural[deg],"
         "thickness[mm]," + ",".join(f"{part}[N]" for part in PARTS) + ",x[m],y[m],z[m],qw,qx,qy,qz")
 SIZE = (480, 360)
+STUDY, PAGE = "who.yaml", "best.html"
+PERSONS = ("small_woman", "median_woman", "small_man", "median_man", "large_woman", "large_man")
+"""Of the study: from the 5th percentile of women to the 95th of men."""
+FRICTION = (0.4, 1.0)
+"""Of the study: of skin from moist to dry on smooth and rough surfaces, drawn evenly."""
+DRAWS = 5
+"""Of friction for each person and object."""
 
 
-def scene_text(content: Mapping[str, Any]) -> str:
-    """A scene's content as YAML: a line for each item."""
+def scene_text(content: Mapping[str, Any], folder: Path) -> str:
+    """A scene's content as YAML: a line for each item. Object and person are named relative to the folder in which it will lie."""
+    def relative(of: Mapping[str, Any], key: str) -> dict[str, Any]:
+        value = of[key]
+        return {**of, key: os.path.relpath(value, folder.resolve()) if isinstance(value, str) and os.path.isabs(value) else value}
+
     lines = []
+    content = {**content, "hands": [relative(each, "person") for each in content["hands"]], "objects": [relative(each, "file") for each in content["objects"]]}
     for key, value in content.items():
         if not isinstance(value, list) or not value or not isinstance(value[0], dict):
             lines.append(f"{key}: {json.dumps(value)}")
@@ -36,6 +50,23 @@ def scene_text(content: Mapping[str, Any]) -> str:
                 lines += [f"  {'- ' if i == 0 else '  '}{name}: {json.dumps(of)}" for i, (name, of) in enumerate(each.items())]
             else:
                 lines.append(f"  - {json.dumps(each)}")
+    return "\n".join(lines) + "\n"
+
+
+def study_text(plan: Plan, folder: Path) -> str:
+    """Who can hold it? A study of rollouts: the best grasp, fitted to persons, on the objects."""
+    vary: dict[str, Any] = {"hands.0.person": {"each": list(PERSONS)}}
+    if plan.others:
+        files = [named(each, "config/objects") for each in (plan.object, *plan.others)]
+        vary["objects.0.file"] = {"each": [os.path.relpath(each, folder.resolve()) if os.path.isabs(each) else each for each in files]}
+    vary["contacts.materials.0.friction"] = {"uniform": list(FRICTION)}
+    forces = [f"force.{part}" for part in (*FINGERS, "palm")]
+    content = {"title": f"who can hold {plan.object.stem} so: {plan.grasps[0].type.name}", "scene": scene_name(1), "count": DRAWS, "seed": 1, "vary": vary,
+               "outcome": ["margin", *forces[:-1]], "stop": {"lost": True},
+               "record": {"figures": ["margin", "outcome", "friction_used", "normal_force[N]", *(f"{force}[N]" for force in forces)]}}
+    lines = ["# Who can hold it? handsim rollouts who.yaml --report"]
+    for key, value in content.items():
+        lines += [f"{key}:", *(f"  {name}: {json.dumps(of)}" for name, of in vary.items())] if key == "vary" else [f"{key}: {json.dumps(value)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -100,14 +131,18 @@ def no_grasp_text(plan: Plan) -> str:
 
 def folder_of(out: PathText, inputs: Sequence[PathText]) -> OutputFolder:
     """Of a plan, before it is made. :raises Error: of kind input where it cannot be written"""
-    return OutputFolder(out, "grasps.csv", HEAD.encode(), ["contact_sheet.png", *(scene_name(rank) for rank in range(1, MOST + 1))], inputs)
+    return OutputFolder(out, "grasps.csv", HEAD.encode(), ["contact_sheet.png", STUDY, PAGE, *(scene_name(rank) for rank in range(1, MOST + 1))], inputs)
 
 
-def write(plan: Plan, folder: OutputFolder) -> list[str]:
-    """Writes the files of a plan. :returns: what could not be made"""
+def write(plan: Plan, folder: OutputFolder, report: bool) -> list[str]:
+    """Writes the files of a plan. :param report: the page of the best grasp, too. :returns: what could not be made"""
     missing = list[str]()
     files = {"grasps.csv": table_text(plan).encode()}
-    files.update({scene_name(rank + 1): scene_text(grasp.content).encode() for rank, grasp in enumerate(plan.grasps)})
+    files.update({scene_name(rank + 1): scene_text(grasp.content, folder.path).encode() for rank, grasp in enumerate(plan.grasps)})
+    if plan.grasps:
+        files[STUDY] = study_text(plan, folder.path).encode()
+    if plan.grasps and report:
+        files[PAGE] = plan.grasps[0].scene().run(frames=0, progress=False).report().encode()
     if plan.grasps and _core.has_pictures():
         files["contact_sheet.png"] = png(sheet(plan, f"grasps of {plan.object.stem}"))
     elif plan.grasps:

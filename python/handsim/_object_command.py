@@ -30,10 +30,12 @@ Needs trimesh, CoACD and fast-simplification: pip install "handsim[object]"
   --material NAME        friction of foam, metal, plastic or wood
   --friction NUMBER      in its place
   --color RRGGBB         in pictures
+  --sizes FACTOR ...     also writes the object thinner or thicker across its longest axis, of the same length and density: OBJECT_080.yaml is 0.8
+                         times as thick
   --out OBJECT.yaml      writes the object file, and its hulls in OBJECT_hulls/ beside it
   --json                 prints what was found in SI
 
-Example: handsim object handle.stl --unit mm --mass 200g --error 0.5mm --out handle.yaml
+Example: handsim object handle.stl --unit mm --mass 200g --error 0.5mm --sizes 0.8 1.25 --out handle.yaml
 """
 NUMBERS = {"--mass": "kg", "--density": "kg/m3", "--error": "m", "--fill": "m", "--drop": "m", "--friction": "", "--hulls": ""}
 WORDS = ("--unit", "--material", "--color", "--out")
@@ -59,6 +61,15 @@ def _work(options: dict[str, Any]) -> int:
                 problems.append(Problem(None, None, None, name, options[name], f"a number in {unit or '1'}" if name != "--hulls" else "a whole number"))
             else:
                 values[name[2:]] = int(value) if name == "--hulls" else value
+    sizes = list[float]()
+    for text in options["--sizes"]:
+        factor = number_of(text)
+        if factor is None or not 0.1 <= factor <= 10:
+            problems.append(Problem(None, None, None, "--sizes", text, "factors, 0.1 to 10"))
+        else:
+            sizes.append(factor)
+    if sizes and "--out" not in options:
+        problems.append(Problem(None, None, None, "--sizes", "no --out", "--out beside it"))
     if problems:
         raise Error("\n".join(f"{each.key}: got {each.got}, need {each.need}" for each in problems), "input", problems)
     for name in ("--unit", "--material"):
@@ -71,6 +82,7 @@ def _work(options: dict[str, Any]) -> int:
         out: Path = check_target("--out", options["--out"], "object", [source])
         if out.suffix != ".yaml":
             raise Error(f"--out: got {out}, need a name that ends in .yaml", "input", [Problem(None, None, None, "--out", str(out), "a name that ends in .yaml")])
+        others = {factor: check_target("--out", out.with_name(f"{out.stem}_{round(100 * factor):03d}.yaml"), "object", [source]) for factor in sizes}
     found = Object(source, largest="--largest" in options, **values)
     if "--json" in options:
         print(json.dumps(found.summary(), indent=1))
@@ -78,6 +90,8 @@ def _work(options: dict[str, Any]) -> int:
         _show(found)
     if "--out" in options:
         print(f"wrote {found.write(out)}", file=sys.stderr)
+        for factor, path in others.items():
+            print(f"wrote {found.thicker(factor).write(path)}", file=sys.stderr)
     return 0
 
 
@@ -99,4 +113,4 @@ def main(arguments: Sequence[str]) -> int:
     if not arguments or any(each in ("-h", "--help") for each in arguments):
         print(USAGE, end="")
         return 0 if arguments else 2
-    return ended(lambda: _work(read_options("object", arguments, "MESH", ("--json", "--largest"), (*NUMBERS, *WORDS), ())))
+    return ended(lambda: _work(read_options("object", arguments, "MESH", ("--json", "--largest"), (*NUMBERS, *WORDS), (), lists=("--sizes",))))

@@ -31,6 +31,8 @@ TOLD = 6
 MOST_LINES = 30
 """If outcomes times keys exceed this number, the screen shows one line for each outcome."""
 MOST_PANELS = 24
+WIDE_LABELS = 40
+"""Letters of a panel's labels from which they are turned."""
 BUDGET = 100e6
 """Bytes of columns that are in memory together."""
 TEXT_BYTES = 100
@@ -246,12 +248,17 @@ def summary_text(table: Table, outcomes: list[Outcome], table_hash: int) -> str:
 
 # The plot.
 
+def _tick_label(of: Bin) -> str:
+    """Of a file its name alone."""
+    return Path(of.label).stem if of.label.endswith(".yaml") else of.label
+
+
 def _plot_data(outcomes: list[Outcome]) -> str:
     out, block = [], 0
     for of in outcomes:
         for key in of.keys:
             out.append(f"$key{block} << EOD\n")
-            out += [f'{" ".join(map(number, (each.middle, each.low, each.high, *each.estimate)))} "{plain(each.label)}"\n'
+            out += [f'{" ".join(map(number, (each.middle, each.low, each.high, *each.estimate)))} "{plain(_tick_label(each))}"\n'
                     for each in key.bins if each.estimate]
             out.append("EOD\n")
             block += 1
@@ -272,8 +279,10 @@ def _panel(of: Outcome, key: Key, block: int) -> str:
     out = (f"  set xlabel '{plain(key.name)}' noenhanced\n  set ylabel '{label}' noenhanced\n"
            f"  set yrange {'[-0.03:1.03]' if of.verdict else '[*:*]'}\n")
     if key.text:
-        return out + (f"  set xrange [-0.5:{number(len(key.bins) - 0.5)}]\n  set xtics auto\n  plot $key{block} using 1:4:5:6:xtic(7) with "
-                      f"yerrorbars pt 7 lc rgb '{COLOR}'\n")
+        turned = sum(len(_tick_label(each)) for each in key.bins) > WIDE_LABELS
+        out += f"  set xrange [-0.5:{number(len(key.bins) - 0.5)}]\n  set xtics auto{' rotate by -20 noenhanced' if turned else ''}\n"
+        return out + (f"  plot $key{block} using 1:4:5:6:xtic(7) with yerrorbars pt 7 lc rgb '{COLOR}'\n"
+                      f"{'  set xtics norotate enhanced' + chr(10) if turned else ''}")
     low, high = key.bins[0].low, key.bins[-1].high
     margin = 0.03 * (high - low) if high > low else 1.0
     return out + (f"  set xrange [{number(low - margin)}:{number(high + margin)}]\n  set xtics {number(_tick(2 * margin + high - low))}\n"

@@ -139,6 +139,36 @@ def test_a_written_object_has_the_mass_and_inertia_of_the_mesh_on_both_engines(t
     np.testing.assert_allclose(half._model.bodies[1].inertia, found.inertia / 2, rtol=1e-6, atol=1e-12)
 
 
+# Oracle: the mesh itself, scaled before it is read; a box has closed forms.
+@needs_trimesh
+def test_a_thicker_object_is_that_of_the_scaled_mesh():
+    edges = np.array([0.03, 0.1, 0.02])
+    points, faces = box(edges, at=(0.01, 0.02, 0.03))
+    thin, thick = hs.Object(points, faces, density=900), hs.Object(points, faces, density=900).thicker(1.5)
+    wide = edges * [1.5, 1, 1.5]
+    other = hs.Object(*box(wide, at=np.array([0.01, 0.02, 0.03]) + (edges - wide) / 2), density=900)
+    assert thick.mass == pytest.approx(other.mass) and thick.mass == pytest.approx(900 * wide.prod()) and thin.mass == pytest.approx(900 * edges.prod())
+    np.testing.assert_allclose(thick.inertia, other.inertia, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(thick.centre, other.centre, atol=1e-12)
+    np.testing.assert_allclose(np.ptp(thick.hulls[0][0], axis=0), wide, atol=1e-12)
+    np.testing.assert_allclose(thick.axes @ np.diag(thick.moments) @ thick.axes.T, thick.inertia, atol=1e-12)
+    with pytest.raises(hs.Error, match="factor: got 0, need 0.1 to 10"):
+        thin.thicker(0)
+
+
+@needs_trimesh
+def test_the_command_writes_an_object_in_several_sizes(tmp_path):
+    trimesh.Trimesh(*box((30, 100, 20)), process=False).export(tmp_path / "handle.stl")
+    words = [sys.executable, "-m", "handsim", "object", tmp_path / "handle.stl", "--unit", "mm", "--mass", "100g"]
+    done = subprocess.run([*words, "--sizes", "0.8", "1.25", "--out", tmp_path / "handle.yaml"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    masses = {name: hs.load({"objects": [{"name": "a", "file": tmp_path / f"{name}.yaml", "position": [0, 0, 1]}], "duration": 0.1})._model.bodies[1].mass
+              for name in ("handle", "handle_080", "handle_125")}
+    assert masses == pytest.approx({"handle": 0.1, "handle_080": 0.064, "handle_125": 0.15625})
+    done = subprocess.run([*words, "--sizes", "0", "thick"], capture_output=True, text=True)
+    assert done.returncode == 2 and "--sizes: got 0, need" in done.stderr and "--sizes: got thick, need" in done.stderr and "--sizes: got no --out" in done.stderr
+
+
 @needs_trimesh
 def test_a_grasp_of_a_mesh_holds():
     can = trimesh.creation.cylinder(radius=0.033, height=0.1016, sections=64)

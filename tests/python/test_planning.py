@@ -151,6 +151,25 @@ def test_scenes_of_a_plan_are_held_when_they_are_run(ball):
     assert all(row["why"] for row in rows_of(out) if row["held"] == "0")
 
 
+# Oracle: the scene where it was. What is moved has no path of the place before.
+def test_a_folder_with_its_object_can_be_moved(tmp_path):
+    ball = object_file(tmp_path, "ball", shape="sphere", radius=0.02, mass=0.03)
+    before = tmp_path / "before"
+    before.mkdir()
+    ball = ball.rename(before / "ball.yaml")
+    assert plan(ball, "--type", "tripod", "--count", 1, "--others", "golf_ball", "--report", "--out", before / "plan").returncode == 0
+    hash_of = hs.load(before / "plan/grasp_01.yaml").run(frames=0).state_hash
+    assert str(tmp_path) not in (before / "plan/grasp_01.yaml").read_text() + (before / "plan/who.yaml").read_text()
+    assert "<!DOCTYPE html>" in (before / "plan/best.html").read_text()[:200]
+    after = before.rename(tmp_path / "after")
+    assert hs.load(after / "plan/grasp_01.yaml").run(frames=0).state_hash == hash_of
+    # Who can hold it: six persons, both balls, five draws of friction.
+    found = hs.study.rollouts(after / "plan/who.yaml", count=1)
+    table = found.table
+    assert len(table["held"]) == 12 and set(table["objects.0.file"]) == {"../ball.yaml", "golf_ball"}
+    assert len(set(table["hands.0.person"])) == 6 and sum(table["held"]) > 6
+
+
 def test_a_card_is_pinched_and_a_left_hand_does_it_as_a_right_one(tmp_path):
     card = object_file(tmp_path, "card", shape="box", edges=[0.054, 0.085, 0.01], mass=0.045)
     found = {side: hs.grasps(card, "median_man", side=side, types=["palmar_pinch"], count=1) for side in ("right", "left")}

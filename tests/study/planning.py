@@ -1,9 +1,11 @@
-"""Figures of `handsim grasp plan`: objects by person, types, agreement with ODE and with a quarter of the step.
+"""Figures of `handsim grasp plan`: objects by person, types, agreement with ODE and with a quarter of the step, other planners' limits.
 
     export PYTHONPATH=build/release/python
     python3 tests/study/planning.py objects --persons median_man small_woman --out out/planning    # shipped objects and ten meshes: objects.csv
     python3 tests/study/planning.py types --out out/planning                                       # an object for each type: types.csv, a sheet
     python3 tests/study/planning.py checks --out out/planning                                      # grasps of `objects` at 1/4 step; --ode: on ODE
+    python3 tests/study/planning.py tests --persons median_man --out out/planning                  # all grips that fit, held by our limits and by others': tests.csv
+    python3 tests/study/planning.py stl --out out/planning                                         # stl/handle.stl, and the meshes
 
 The meshes need trimesh, CoACD and fast-simplification, as `handsim object` does.
 """
@@ -15,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import handsim as hs
-from handsim._grasp_plan import ODE, _run, planned
+from handsim._grasp_plan import ODE, Planner, _run, object_file, planned
 from handsim._grasp_plan_files import scene_text
 from handsim._grasp_types import read_types
 
@@ -23,13 +25,17 @@ FITTING = {
     "large_diameter": "tomato_soup_can", "small_diameter": "large_marker", "medium_wrap": "spray_can screwdriver", "adducted_thumb": "screwdriver", "light_tool": "large_marker",
     "prismatic_4_finger": "large_marker", "prismatic_3_finger": "large_marker", "prismatic_2_finger": "large_marker", "palmar_pinch": "card", "power_disk": "tuna_fish_can",
     "power_sphere": "tennis_ball", "precision_disk": "tuna_fish_can", "precision_sphere": "tennis_ball", "tripod": "golf_ball", "fixed_hook": "screwdriver banana",
-    "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "plate card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
+    "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "gelatin_box card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
     "tripod_variation": "coin large_marker", "parallel_extension": "gelatin_box card", "adduction_grip": "large_marker coin", "tip_pinch": "coin", "lateral_tripod": "coin large_marker",
     "sphere_4_finger": "baseball", "quadpod": "golf_ball", "sphere_3_finger": "racquetball", "stick": "large_marker", "palmar": "gelatin_box", "ring": "spray_can",
     "ventral": "large_marker", "inferior_pincer": "strawberry"}
 """By type, what people hold so."""
 OTHERS = ("golf_ball", "large_marker", "card", "screwdriver", "tennis_ball")
 """Then these."""
+TESTED = ("mug", "tomato_soup_can", "sugar_box", "banana", "baseball", "tuna_fish_can")
+TRIED = 40
+FAR, TURNED = 0.05, np.radians(15)
+"""Limits of the tests of planners for robots' hands: the object may move so far in the hand [m], [rad]."""
 STATIC = ("edge_10mm", "edge_15mm", "edge_20mm", "jug", "sloper", "pinch_block")
 
 
@@ -82,6 +88,43 @@ def meshes():
         "spray_can": (*lathe([(0, 0), (29, 0), (29, 150), (20, 165), (20, 185), (0, 185)]), 0.35)}
 
 
+def stl(out):
+    """A file of each mesh [mm], and of a round handle, as a CAD program writes them."""
+    (out / "stl").mkdir(parents=True, exist_ok=True)
+    handle = lathe([(0, 0), (14, 0), (17, 20), (17, 100), (14, 120), (0, 120)], around=12)
+    for name, (vertices, faces, *_) in {**meshes(), "handle": handle}.items():
+        lines = [f"solid {name}"]
+        for face in 1000 * vertices[faces]:
+            lines += ["facet normal 0 0 0", " outer loop", *(f"  vertex {x:.9g} {y:.9g} {z:.9g}" for x, y, z in face), " endloop", "endfacet"]
+        (out / "stl" / f"{name}.stl").write_text("\n".join([*lines, f"endsolid {name}", ""]))
+
+
+def tests(out, persons, only):
+    """Of places that are tried, whose grip fits: how many hold by the limits of planners for robots' hands, and by ours. Goes through the whole shake."""
+    rows = []
+    for name, path in object_files(out).items():
+        if name not in (only or TESTED):
+            continue
+        for person in persons:
+            planner = Planner(object_file(path), person, "right", read_types(), True, 1)
+            for place in planner.queue()[:TRIED]:
+                try:
+                    run = hs.load(planner.content(place)).run(frames=0, progress=False)
+                except hs.Error:
+                    continue
+                shift, turn = run.figures["shift"], run.figures["turn"]
+                held = run.figures["outcome"] == "held"
+                lenient = run.fault is None and not str(run.figures["outcome"]).startswith("LOST") and shift < FAR and turn < TURNED
+                rows.append({"object": name, "person": person, "type": place.type.name, "held": int(held), "held_by_5cm_15deg": int(lenient), "shift": shift, "turn": turn,
+                             "force_closure": int(run.figures["force_closure"]), "epsilon": run.figures["epsilon"]})
+                print(rows[-1], flush=True)
+                write(out / "tests.csv", rows)
+    for kind in ("held", "held_by_5cm_15deg", "force_closure"):
+        print(f"{kind}: {sum(row[kind] for row in rows)} of {len(rows)}")
+    closed = [row for row in rows if row["force_closure"]]
+    print(f"of {len(closed)} with force closure {sum(row['held'] for row in closed)} are held, by 5 cm and 15 degrees {sum(row['held_by_5cm_15deg'] for row in closed)}")
+
+
 def object_files(out):
     """By name; meshes are written once."""
     files = {path.stem: path for path in sorted((hs.data_path() / "config/objects").glob("*.yaml")) if path.stem not in STATIC}
@@ -109,13 +152,13 @@ def objects(out, persons, only):
             if any(row["object"] == name and row["person"] == person for row in rows):
                 continue
             start = time.monotonic()
-            found = planned(path, person=person, side="right", types=[], count=1, ode=False, threads=0)
+            found = planned(path, person=person, side="right", types=[], count=1, ode=False, threads=THREADS)
             best = found.grasps[0] if found.grasps else None
             rows.append({"object": name, "person": person, "held": int(best is not None), "type": best.type.name if best else "", "margin": f"{best.margin:.3f}" if best else "",
                          "least_effort": f"{best.least_effort:.4f}" if best else "", "tried": len(found.tried), "seconds": f"{time.monotonic() - start:.0f}",
                          "why": "" if best else found.why()[0]})
             if best:
-                (out / f"held_{name}_{person}.yaml").write_text(scene_text(best.content))
+                (out / f"held_{name}_{person}.yaml").write_text(scene_text(best.content, out))
             print(rows[-1], flush=True)
             write(out / "objects.csv", rows)
     for person in persons:
@@ -131,14 +174,14 @@ def types(out, only):
             continue
         start, held = time.monotonic(), None
         for each in [*FITTING[name].split(), *(other for other in OTHERS if other not in FITTING[name])]:
-            found = planned(files[each], person="median_man", side="right", types=[name], count=1, ode=False, threads=0)
+            found = planned(files[each], person="median_man", side="right", types=[name], count=1, ode=False, threads=THREADS)
             if found.grasps:
                 held = each
                 best = found.grasps[0]
                 if hs.has_pictures:
                     pictures.append(best.scene().draw_frames([best.frame], size=(480, 360))[0])
                     captions.append(f"{of.number} {name}: {each}")
-                (out / f"type_{of.number:02d}_{name}.yaml").write_text(scene_text(best.content))
+                (out / f"type_{of.number:02d}_{name}.yaml").write_text(scene_text(best.content, out))
                 break
         rows.append({"number": of.number, "type": name, "object": held or "", "margin": f"{best.margin:.3f}" if held else "", "seconds": f"{time.monotonic() - start:.0f}"})
         print(rows[-1], flush=True)
@@ -173,11 +216,14 @@ def write(path, rows):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("objects", "types", "checks"))
+    parser.add_argument("what", choices=("objects", "types", "checks", "tests", "stl"))
     parser.add_argument("--persons", nargs="+", default=["median_man", "small_woman"])
     parser.add_argument("--only", nargs="+", default=[])
     parser.add_argument("--ode", action="store_true", help="of checks: on ODE in place of a quarter of the step")
     parser.add_argument("--out", type=Path, default=Path("out/planning"))
+    parser.add_argument("--threads", type=int, default=0, help="one for each core")
     asked = parser.parse_args()
+    THREADS = asked.threads
     asked.out.mkdir(parents=True, exist_ok=True)
-    {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.persons, asked.ode)}[asked.what]()
+    {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.persons, asked.ode),
+     "tests": lambda: tests(asked.out, asked.persons, asked.only), "stl": lambda: stl(asked.out)}[asked.what]()
