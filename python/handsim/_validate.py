@@ -51,7 +51,7 @@ class Measured:
         """Of a row with drawn hands: how far the measured value is from the middle of the middle 90 % of drawn hands, its spread added, over half of its
         width: up to 1 it is inside."""
         self.widened = 1.0
-        """By how much that interval has to be wider for nine in ten rows of other sources that nothing is fitted to (`calibrate`)."""
+        """By how much that interval has to be wider for nine in ten predictions of other sources (`calibrate`)."""
 
     @property
     def within(self) -> bool:
@@ -117,8 +117,8 @@ class Result(NamedTuple):
 
     @property
     def widened(self) -> float:
-        """By how much intervals of drawn hands have to be wider for nine in ten rows that nothing is fitted to, of all sources."""
-        return _nine_in_ten([row.score for row in self.rows if row.uncertainty and row.row["value_is"] != "fitted"])
+        """By how much intervals of drawn hands have to be wider for nine in ten predictions, of all sources."""
+        return _nine_in_ten([row.score for row in self.rows if row.uncertainty and predicted(row.row)])
 
     @property
     def passed(self) -> bool:
@@ -497,9 +497,10 @@ def source_of(row: Row) -> str:
 
 
 def calibrate(rows: list[Measured]) -> None:
-    """How much wider the interval of drawn hands has to be: for each row by rows that nothing is fitted to, of other sources than its own. So no row
-    is judged by what has seen it, or another row of its source (split conformal prediction: Lei et al. 2018, J Am Stat Assoc 113:1094)."""
-    seen = [row for row in rows if row.uncertainty and row.row["value_is"] != "fitted"]
+    """How much wider the interval of drawn hands has to be: for each row by predictions of other sources than its own. So no row is judged by what
+    has seen it, or another row of its source (split conformal prediction: Lei et al. 2018, J Am Stat Assoc 113:1094). Rows that are scaled by a norm
+    of the person's strength know more than a prediction and do not count."""
+    seen = [row for row in rows if row.uncertainty and predicted(row.row)]
     for row in rows:
         row.widened = _nine_in_ten([other.score for other in seen if source_of(other.row) != source_of(row.row)])
 

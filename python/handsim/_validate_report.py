@@ -156,11 +156,11 @@ def _coverage_text(result: Result) -> str:
 
 
 def _calibration_text(result: Result) -> str:
-    """The same with intervals as wide as rows of other sources need them."""
+    """The same with intervals as wide as predictions of other sources need them."""
     drawn = [row.widened for row in result.rows if row.uncertainty]
     whole, ours = result.covered(calibrated=True), result.covered(predicted, calibrated=True)
-    return (f"intervals that are {min(drawn):.2g} to {max(drawn):.2g} times as wide, by rows of other sources that nothing is fitted to, have {100 * whole.share:.0f} % "
-            f"({100 * ours.share:.0f} % of predictions); by all such rows they have to be {result.widened:.2g} times as wide\n")
+    return (f"intervals that are {min(drawn):.2g} to {max(drawn):.2g} times as wide, by predictions of other sources, have {100 * whole.share:.0f} % "
+            f"({100 * ours.share:.0f} % of predictions); by all predictions they have to be {result.widened:.2g} times as wide\n")
 
 
 def _row_text(row: Measured, width: int) -> str:

@@ -417,10 +417,10 @@ def test_drawn_hands_have_the_spread_of_the_files(tmp_path):
 
 def test_a_row_is_calibrated_by_other_sources_than_its_own():
     """Oracle: by hand. Of ten scores nine in ten further ones are at most the largest (the tenth of ten: 0.9 x 11 rounded up). Rows of A are judged by those of B
-    and the other way round; rows that are fitted count for none, and intervals never become narrower."""
+    and the other way round; rows that are fitted or scaled count for none, and intervals never become narrower."""
     rows = []
-    for source, value_is, scores in (("Adams 1999, women", "predicted", [0.1 * i for i in range(1, 11)]), ("Baker & Cole 2001 (abstract)", "scaled", [2.0] * 10),
-                                     ("Day 2003: a table", "fitted", [9.0])):
+    for source, value_is, scores in (("Adams 1999, women", "predicted", [0.1 * i for i in range(1, 11)]), ("Baker & Cole 2001 (abstract)", "predicted", [2.0] * 10),
+                                     ("Day 2003: a table", "fitted", [9.0]), ("Evans 2005", "scaled", [9.0])):
         for score in scores:
             rows.append(Measured({"source": source, "value_is": value_is}, 1.0, 0.0, True))
             rows[-1].score, rows[-1].uncertainty = score, object()
