@@ -144,11 +144,13 @@ class Statics:
         arms, _, _, rest, _ = self.muscles(q)
         return np.asarray(rest @ arms + self.stiffness * (self.rest - q))
 
-    def _gives(self, q: Array, row: int) -> float:
-        """Moment of tissue, resting muscles and bands, such as ligaments, within the posture [N m]."""
+    def _gives(self, q: Array, row: int) -> tuple[float, float]:
+        """The least and the largest moment that tissue, resting muscles and bands, such as ligaments, have more than in the posture, within it [N m]. A
+        ligament helps only against a load that turns the joint where it is taut."""
         away = np.zeros(len(q))
         away[row] = GIVES
-        return abs(float(self.moments(q + away)[1][row] - self.moments(q - away)[1][row])) / 2
+        here, *turned = (float(self.moments(at)[1][row]) for at in (q, q + away, q - away))
+        return min(0.0, *(each - here for each in turned)), max(0.0, *(each - here for each in turned))
 
     def moments(self, q: Array) -> tuple[Array, Array]:
         """Moment of each muscle's full activation, shape (coordinates, muscles), and of all that pulls at rest [N m]."""
@@ -169,20 +171,20 @@ class Statics:
         """
         held = [i for i in sorted(set(rows)) if self.moves[i]]
         active, outside = self.moments(q)
-        gives = np.array([self._gives(q, i) for i in held])
-        # What tissue holds: from -gives to gives, and what a stop holds that the joint lies on.
+        least_gives, most_gives = np.array([self._gives(q, i) for i in held]).reshape(-1, 2).T
+        # What tissue holds within the posture, and what a stop holds that the joint lies on.
         high = (q >= self.high - AT_STOP)[held]
         on_stop, side = high | (q <= self.low + AT_STOP)[held], np.where(high, -1.0, 1.0)
         count, muscles = forces.shape[1], active.shape[1]
         equal = np.hstack([np.hstack([forces, -active])[held], -np.diag(side)])
-        most = np.concatenate([np.full(count, np.inf), np.ones(muscles), np.where(on_stop, np.inf, 2 * gives)])
+        most = np.concatenate([np.full(count, np.inf), np.ones(muscles), np.where(on_stop, np.inf, most_gives - least_gives)])
         gains = np.zeros(len(most))
         gains[:count] = 1 if gain is None else gain
         limits = np.zeros((len(self.spills) + (0 if less is None else len(less)), len(most)))
         limits[:len(self.spills), count:count + muscles] = self.spills
         if less is not None:
             limits[len(self.spills):, :count] = less
-        to = outside[held] - side * gives
+        to = outside[held] + np.where(high, most_gives, least_gives)
         x = largest(gains, equal, to, most, limits)
         if least:  # the smallest sum of activations that press so
             lazy = np.zeros(len(most))
@@ -216,6 +218,16 @@ class Statics:
         shape = self._shape(segment)
         # Only a fingertip's round end is beyond the ends.
         return float(shape["position"][1] + (0.5 * shape["radius"] if segment.endswith("_distal") else 0))
+
+    def radius(self, segment: str) -> float:
+        """Of a segment's capsule [m]."""
+        return float(self._shape(segment)["radius"])
+
+    def within_body(self, q: Array, body: str, place: Array) -> Array:
+        """A place in the hand's frame [m], in a body's."""
+        position, quaternion = self.hand.poses(q)
+        i = self.hand.bodies.index(body)
+        return np.asarray(matrix_of(quaternion[i]).T @ (place - position[i]))
 
     def round_end(self, finger: str) -> tuple[str, Array]:
         """The centre of a fingertip's round end."""
@@ -266,14 +278,16 @@ def pinch(of: Statics, q: Array, finger: str, friction: float, balanced: Sequenc
     :raises Error: of kind physics where the ends do not face each other
     """
     ends = [of.round_end("thumb"), of.round_end(finger)]
-    normal = of.hand.position(q, ends[1]) - of.hand.position(q, ends[0])
-    normal = normal / np.linalg.norm(normal)
+    places = [of.hand.position(q, end) for end in ends]
+    normal = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
     outwards = [of.axes(q, body)[:, 1] for body, _ in ends]
     if normal @ outwards[0] < INWARDS or -normal @ outwards[1] < INWARDS:
         raise fault("the hand", "pinch", "the round ends do not face each other in this pose")
     edges = cone(normal, friction)
-    # The thumb presses towards the finger, the finger with the opposite force.
-    forces = of.torques(q, ends[0], edges) - of.torques(q, ends[1], edges)
+    # The thumb presses towards the finger, the finger with the opposite force, both where their skins meet: a force that leans has no couple.
+    skins = [place + side * of.radius(body) * normal for place, (body, _), side in zip(places, ends, (1, -1))]
+    points = [(body, of.within_body(q, body, 0.5 * (skins[0] + skins[1]))) for body, _ in ends]
+    forces = of.torques(q, points[0], edges) - of.torques(q, points[1], edges)
     return of.press(q, [*of.rows("thumb_", finger + "_"), *balanced], forces).sum
 
 
@@ -304,7 +318,7 @@ def enslaving(of: Statics, q: Array, finger: str, by: str) -> float:
     newton, own = largest_of(finger)
     rows = [i for i in of.rows(finger + "_") if of.moves[i]]
     moment = (of.moments(q)[0] @ largest_of(by)[1].activations)[rows]
-    newton, gives = newton[rows], np.array([of._gives(q, i) for i in rows])
+    newton, gives = newton[rows], np.array([np.ptp(of._gives(q, i)) for i in rows])
     return max(0.0, float((newton * moment / gives).sum() / (newton * newton / gives).sum())) / own.sum
 
 
@@ -324,8 +338,8 @@ def polytope(of: Statics, finger: str, point: str, body: str, pose: Mapping[str,
 GRIP = {"mcp.flexion": 45.0, "pip.flexion": 60.0, "dip.flexion": 30.0}
 """Of all fingers on the bar of a dynamometer [deg]: chosen."""
 KEY = {"thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 20.0}
-TIP = {"thumb_cmc.flexion": 14.0, "thumb_cmc.abduction": -4.0, "thumb_mcp.flexion": 16.0, "thumb_ip.flexion": 20.0, "index_mcp.flexion": 49.0,
-       "index_mcp.abduction": 5.0, "index_pip.flexion": 42.0, "index_dip.flexion": 32.0}
+TIP = {"thumb_cmc.flexion": 11.0, "thumb_cmc.abduction": -1.0, "thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 25.0, "index_mcp.flexion": 54.0,
+       "index_pip.flexion": 47.0, "index_dip.flexion": 27.0}
 """As rows of config/validate.yaml [deg]."""
 
 

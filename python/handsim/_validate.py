@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
@@ -46,12 +47,20 @@ class Measured:
         self.weight = 1.0
         """One over the rows that this value serves."""
         self.uncertainty: Optional[Uncertainty] = None
-        self.inside = False
-        """The measured value is within the middle 90 % of drawn hands, its spread added."""
+        self.score = 0.0
+        """Of a row with drawn hands: how far the measured value is from the middle of the middle 90 % of drawn hands, its spread added, over half of its
+        width: up to 1 it is inside."""
+        self.widened = 1.0
+        """By how much that interval has to be wider for nine in ten predictions of other sources (`calibrate`)."""
 
     @property
     def within(self) -> bool:
         return self.measured and self.deviation <= 1
+
+    @property
+    def inside(self) -> bool:
+        """The measured value is within the middle 90 % of drawn hands, its spread added."""
+        return self.uncertainty is not None and self.score <= 1
 
 
 class Tally(NamedTuple):
@@ -101,10 +110,15 @@ class Result(NamedTuple):
         rows = [row for row in self.rows if row.measured and of(row.row)]
         return Tally(_sum(row.weight for row in rows if row.within), _sum(row.weight for row in rows))
 
-    def covered(self, of: Filter = every) -> Tally:
-        """Rows with drawn hands whose measured value is inside."""
+    def covered(self, of: Filter = every, calibrated: bool = False) -> Tally:
+        """Rows with drawn hands whose measured value is inside, or within the calibrated interval."""
         rows = [row for row in self.rows if row.uncertainty and of(row.row)]
-        return Tally(float(sum(row.inside for row in rows)), float(len(rows)))
+        return Tally(float(sum(row.score <= (row.widened if calibrated else 1) for row in rows)), float(len(rows)))
+
+    @property
+    def widened(self) -> float:
+        """By how much intervals of drawn hands have to be wider for nine in ten predictions, of all sources."""
+        return _nine_in_ten([row.score for row in self.rows if row.uncertainty and predicted(row.row)])
 
     @property
     def passed(self) -> bool:
@@ -470,7 +484,31 @@ class Measurements:
             inputs = [(name, np.array([_core.normal(1, i, name) for i in range(count)])) for name in self._uncertain[row["person"]]]
             measured.uncertainty = uncertainty_of(inputs, values)
             both = uncertainty_of([], values + row["spread"] * np.array([_core.normal(2, i, row["name"]) for i in range(count)]))
-            measured.inside = both.low <= row["measured"] <= both.high
+            half = max((both.high - both.low) / 2, 1e-300)
+            measured.score = abs(row["measured"] - (both.low + both.high) / 2) / half
+        calibrate(rows)
+
+
+def source_of(row: Row) -> str:
+    """Author and year, or what the row's source begins with."""
+    first = re.split(r"[,;:(]", row["source"])[0].strip()
+    year = re.match(r".*?\b(19|20)\d\d\b", first)
+    return year.group() if year else first
+
+
+def calibrate(rows: list[Measured]) -> None:
+    """How much wider the interval of drawn hands has to be: for each row by predictions of other sources than its own. So no row is judged by what
+    has seen it, or another row of its source (split conformal prediction: Lei et al. 2018, J Am Stat Assoc 113:1094). Rows that are scaled by a norm
+    of the person's strength know more than a prediction and do not count."""
+    seen = [row for row in rows if row.uncertainty and predicted(row.row)]
+    for row in rows:
+        row.widened = _nine_in_ten([other.score for other in seen if source_of(other.row) != source_of(row.row)])
+
+
+def _nine_in_ten(scores: list[float]) -> float:
+    """What nine in ten further scores are at most, if they are like these; at least 1. Of fewer than nine, the largest."""
+    place = min(len(scores), int(np.ceil(0.9 * (len(scores) + 1))))
+    return max(1.0, sorted(scores)[place - 1]) if scores else 1.0
 
 
 class _Subjects:

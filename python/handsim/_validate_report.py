@@ -151,7 +151,16 @@ def _coverage_text(result: Result) -> str:
     by_kind = [(kind, result.covered(lambda row, kind=kind: row["kind"] == kind)) for kind in _groups(result)]  # type: ignore[misc]
     told = ", ".join(f"{kind} {100 * of.share:.0f} % of {of.values:.0f}" for kind, of in by_kind if of.values > 0)
     return (f"{100 * whole.share:.0f} % of {whole.values:.0f} measured values are within the middle 90 % of drawn hands, their spread added "
-            f"({100 * ours.share:.0f} % of {ours.values:.0f} predictions): {told}\n")
+            f"({100 * ours.share:.0f} % of {ours.values:.0f} predictions): {told}\n"
+            f"{_calibration_text(result)}")
+
+
+def _calibration_text(result: Result) -> str:
+    """The same with intervals as wide as predictions of other sources need them."""
+    drawn = [row.widened for row in result.rows if row.uncertainty]
+    whole, ours = result.covered(calibrated=True), result.covered(predicted, calibrated=True)
+    return (f"intervals that are {min(drawn):.2g} to {max(drawn):.2g} times as wide, by predictions of other sources, have {100 * whole.share:.0f} % "
+            f"({100 * ours.share:.0f} % of predictions); by all predictions they have to be {result.widened:.2g} times as wide\n")
 
 
 def _row_text(row: Measured, width: int) -> str:
@@ -223,6 +232,8 @@ def json_text(result: Result) -> str:
                 out.setdefault("groups", {}).setdefault(name, {})[word] = tally(of)
     if result.covered().values > 0:
         out["inside_90"] = result.covered().share
+        out["calibrated"] = {"widened": result.widened, "inside_90": result.covered(calibrated=True).share,
+                             "predictions_inside_90": result.covered(predicted, calibrated=True).share}
     return json_file({**out, **origin()})
 
 

@@ -57,7 +57,7 @@ class Program:
         self.columns, self.gains, self.rows, self.across, self.owners = np.array(columns).T, np.array(gains, dtype=float), balanced, across, owners
         low, high = (np.abs(q - np.asarray(stops)) < 1e-6 for stops in (STATICS.low, STATICS.high))
         gives = {i: STATICS._gives(q, i) for i in balanced}
-        self.held = [(None if high[i] else -gives[i], None if low[i] else gives[i]) for i in balanced]
+        self.held = [(None if high[i] else gives[i][0], None if low[i] else gives[i][1]) for i in balanced]
 
     def solve(self, factors):
         forces, muscles, held = self.columns.shape[1], len(MUSCLES), len(self.rows)
@@ -133,13 +133,12 @@ def tip(finger, direction, angles, friction=0, segment=None):
 
 def pinch(angles):
     q = posture(angles, (-20, 0))
-    ends = []
-    for finger in ("thumb", "index"):
-        row = HAND.tips.row(HAND.tips["name"].index(finger + "_tip"))
-        ends.append((row["body"], np.asarray(row["position"]) - [0, HAND.segments["radius[m]"][list(HAND.bodies).index(row["body"])], 0]))
-    normal = HAND.position(q, ends[1]) - HAND.position(q, ends[0])
-    sides = [edges(q, body, point, turned(HAND.poses(q).quaternion[list(HAND.bodies).index(body)]).T @ (normal / np.linalg.norm(normal)), 0.6)
-             for body, point in ends]
+    ends = [STATICS.round_end(finger) for finger in ("thumb", "index")]
+    places = [HAND.position(q, end) for end in ends]
+    normal = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+    meet = 0.5 * sum(place + side * STATICS.radius(body) * normal for place, (body, _), side in zip(places, ends, (1, -1)))
+    sides = [edges(q, body, STATICS.within_body(q, body, meet), turned(HAND.poses(q).quaternion[list(HAND.bodies).index(body)]).T @ normal, 0.6)
+             for body, _ in ends]
     return Program(q, [a[0] - b[0] for a, b in zip(*sides)], [1.0] * 8, rows("thumb", "index", "wrist"))
 
 
@@ -154,22 +153,20 @@ def moment(axis, sign):
 INDEX = {"index_mcp.flexion": 45, "index_pip.flexion": 45, "index_dip.flexion": 10}
 PINCH = {"thumb_cmc.flexion": 11, "thumb_cmc.abduction": -1, "thumb_mcp.flexion": 20, "thumb_ip.flexion": 25, "index_mcp.flexion": 54,
          "index_pip.flexion": 47, "index_dip.flexion": 27}
-STRONG = {"thumb_cmc.flexion": 14, "thumb_cmc.abduction": -4, "thumb_mcp.flexion": 16, "thumb_ip.flexion": 20, "index_mcp.flexion": 49,
-          "index_mcp.abduction": 5, "index_pip.flexion": 42, "index_dip.flexion": 32}
 KEY, THUMB = {"thumb_mcp.flexion": 20, "thumb_ip.flexion": 20}, {"thumb_mcp.flexion": 15, "thumb_ip.flexion": -15}
 SPANS = {span: touches(span / 1000) for span in (35, 43.5, 48, 52.5, 60, 73, 86)}
 PROGRAMS = {**{f"grip, {span} mm": grip(where, (-35, -7)) for span, where in SPANS.items()},
             **{f"grip, wrist {flexion}": grip(SPANS[48], (flexion, deviation)) for flexion, deviation in ((-15, -7), (0, 0), (20, 0), (30, 0), (60, 0))},
             **{f"index, {way}": tip("index", way, INDEX) for way in ("palmar", "dorsal", "ulnar", "radial", "distal")},
             **{f"{f} presses": tip(f, "palmar", {f"{f}_mcp.flexion": 20, f"{f}_pip.flexion": 30, f"{f}_dip.flexion": 15}) for f in FINGERS},
-            "tip pinch": pinch(PINCH), "tip pinch, strongest": pinch(STRONG), "key pinch": tip("thumb", "palmar", KEY, 0.6, "thumb_distal"),
+            "tip pinch": pinch(PINCH), "key pinch": tip("thumb", "palmar", KEY, 0.6, "thumb_distal"),
             **{f"thumb, {way}": tip("thumb", way, THUMB, 0, "thumb_proximal") for way in ("palmar", "dorsal", "radial", "ulnar")},
             "wrist flexion": moment("wrist.flexion", 1), "wrist extension": moment("wrist.flexion", -1),
             "wrist radial": moment("wrist.deviation", 1), "wrist ulnar": moment("wrist.deviation", -1)}
 ULNAR = "ADP LU4 LU5 DI1 PI1 DI2 DI3 PI2 DI4 PI3 ADM FDM".split()
 PEOPLE = {"grip, 48 mm": (525, 20), "grip, 60 mm": (500, 60), "index, palmar": (27.9, 4.1), "index, dorsal": (7.5, 1.5), "index, ulnar": (22.9, 7.8),
           "index, radial": (14.7, 5), "index, distal": (24, 8), "index presses": (40, 12), "middle presses": (30, 9), "ring presses": (26, 7.8),
-          "little presses": (17, 5.1), "tip pinch": (77, 17), "tip pinch, strongest": (77, 17), "key pinch": (108, 24), "thumb, palmar": (104, 13.7),
+          "little presses": (17, 5.1), "tip pinch": (77, 17), "key pinch": (108, 24), "thumb, palmar": (104, 13.7),
           "thumb, dorsal": (69.4, 9.2), "thumb, radial": (57.7, 7.6), "thumb, ulnar": (67.4, 8.9), "wrist flexion": (12.2, 3.7),
           "wrist extension": (7.1, 2.1), "wrist radial": (11, 2), "wrist ulnar": (9.5, 2.2), "15 over 35 deg extended": (0.71, 0.05),
           "20 deg flexed over neutral": (0.675, 0.1), "30 deg flexed": (0.66, 0.1), "60 deg flexed": (0.44, 0.1), "ulnar block": (0.73, 0.1),

@@ -6,7 +6,7 @@ import pytest
 
 import handsim as hs
 from handsim import compare
-from handsim._statics import Statics, key_pinch
+from handsim._statics import Pressed, Statics, key_pinch, tip_pinch
 
 HAND = {"model": str(hs.data_path() / "handmodels/anatomical.yaml"), "person": str(hs.data_path() / "config/persons/median_man.yaml"),
         "side": "right"}
@@ -28,6 +28,28 @@ def test_strength_scales_pinch_and_block_weakens_it(tmp_path):
                                                   ("blocked", {"without": ["ulnar_nerve_at_wrist"]})))
     assert half / whole == pytest.approx(0.5, abs=0.05)
     assert 0.25 < blocked / whole < 0.5
+
+
+def test_the_forces_of_a_pinch_have_no_couple(monkeypatch):
+    """Oracle: Newton's third law: forces that two fingertips exchange, leaning or not, do not turn the hand about its wrist, and turn joints of thumb and
+    index."""
+    of, seen = Statics(compare.hand_of("median_man")), []
+    monkeypatch.setattr(Statics, "torques", lambda self, q, point, forces: np.asarray(self.hand.jacobian(q, point)[:3].T @ forces.T))
+    monkeypatch.setattr(Statics, "press", lambda self, q, rows, forces, *_: seen.append(forces) or Pressed(0.0, np.zeros(0), np.zeros(0)))
+    tip_pinch(of)
+    assert seen[0].shape[1] == 8 and np.abs(seen[0][of.rows("wrist")]).max() < 1e-12
+    assert np.abs(seen[0][of.rows("thumb_cmc", "index_mcp")]).min(axis=0).max() > 1e-3
+
+
+def test_a_ligament_helps_on_the_side_where_it_is_taut():
+    """Oracle: an index that is abducted by 15 deg at 45 deg of flexion has its ulnar collateral ligament taut and the radial one slack: within the posture it
+    holds against a load that abducts it further, and against one that turns it back only tissue does. Straight, both sides are alike but for muscles."""
+    of = Statics(compare.hand_of("median_man"))
+    row = of.names.index("index_mcp.abduction")
+    against_more, against_less = (abs(each) for each in of._gives(of.within({"index_mcp.flexion": 45.0, "index_mcp.abduction": 15.0}), row))
+    assert against_more > 2 * against_less
+    both = [abs(each) for each in of._gives(of.within({"index_mcp.flexion": 45.0}), row)]
+    assert max(both) < 1.2 * min(both)
 
 
 def test_hands_of_python_take_the_keys():

@@ -11,7 +11,7 @@ import pytest
 
 import handsim as hs
 from handsim import _core, _statics, _validate_command
-from handsim._validate import GripRun, Measurements, found_at, of_people, predicted
+from handsim._validate import GripRun, Measured, Measurements, calibrate, found_at, of_people, predicted, source_of
 from handsim._validate_report import study, table_text, write
 
 pytest.importorskip("scipy", reason="largest forces are linear programs of SciPy")
@@ -413,6 +413,20 @@ def test_drawn_hands_have_the_spread_of_the_files(tmp_path):
     assert drawn.rows[0].inside and "OUTSIDE" in table_text(drawn)
     rows.run(uncertain=4, told=shares.append)
     assert shares == [0.25, 0.5, 0.75, 1]
+
+
+def test_a_row_is_calibrated_by_other_sources_than_its_own():
+    """Oracle: by hand. Of ten scores nine in ten further ones are at most the largest (the tenth of ten: 0.9 x 11 rounded up). Rows of A are judged by those of B
+    and the other way round; rows that are fitted or scaled count for none, and intervals never become narrower."""
+    rows = []
+    for source, value_is, scores in (("Adams 1999, women", "predicted", [0.1 * i for i in range(1, 11)]), ("Baker & Cole 2001 (abstract)", "predicted", [2.0] * 10),
+                                     ("Day 2003: a table", "fitted", [9.0]), ("Evans 2005", "scaled", [9.0])):
+        for score in scores:
+            rows.append(Measured({"source": source, "value_is": value_is}, 1.0, 0.0, True))
+            rows[-1].score, rows[-1].uncertainty = score, object()
+    calibrate(rows)
+    assert [rows[i].widened for i in (0, 10, 20)] == [2.0, 1.0, 2.0]
+    assert [source_of(rows[i].row) for i in (0, 10, 20)] == ["Adams 1999", "Baker & Cole 2001", "Day 2003"]
 
 
 def test_each_value_counts_once_by_what_its_rows_are(tmp_path):

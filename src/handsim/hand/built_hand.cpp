@@ -98,6 +98,10 @@ Piece palm_part(const PalmSpec& spec, const HandSize& size) {
     out.shapes.back().name = "palm." + row.name;
   }
   for (Shape& shape : out.shapes) shape.part = model::Part::palm;
+  for (const ShapeSpec& row : spec.matter) {
+    out.matter.push_back(shape_of(row, size));
+    out.matter.back().name = "palm." + row.name;
+  }
   return out;
 }
 
@@ -270,7 +274,8 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
     parts.push_back(std::move(pad));
   }
   for (Piece& part : parts)
-    if (part.shapes.size() > 1) part.together = model::union_properties(part.shapes);
+    if (part.shapes.size() > 1 || !part.matter.empty())
+      part.together = model::union_properties(part.solids());
   return parts;
 }
 

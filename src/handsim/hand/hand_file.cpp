@@ -98,7 +98,11 @@ PalmSpec read_palm(MapReader reader, const std::optional<MassRule>& mass) {
   PalmSpec palm;
   palm.place = reader.node().place();
   if (reader.has("shapes")) {
-    palm.shapes = read_shapes(reader, 1);
+    palm.shapes = read_shapes(reader, "shapes", 1);
+    palm.matter = read_shapes(reader, "matter", 0);
+    for (const ShapeSpec& row : palm.matter)
+      if (std::ranges::find(palm.shapes, row.name, &ShapeSpec::name) == palm.shapes.end())
+        reader.problem("matter", row.name, "the name of one of the palm's shapes, with which it goes");
   } else {
     palm.length = read_length(reader, "length");
     palm.breadth = read_length(reader, "breadth");
@@ -168,19 +172,22 @@ void read_matter(MapReader& reader, const HandSpec& spec, SegmentSpec& segment) 
   if (sized) {
     segment.length = read_length(reader, "length");
     segment.radius = read_length(reader, "radius");
-    segment.shapes = read_shapes(reader, 0);
+    segment.shapes = read_shapes(reader, "shapes", 0);
   }
   if (!reader.has("of_palm")) return;
   std::vector<std::string>& moved = sized ? segment.pads : segment.of_palm;
   moved = reader.texts("of_palm", 1, 20, "names of the palm's shapes");
   std::vector<std::string> open;
-  for (const ShapeSpec& shape : spec.palm.shapes) open.push_back(shape.name);
+  for (const ShapeSpec& shape : spec.palm.matter.empty() ? spec.palm.shapes : spec.palm.matter)
+    open.push_back(shape.name);
   for (const SegmentSpec& other : spec.segments)
     for (const auto* names : {&other.of_palm, &other.pads})
       for (const std::string& name : *names) std::erase(open, name);
   for (const std::string& name : moved) {
     if (reader.sound() && (std::ranges::find(open, name) == open.end() || open.size() == 1))
-      reader.problem("of_palm", name, "shapes of the palm that no row above has; one stays with the palm");
+      reader.problem(
+          "of_palm", name,
+          "shapes of the palm, of its matter if it has one, that no row above has; one stays with the palm");
     std::erase(open, name);
   }
   if (reader.sound() && segment.parent && !sized)

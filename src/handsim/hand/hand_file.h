@@ -73,6 +73,9 @@ struct PalmSpec {
   LengthRule length, breadth, thickness;
   PlaceRule offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
   std::vector<ShapeSpec> shapes;
+  /// Where the palm's matter is, if not in its shapes: they touch and are seen, and have no mass. A part of
+  /// the palm that takes a shape takes the matter of its name.
+  std::vector<ShapeSpec> matter;
   /// Share of the hand's mass, body_mass_share only. Absent: what segments leave of 1. Present: may be less.
   std::optional<double> mass_share;
   Place place;  ///< for messages

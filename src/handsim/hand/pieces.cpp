@@ -13,21 +13,33 @@ using model::MassProperties;
 using model::Shape;
 using model::ShapeKind;
 
-/// Distance along a segment's axis at which it leaves the shapes of its parent, to a 64th of the segment.
-double exit_from(const Piece& parent, const Piece& piece) {
+/// Length of a segment's cylinder within the matter of its parent, which its axis leaves at a 64th of the
+/// segment: through a flat face, or a round end.
+double shared_with(const Piece& parent, const Piece& piece) {
   constexpr int kSteps = 64;
-  const double step = piece.shapes[0].length / kSteps;
+  const Shape& capsule = piece.shapes[0];
+  const double step = capsule.length / kSteps;
+  double reach = capsule.length;
+  bool flat = false;
   for (int i = 0; i < kSteps; ++i) {
     const Vec3 at = parent.frame.inverse() * (piece.frame * Vec3(0, (i + 0.5) * step, 0));
-    const bool inside = std::ranges::any_of(parent.shapes, [&](const Shape& shape) {
+    bool in_box = false;
+    const bool inside = std::ranges::any_of(parent.solids(), [&](const Shape& shape) {
       Vec3 local = shape.pose.inverse() * at;
-      if (shape.kind == ShapeKind::box) return (local.cwiseAbs() - 0.5 * shape.edges).maxCoeff() < 0;
+      if (shape.kind == ShapeKind::box) {
+        in_box = (local.cwiseAbs() - 0.5 * shape.edges).maxCoeff() < 0;
+        return in_box;
+      }
       local.z() -= std::clamp(local.z(), -0.5 * shape.length, 0.5 * shape.length);
       return local.norm() < shape.radius;
     });
-    if (!inside) return i * step;
+    if (!inside) {
+      reach = i * step;
+      break;
+    }
+    flat = in_box;
   }
-  return piece.shapes[0].length;
+  return std::min(flat ? reach : covered(reach, capsule.radius), 0.95 * capsule.length);
 }
 
 /// The first part of a segment's cylinder, in its parent's frame, to be taken from the parent.
@@ -58,7 +70,7 @@ void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
       own.cut = Cut{-bulge(parent.shapes[0].radius, capsule.radius), false};
       continue;
     }
-    const double shared = std::min(covered(exit_from(parent, own), capsule.radius), 0.95 * capsule.length);
+    const double shared = shared_with(parent, own);
     own.cut = Cut{parent.together ? 0 : shared, false};
     if (!parent.together) continue;
     const MassProperties taken = taken_from(parent, own, shared);
@@ -73,9 +85,9 @@ double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   if (!part.of_palm.empty()) return 0;
   if (part.shapes.empty()) return kCarrierShare / (1 - kCarrierShare) * volume_of(parts, i + 1);
   const bool carried = i > 0 && parts[i - 1].shapes.empty() && parts[i - 1].of_palm.empty();
-  const double own = part.cut                  ? matter(part.shapes[0], *part.cut).volume
-                     : part.shapes.size() == 1 ? model::volume(part.shapes[0])
-                                               : part.together->mass;
+  const double own = part.cut        ? matter(part.shapes[0], *part.cut).volume
+                     : part.together ? part.together->mass
+                                     : model::volume(part.shapes[0]);
   return carried ? (1 - kCarrierShare) * own : own;
 }
 
@@ -110,9 +122,7 @@ void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const Hand
 
 /// The part of a segment within the palm, which the palm lacks for it, in the palm's frame.
 MassProperties given_to(const Piece& palm, const Piece& segment) {
-  const Shape& capsule = segment.shapes[0];
-  const double reach = covered(exit_from(palm, segment), capsule.radius);
-  return taken_from(palm, segment, std::min(reach, 0.95 * capsule.length));
+  return taken_from(palm, segment, shared_with(palm, segment));
 }
 
 MassProperties negative(MassProperties of) {
@@ -121,8 +131,8 @@ MassProperties negative(MassProperties of) {
   return of;
 }
 
-/// Gives the parts of the palm their shapes, and of its mass what it would lack without them: what their
-/// shapes share with the rest of it stays there. The sum of both is the palm, to rounding.
+/// Gives the parts of the palm their shapes, and of its mass what it would lack without them: what they
+/// share with the rest of it stays there. The sum of both is the palm, to rounding.
 void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
   Piece& palm = parts[0];
   for (std::size_t i = 1; i < parts.size(); ++i) {
@@ -131,12 +141,17 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
     const auto stays = [&](const Shape& shape) {
       return std::ranges::find(own.of_palm, shape.name) == own.of_palm.end();
     };
-    const MassProperties before = model::union_properties(palm.shapes);
     const Piece whole = palm;
-    const auto moved = std::stable_partition(palm.shapes.begin(), palm.shapes.end(), stays);
-    own.shapes.assign(moved, palm.shapes.end());
-    palm.shapes.erase(moved, palm.shapes.end());
-    std::vector<MassProperties> volumes = {before, negative(model::union_properties(palm.shapes))};
+    const auto move = [&](std::vector<Shape> Piece::*of) {
+      std::vector<Shape>& left = palm.*of;
+      const auto moved = std::stable_partition(left.begin(), left.end(), stays);
+      (own.*of).assign(moved, left.end());
+      left.erase(moved, left.end());
+    };
+    move(&Piece::shapes);
+    move(&Piece::matter);
+    std::vector<MassProperties> volumes = {model::union_properties(whole.solids()),
+                                           negative(model::union_properties(palm.solids()))};
     for (std::size_t k = i + 1; k <= spec.segments.size(); ++k)
       if (spec.segments[k - 1].parent == i - 1 && parts[k].taken) volumes.push_back(*parts[k].taken);
     // A segment that carries these shapes has its own part of them already: what the palm gave it there.

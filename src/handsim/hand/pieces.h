@@ -19,6 +19,7 @@ struct Piece {
   int body = 0;
   Pose frame;                                     ///< X_H of the frame in which the poses of its shapes are
   std::vector<model::Shape> shapes;               ///< [0] a segment's own capsule; none: a carrier
+  std::vector<model::Shape> matter;               ///< has its mass in place of its shapes; empty: they do
   double mass = 0;                                ///< [kg]
   double round = 0;                               ///< radius of a carrier's ball [m]
   std::vector<std::string> of_palm;               ///< shapes that the palm brings it
@@ -26,6 +27,9 @@ struct Piece {
   std::optional<Cut> cut;                         ///< of its capsule; absent: the whole capsule is its matter
   std::optional<model::MassProperties> together;  ///< of several shapes at unit density, in the part's frame
   std::optional<model::MassProperties> taken;     ///< that its parent lacks for it, in the parent's frame
+
+  /// What has its mass.
+  const std::vector<model::Shape>& solids() const { return matter.empty() ? shapes : matter; }
 };
 
 /// Sets the parts' masses and the hand's, its palm's volume and parts: space that rows share counts once, by

@@ -161,9 +161,9 @@ std::optional<PlaceRule> read_place(MapReader& reader, std::string_view key) {
   return out;
 }
 
-std::vector<ShapeSpec> read_shapes(MapReader& reader, std::size_t least) {
+std::vector<ShapeSpec> read_shapes(MapReader& reader, std::string_view key, std::size_t least) {
   std::vector<ShapeSpec> out;
-  reader.each("shapes", least, kMostShapes, [&](MapReader row) {
+  reader.each(key, least, kMostShapes, [&](MapReader row) {
     const bool taken = std::ranges::any_of(out, [&](const ShapeSpec& other) {
       return row.has("name") && other.name == row.child("name")->text;
     });

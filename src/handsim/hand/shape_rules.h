@@ -49,6 +49,6 @@ LengthRule read_length(MapReader& reader, std::string_view key);
 /// An optional list of three lengths.
 std::optional<PlaceRule> read_place(MapReader& reader, std::string_view key);
 /// A list of shapes with unique names; it may be absent if `least` is 0.
-std::vector<ShapeSpec> read_shapes(MapReader& reader, std::size_t least);
+std::vector<ShapeSpec> read_shapes(MapReader& reader, std::string_view key, std::size_t least);
 
 }  // namespace handsim::hand
