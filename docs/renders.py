@@ -32,8 +32,8 @@ class Picture:
 
 
 LEARN = ["python3 python/examples/learn_to_hold_the_can.py --out out/learn"]
-REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --minutes 4 --out out/ppo"]
-KEY = ["python3 python/examples/ppo.py --task key_turn --drive muscles --minutes 8 --out out/ppo_key"]
+REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --cpu-minutes 4 --out out/ppo"]
+KEY = ["python3 python/examples/ppo.py --task key_turn --drive muscles --cpu-minutes 8 --out out/ppo_key"]
 WRITE = ["handsim optimise pen --goal write --out out/write --iterations 60"]
 LIFT = ["handsim optimise muscle_pinch --goal lift --out out/lift"]
 MPC = ["PYTHONPATH=build/release/python OPENBLAS_NUM_THREADS=1 python3 python/examples/mpc.py --push 4 --video --out out/mpc"]

@@ -477,7 +477,7 @@ def test_processes_run_environments_side_by_side():
 def test_ppo_writes_a_policy(tmp_path):
     onnx = pytest.importorskip("onnx")
     example = Path(__file__).parents[2] / "python/examples/ppo.py"
-    words = ["--task", "reach", "--option", "persons=2", "--environments", "16", "--horizon", "8", "--minutes", "0.02"]
+    words = ["--task", "reach", "--option", "persons=2", "--environments", "16", "--horizon", "8", "--cpu-minutes", "0.02"]
     done = subprocess.run([sys.executable, str(example), "--out", str(tmp_path), *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert hs.study.read_csv(tmp_path / "curve.csv").rows > 0
