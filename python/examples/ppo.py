@@ -171,7 +171,7 @@ def improve(policy, x, action, chance, advantage, target, rate, random, epochs, 
 
 
 def learn(options, folder, episodes, of_task, clock=time.process_time):
-    """Until the clock, CPU time in seconds, has gone on by the options' minutes."""
+    """Until the clock, CPU time in seconds, has gone on by the options' minutes, or the last episodes are a success."""
     random = np.random.default_rng(options.seed)
     observation = episodes.reset(seed=options.seed)
     # Episodes of different ages, so that they do not all end together.
@@ -196,6 +196,8 @@ def learn(options, folder, episodes, of_task, clock=time.process_time):
             print(f"{steps / 1e6:6.2f} M steps, {rows[-1][2]:5.2f} min of CPU time: success {success:5.1%}, return {total:7.2f}, "
                   f"deviation {np.exp(policy.log_deviation).mean():.2f}", flush=True)
             policy.save(folder / "policy.onnx", options.task, of_task)
+        if len(ended) >= 400 and success >= options.until:
+            break
     policy.save(folder / "policy.onnx", options.task, of_task)
     np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],cpu[min],success,return", comments="")
     draw_curve(folder, f"{options.task}, driven by {options.drive}")
@@ -222,6 +224,7 @@ def parsed(words=None):
     parser.add_argument("--out", type=Path, default=Path("out/ppo"))
     parser.add_argument("--option", action="append", default=[], help="key=value of the task")
     parser.add_argument("--cpu-minutes", type=float, default=10)
+    parser.add_argument("--until", type=float, default=2, help="share of the last 400 episodes, or more, with success that ends it before")
     parser.add_argument("--deviation", type=float, default=0.6, help="of the actions at the beginning; 0.37 by muscles")
     parser.add_argument("--environments", type=int, default=512)
     parser.add_argument("--horizon", type=int, default=16, help="steps of each environment between two updates")
