@@ -101,6 +101,8 @@ def test_two_hands_take_their_poses():
     half = np.random.default_rng(0).uniform(-1, 1, (2, 20))
     episodes.step(np.hstack([half, half]))
     assert np.allclose(episodes.batch.q[:, :20], episodes.batch.q[:, 20:], atol=1e-12)
+    with pytest.raises(hs.Error, match="hands: got True, need 1 or 2"):
+        Pose(hands=True)
     with pytest.raises(hs.Error, match="hands: got 3, need 1 or 2"):
         Pose(hands=3)
 
@@ -679,6 +681,8 @@ def test_tasks_draw_numbers_by_the_scenes_keys():
     ({"objects.0.mass": {"around": [1, 2]}}, "vary.objects.0.mass: got .* need one of uniform, log_uniform, normal, choice"),
     ({"q": {"normal": {"mean": 0, "sd": -1}}}, "vary.q.normal.sd: got -1, need 0 or more"), ({"q": {"normal": 1}}, "vary.q.normal: got 1"),
     ({"objects.0.mass": {"uniform": ["a", 1]}}, "vary.objects.0.mass.uniform.0: got 'a', need a finite number"),
+    ({"objects.0.mass": {"uniform": ["1 m", "2 m"]}}, "objects.0.mass: got 1 m, need a mass"), ({"objects.0.mass": {"normal": {"mean": -1, "sd": 0}}}, "objects.0.mass: got -1"),
+    ({"objects.0.friction": {"uniform": [-1, 1]}}, "objects.0.friction: got -1"),
     ({"objects.0.radios": {"choice": [1]}}, "objects.0.radios"), (5, "vary: got 5, need a mapping")])
 def test_wrong_draws_are_refused_with_their_keys(vary, said):
     with pytest.raises(hs.Error, match=said):
