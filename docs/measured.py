@@ -782,11 +782,11 @@ def learning():
     if not path.exists():
         raise Missing(path.relative_to(ROOT))
     def reached(of):
-        minutes = of["minutes_to_80"]
+        minutes = of["cpu_minutes_to_80"]
         return f"{100 * of['success']:.0f} %, " + (f"80 % after {minutes:.1f} min" if minutes else "never 80 %")
-    return table(["task", "beside", "steps a second", "theirs", "ratio", "success", "theirs"],
+    return table(["task", "beside", "steps in a second of CPU time", "theirs", "ratio", "success", "theirs"],
                  [[f"`{of['task']}` by {of['drive']}", f"`{of['beside']}`", f"{of['steps_per_s']:,.0f}", f"{of['peer_steps_per_s']:,.0f}",
-                   f"{of['ratio']:.0f}", *(reached(of[who]) if who in of else "not run" for who in ("handsim", "peer"))]
+                   f"{of['ratio']:.2g}", *(reached(of[who]) if who in of else "not run" for who in ("handsim", "peer"))]
                   for of in json.loads(path.read_text())["pairs"]])
 
 

@@ -32,8 +32,15 @@ class Picture:
 
 
 LEARN = ["python3 python/examples/learn_to_hold_the_can.py --out out/learn"]
-REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --minutes 4 --out out/ppo"]
-KEY = ["python3 python/examples/ppo.py --task key_turn --drive muscles --minutes 8 --out out/ppo_key"]
+REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --cpu-minutes 4 --out out/ppo"]
+AS = "--environments 128 --rows 512 --epochs 4 --rate 1e-3"
+BUTTON = [f"python3 python/examples/ppo.py --task button --drive targets {AS} --deviation 0.4 --cpu-minutes 3 --until 0.99 --out out/button"]
+RELOCATE = [f"python3 python/examples/ppo.py --task relocate --drive targets --option synergy=true {AS} --deviation 0.5 --cpu-minutes 8 --until 0.97 "
+            "--out out/relocate"]
+BOTTLE = [f"python3 python/examples/ppo.py --task bottle --drive targets --option synergy=true {AS} --deviation 0.5 --cpu-minutes 3 --until 0.97 "
+          "--out out/bottle"]
+LEARNED = [("button", BUTTON, "eq(n,0)+eq(n,4)+eq(n,20)", "1 min"), ("relocate", RELOCATE, "eq(n,0)+eq(n,12)+eq(n,40)", "4 min"),
+           ("bottle", BOTTLE, "eq(n,0)+eq(n,15)+eq(n,40)", "2 min")]
 WRITE = ["handsim optimise pen --goal write --out out/write --iterations 60"]
 LIFT = ["handsim optimise muscle_pinch --goal lift --out out/lift"]
 MPC = ["PYTHONPATH=build/release/python OPENBLAS_NUM_THREADS=1 python3 python/examples/mpc.py --push 4 --video --out out/mpc"]
@@ -89,10 +96,12 @@ PICTURES = {
     "ppo_reach.png": Picture("docs/python.md", [
         *REACH, "python3 -m handsim.gym out/ppo/policy.onnx --out out/played",
         """ffmpeg -i out/played/played.mp4 -vf "select='eq(n,0)+eq(n,12)+eq(n,49)',tile=3x1" -frames:v 1 renders/ppo_reach.png"""], time="8 min"),
-    "ppo_key_curve.png": Picture("docs/python.md", KEY, "out/ppo_key/curve.png", "16 min"),
-    "ppo_key.png": Picture("docs/python.md", [
-        *KEY, "python3 -m handsim.gym out/ppo_key/policy.onnx --out out/played_key",
-        """ffmpeg -i out/played_key/played.mp4 -vf "select='eq(n,0)+eq(n,5)+eq(n,25)',tile=3x1" -frames:v 1 renders/ppo_key.png"""], time="16 min"),
+    **{f"ppo_{name}_curve.png": Picture("docs/python.md", commands, f"out/{name}/curve.png", time)
+       for name, commands, _, time in LEARNED},
+    **{f"ppo_{name}.png": Picture("docs/python.md", [
+        *commands, f"python3 -m handsim.gym out/{name}/policy.onnx --episodes 64 --out out/{name}_played",
+        f"""ffmpeg -i out/{name}_played/played.mp4 -vf "select='{frames}',tile=3x1" -frames:v 1 renders/ppo_{name}.png"""], time=time)
+       for name, commands, frames, time in LEARNED},
 }
 # Drawn from files or by hand: no command of a clone makes them.
 BY_HAND = {"grip_by_age.png": "a table of a paper, see docs/persons.md", "palm.png": "four cameras on the shapes of handsim hand"}

@@ -1,10 +1,11 @@
 """Learns a task of handsim.gym by PPO (Schulman et al. 2017, arXiv:1707.06347). Needs numpy and onnx (Debian's python3-onnx).
 
-    python3 python/examples/ppo.py --task pose --drive muscles --minutes 10 --out out/ppo
+    python3 python/examples/ppo.py --task pose --drive muscles --cpu-minutes 4 --out out/ppo
     python3 -m handsim.gym out/ppo/policy.onnx --out out/played
 
-Writes curve.csv (steps, minutes, success, return), curve.png (with gnuplot), and policy.onnx after every tenth update, which
-the second command plays. --option gives an option of the task: --option persons=32 --option hands=2.
+Writes curve.csv (steps, minutes, minutes of CPU time, success and return of the last 400 episodes or more), curve.png (with gnuplot), and
+policy.onnx after every tenth update, which the second command plays. Time is CPU time, so that other work on the machine changes nothing.
+--option gives an option of the task: --option persons=32 --option hands=2.
 """
 import argparse
 import json
@@ -169,33 +170,36 @@ def improve(policy, x, action, chance, advantage, target, rate, random, epochs, 
             policy.critic.descend(policy.critic.gradients(np.float32((value - target[i]) / len(i))[:, None]), rate)
 
 
-def learn(options, folder, episodes, of_task):
+def learn(options, folder, episodes, of_task, clock=time.process_time):
+    """Until the clock, CPU time in seconds, has gone on by the options' minutes, or the last episodes are a success."""
     random = np.random.default_rng(options.seed)
     observation = episodes.reset(seed=options.seed)
     # Episodes of different ages, so that they do not all end together.
     episodes.steps[:] = random.integers(episodes.task.max_steps, size=options.environments)
     # Muscles that all pull a little close a fist against its stops, where noise moves nothing: begin with muscles at rest.
-    start, deviation = (-0.6, 0.37) if options.drive == "muscles" else (0, 0.6)
+    start, deviation = (-0.6, 0.37) if options.drive == "muscles" else (0, options.deviation)
     policy = Policy(observation.shape[1], episodes.task.actions, start, deviation, random=random)
     collect.total, collect.noise = np.zeros(options.environments), None
-    start, rows, ended, steps = time.perf_counter(), [], [], 0
-    while (minutes := (time.perf_counter() - start) / 60) < options.minutes:
+    start, begun, rows, ended, steps = time.perf_counter(), clock(), [], [], 0
+    while (minutes := (clock() - begun) / 60) < options.cpu_minutes:
         columns, observation = collect(episodes, policy, observation, options, random, ended)
         x, action, chance, value, reward, over, rest = columns
         last = policy.critic(policy.normal(observation))[:, 0]
         gain = advantages(value, reward, over, rest, last, options.discount, 0.95)
         flat = [np.reshape(column, (-1, *np.shape(column)[2:])) for column in (x, action, chance, gain, gain + value)]
-        improve(policy, *flat, options.rate * (1 - minutes / options.minutes), random, options.epochs, options.rows)
+        improve(policy, *flat, options.rate * (1 - minutes / options.cpu_minutes), random, options.epochs, options.rows)
         steps += chance.size
         ended = ended[-max(400, options.environments):]
         success, total = np.mean(ended, axis=0) if ended else (0, 0)
-        rows.append([steps, minutes, success, total])
+        rows.append([steps, (time.perf_counter() - start) / 60, (clock() - begun) / 60, success, total])
         if len(rows) % 10 == 0:
-            print(f"{steps / 1e6:6.2f} M steps, {minutes:5.2f} min: success {success:5.1%}, return {total:7.2f}, "
+            print(f"{steps / 1e6:6.2f} M steps, {rows[-1][2]:5.2f} min of CPU time: success {success:5.1%}, return {total:7.2f}, "
                   f"deviation {np.exp(policy.log_deviation).mean():.2f}", flush=True)
             policy.save(folder / "policy.onnx", options.task, of_task)
+        if len(ended) >= 400 and success >= options.until:
+            break
     policy.save(folder / "policy.onnx", options.task, of_task)
-    np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],success,return", comments="")
+    np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],cpu[min],success,return", comments="")
     draw_curve(folder, f"{options.task}, driven by {options.drive}")
     return rows
 
@@ -204,9 +208,12 @@ def draw_curve(folder, title):
     """curve.png of curve.csv, by gnuplot."""
     if not shutil.which("gnuplot"):
         return print("no curve.png: gnuplot is not installed")
-    commands = (f"set terminal pngcairo size 800,450; set output '{folder / 'curve.png'}'; set datafile separator ','; "
-                f"set title '{title}' noenhanced; set xlabel 'minutes'; set ylabel 'episodes with success [%]'; set yrange [0:100]; "
-                f"set grid; plot '{folder / 'curve.csv'}' every ::1 using 2:(100*$3) with lines lw 2 notitle")
+    commands = (f"set terminal pngcairo size 1000,400; set output '{folder / 'curve.png'}'; set datafile separator ','; "
+                f"set multiplot layout 1,2 title '{title}' noenhanced; set ylabel 'episodes with success [%]'; set yrange [0:100]; "
+                "set y2label 'return'; set ytics nomirror; set y2tics; set grid; set key bottom right; ")
+    for over, column in (("steps [million]", "($1/1e6)"), ("CPU time [min]", "3")):
+        commands += (f"set xlabel '{over}'; plot '{folder / 'curve.csv'}' every ::1 using {column}:(100*$4) with lines lw 2 title 'success', "
+                     f"'' every ::1 using {column}:5 axes x1y2 with lines title 'return'; ")
     subprocess.run(["gnuplot", "-e", commands], check=True)
 
 
@@ -216,7 +223,9 @@ def parsed(words=None):
     parser.add_argument("--drive", default="muscles", choices=("targets", "torques", "muscles"))
     parser.add_argument("--out", type=Path, default=Path("out/ppo"))
     parser.add_argument("--option", action="append", default=[], help="key=value of the task")
-    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--cpu-minutes", type=float, default=10)
+    parser.add_argument("--until", type=float, default=2, help="share of the last 400 episodes, or more, with success that ends it before")
+    parser.add_argument("--deviation", type=float, default=0.6, help="of the actions at the beginning; 0.37 by muscles")
     parser.add_argument("--environments", type=int, default=512)
     parser.add_argument("--horizon", type=int, default=16, help="steps of each environment between two updates")
     parser.add_argument("--epochs", type=int, default=3)

@@ -101,6 +101,8 @@ def test_two_hands_take_their_poses():
     half = np.random.default_rng(0).uniform(-1, 1, (2, 20))
     episodes.step(np.hstack([half, half]))
     assert np.allclose(episodes.batch.q[:, :20], episodes.batch.q[:, 20:], atol=1e-12)
+    with pytest.raises(hs.Error, match="hands: got True, need 1 or 2"):
+        Pose(hands=True)
     with pytest.raises(hs.Error, match="hands: got 3, need 1 or 2"):
         Pose(hands=3)
 
@@ -477,7 +479,7 @@ def test_processes_run_environments_side_by_side():
 def test_ppo_writes_a_policy(tmp_path):
     onnx = pytest.importorskip("onnx")
     example = Path(__file__).parents[2] / "python/examples/ppo.py"
-    words = ["--task", "reach", "--option", "persons=2", "--environments", "16", "--horizon", "8", "--minutes", "0.02"]
+    words = ["--task", "reach", "--option", "persons=2", "--environments", "16", "--horizon", "8", "--cpu-minutes", "0.02"]
     done = subprocess.run([sys.executable, str(example), "--out", str(tmp_path), *words], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert hs.study.read_csv(tmp_path / "curve.csv").rows > 0
@@ -679,6 +681,8 @@ def test_tasks_draw_numbers_by_the_scenes_keys():
     ({"objects.0.mass": {"around": [1, 2]}}, "vary.objects.0.mass: got .* need one of uniform, log_uniform, normal, choice"),
     ({"q": {"normal": {"mean": 0, "sd": -1}}}, "vary.q.normal.sd: got -1, need 0 or more"), ({"q": {"normal": 1}}, "vary.q.normal: got 1"),
     ({"objects.0.mass": {"uniform": ["a", 1]}}, "vary.objects.0.mass.uniform.0: got 'a', need a finite number"),
+    ({"objects.0.mass": {"uniform": ["1 m", "2 m"]}}, "objects.0.mass: got 1 m, need a mass"), ({"objects.0.mass": {"normal": {"mean": -1, "sd": 0}}}, "objects.0.mass: got -1"),
+    ({"objects.0.friction": {"uniform": [-1, 1]}}, "objects.0.friction: got -1"),
     ({"objects.0.radios": {"choice": [1]}}, "objects.0.radios"), (5, "vary: got 5, need a mapping")])
 def test_wrong_draws_are_refused_with_their_keys(vary, said):
     with pytest.raises(hs.Error, match=said):

@@ -108,6 +108,94 @@ def test_a_ball_is_reached_grasped_lifted_and_held_at_its_place():
     assert carried(Episodes("relocate", 16, seed=1)).all()
 
 
+def put_down(episodes):
+    """Reach, grasp, carry, put down and let go, by the ball's place alone. Success in each environment, and whether it came while the
+    fingers still closed."""
+    task, n = episodes.task, len(episodes.batch)
+    won, closed, low, opening = np.zeros(n, bool), np.zeros(n, bool), np.zeros(n, bool), np.zeros(n)
+    for step in range(task.max_steps):
+        action, ball, grip = np.zeros((n, task.actions)), task.achieved(episodes.batch), task.grip(episodes.batch)
+        if step < 25:
+            want, fingers = ball, -np.ones(n)
+        elif step < 55:
+            want, fingers = grip, np.full(n, min(1.0, -1 + (step - 25) / 12))
+        else:
+            far, height = task._goal - ball, task.height(episodes.batch)
+            low |= (np.linalg.norm(far[:, :2], axis=1) < 0.01) & (height > 0.02)
+            far[:, 2] = np.where(low, -height - 0.005, 0.03 - height)
+            opening = np.where((low & (height < 0.003)) | (opening > 0), opening + 1, 0)
+            far = np.where(opening[:, np.newaxis] > 0, np.where(opening[:, np.newaxis] > 25, [0, 0, 0.02], 0.0), far)
+            want = grip + far * np.minimum(1, 0.02 / np.maximum(np.linalg.norm(far, axis=1, keepdims=True), 1e-9))
+            fingers = np.clip(1 - opening / 10, -1, 1)
+        action[:, :3] = np.clip((want - task._place) / (task.speed_of_place * 0.02), -0.8, 0.8)
+        action[:, 4:] = fingers[:, np.newaxis]
+        *_, terminated, _ = episodes.step(action)
+        now = terminated & task.succeeded(episodes.batch)
+        won, closed = won | now, closed | (now & (opening == 0))
+    return won, closed
+
+
+# Oracle: a scripted policy.
+def test_a_ball_is_put_down_and_let_go():
+    won, closed = put_down(Episodes(Relocate(put_down=True), 16, seed=1))
+    assert won.all() and not closed.any()
+
+
+# Oracle: what put down means: a ball that lies at its place, and that nothing touches, was never lifted.
+def test_a_ball_that_was_not_lifted_is_not_put_down():
+    episodes = Episodes(Relocate(put_down=True), 8, seed=1)
+    task, ball = episodes.task, episodes.batch["objects"][:, :3]
+    apart = np.linalg.norm(task._goal - ball, axis=1)
+    assert apart.min() >= 0.08 and apart.max() <= 0.15 and np.ptp(apart) > 0.03 and task._goal[:, 2] == pytest.approx(task.radius)
+    task._goal = ball.copy()
+    action = np.zeros((8, task.actions))
+    action[:, 4:] = -1
+    for _ in range(10):
+        *_, terminated, _ = episodes.step(action)
+        assert not terminated.any() and np.all(task.distance(episodes.batch) < 1e-3)
+
+
+# Oracle: the definition: one number moves all joints as twenty equal ones do, but for those that are alike in both poses.
+@pytest.mark.parametrize("name", WRISTS)
+def test_a_synergy_is_all_joints_at_once(name):
+    one, all_joints = Episodes(TASKS[name](synergy=True), 2, seed=1), Episodes(name, 2, seed=1)
+    assert one.task.actions == 5 and all_joints.task.actions == 24
+    same = one.task._half == all_joints.task._half
+    assert same.sum() >= 15 and np.all(one.task._half[~same] == 0)
+    for k in range(10):
+        few = np.full((2, 5), 0.1 * k)
+        one.step(few)
+        all_joints.step(np.hstack([few[:, :4], np.where(same, few[:, 4:], 0)]))
+    assert np.array_equal(one.batch.q, all_joints.batch.q)
+
+
+# Oracle: the reward as it is defined: a hand that waits gains and loses nothing but its effort, so that no loss is ahead of waiting.
+@pytest.mark.parametrize("name", NAMES)
+def test_waiting_costs_nothing(name):
+    episodes = Episodes(name, 4, seed=1)
+    action = np.zeros((4, episodes.task.actions))
+    if name in WRISTS:
+        action[:, 4:] = -1
+    total = np.zeros(4)
+    for step in range(60):
+        _, reward, terminated, _ = episodes.step(action)
+        total += (step >= 20) * (reward - episodes.task.rewarded["effort"])
+        assert not terminated.any()
+    assert np.abs(total).max() < 0.5
+
+
+# Oracle: the sum of the terms' gains is what the last state is worth more than the first.
+def test_gains_add_up_to_the_worth():
+    episodes = Episodes("relocate", 4, seed=1)
+    task, random, total = episodes.task, np.random.default_rng(0), np.zeros(4)
+    for step in range(30):
+        episodes.step(random.uniform(-1, 1, (4, 24)))
+        if step == 0:
+            first = sum(task.worth(episodes.batch).values())
+        total += sum(task.rewarded[name] for name in task.worth(episodes.batch))
+    assert total == pytest.approx(sum(task.worth(episodes.batch).values()) - first) and np.abs(total).min() > 0.1
+
+
 # Oracle: gravity: without fingers on it, the ball stays on the ground whatever the wrist does.
 def test_a_ball_that_is_not_grasped_stays_on_the_ground():
     episodes = Episodes("relocate", 4, seed=1)
@@ -245,6 +333,15 @@ def test_every_drive_and_seed(name, drive):
         a, b = first.step(action), second.step(action[:2])
         assert all(np.array_equal(x[:2], y) for x, y in zip(a, b))
     assert np.isfinite(a[0]).all() and not first.batch.failed.any()
+
+
+@pytest.mark.parametrize("name, options, said", [
+    ("relocate", {"synergy": 1}, "synergy: got 1, need True or False"), ("bottle", {"synergy": True, "drive": "muscles"}, "synergy: got True beside drive muscles"),
+    ("button", {"synergy": True}, "synergy: got True, need options of button"), ("relocate", {"put_down": "yes"}, "put_down: got 'yes', need True or False"),
+    ("relocate", {"put_down": True, "goals": True}, "put_down: got True beside goals")])
+def test_wrong_options_of_one_task_are_refused_with_their_names(name, options, said):
+    with pytest.raises(hs.Error, match=said):
+        task_of(name, **options)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -89,7 +89,7 @@ def run_again(episodes: Episodes, driven: list[dict[str, Any]], out: Path) -> No
 
 
 def film(episodes: Episodes, frames: list[list[hs.Frame]], out: Path) -> None:
-    """Of four environments, two by two, with skin in place of muscles."""
+    """Of four environments, two by two, with skin in place of muscles; each until its episode ends."""
     films = []
     for i in range(4):
         with tempfile.TemporaryDirectory() as folder:
@@ -108,7 +108,8 @@ def play(policy: Policy, episodes: Episodes, title: str, out: Path, seed: int) -
     driven: list[dict[str, Any]] = []
     for step in range(episodes.task.max_steps):
         if step % 2 == 0:
-            frames.append([episodes.batch.frame(i % count) for i in range(4)])
+            # An episode that has ended stays as it ended.
+            frames.append([episodes.batch.frame(i) if going[i] else frames[-1][k] for k, i in enumerate(np.arange(4) % count)])
         observation, _, terminated, truncated = episodes.step(np.asarray(policy(observation.astype(np.float32)), float))
         if going[0]:
             driven.append({key: np.array(value) for key, value in episodes.given.items() if key in ("targets", "excitations")})

@@ -18,6 +18,10 @@ class ToGoals(HandTask):
     """A task whose goal is ``numbers`` that are drawn for each episode: an episode is a success, and ends, after ``steady``
     steps in a row with a distance below ``near``; or it is lost.
 
+    A state is worth a number, by terms. The reward of a step is what it gains of that, less the effort; with success and loss it
+    has its own. To wait costs nothing, and what is lost again is taken back: neither a loss, which ends what waiting would cost, nor
+    a hand that stays near its goal and avoids to end is ahead of success.
+
     With ``goals=True`` the observation is a dictionary with these numbers as they are (``achieved_goal``) and as they shall be
     (``desired_goal``), as hindsight experience replay takes it; the reward is 0 near the goal, else -1, and episodes end by
     their limit alone.
@@ -28,11 +32,13 @@ class ToGoals(HandTask):
     unit: str
     """Name of the distance in `info`."""
     steady = 5
-    bonus, loss = 100.0, 10.0
-    """Reward of success, more than all that a hand gains that stays near its goal and avoids to end; what a lost episode takes."""
+    bonus, loss = 20.0, 10.0
+    """Reward of success; what a lost episode takes."""
+    staying = 2.0
+    """Worth of each step in a row near the goal."""
 
     def _take_goals(self, goals: bool) -> None:
-        self._goal, self._near = np.empty((0, self.numbers)), np.empty(0, int)
+        self._goal, self._near, self._before = np.empty((0, self.numbers)), np.empty(0, int), np.empty((1, 0))
         if flag("goals", goals):
             self.goal_numbers = self.numbers
 
@@ -64,8 +70,8 @@ class ToGoals(HandTask):
         """Shape (n,)."""
         return np.zeros(len(batch), bool)
 
-    def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        """Terms of the reward beside those of success and loss."""
+    def worth(self, batch: Batch) -> dict[str, Array]:
+        """What a state is worth beside the steps near the goal: terms by name, each of shape (n,)."""
         raise NotImplementedError
 
     def distance(self, batch: Batch) -> Array:
@@ -76,8 +82,9 @@ class ToGoals(HandTask):
         super().begin(batch, mask, random)
         if len(self._goal) != len(batch):
             self._goal, self._near = np.zeros((len(batch), self.numbers)), np.zeros(len(batch), int)
+            self._before = np.full((1, len(batch)), np.nan)
         self._goal[mask] = self.draw_goals(batch, mask, random)
-        self._near[mask] = 0
+        self._near[mask], self._before[:, mask] = 0, np.nan
 
     def observation(self, batch: Batch) -> Array:
         more = (self.achieved(batch), self._goal) if self.goal_numbers else (self.missing(batch),)
@@ -95,8 +102,12 @@ class ToGoals(HandTask):
         if self.goal_numbers:
             return {"goal": self.goal_reward(self.achieved(batch), self._goal)}
         self._near = np.where(self._at_goal(batch), self._near + 1, 0)
+        worth = {**self.worth(batch), "near": self.staying * self._near}
+        now = np.stack(list(worth.values()))
+        gained = np.where(np.isnan(self._before), 0.0, now - self._before)  # the first step of an episode gains nothing
+        self._before = now
         effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
-        return {**self.shaped(batch, action), "effort": -effort, "success": self.bonus * (self._near >= self.steady),
+        return {**dict(zip(worth, gained)), "effort": -effort, "success": self.bonus * (self._near >= self.steady),
                 "lost": -self.loss * self.is_lost(batch)}
 
     def terminated(self, batch: Batch) -> Mask:
@@ -119,9 +130,10 @@ class Button(ToGoals):
     force is 4 N more than asked for; a success, and ends, after ten steps in a row within the window in which the index finger
     touches the button. Observation: q and u of all joints, the last one's the button's [m], fingertips, force [N] and number of
     contact points of palm and fingers, what the drive holds (`HandTask`), the fingertip less the button's face [dm], the button's
-    force [N], and what is missing of it [N]. Reward of a step (20 ms): 1 within the window, minus the missing force over 4 N,
-    minus the fingertip's distance from the face [dm], minus 0.01 times the mean square of the action (of the excitation); 100 on
-    success, 10 less on loss. Truncated after 100 steps. Targets change by 0.05 rad, and are held by controllers/muscles.yaml.
+    force [N], and what is missing of it [N]. Reward of a step (20 ms): what it gains of a worth (`ToGoals`), minus 2.5 times the
+    missing force [N], minus 10 times the fingertip's distance from the face [dm], 2 for each step in a row within the window; minus 0.01
+    times the mean square of the action (of the excitation); 20 on success, 10 less on loss. Truncated after 100 steps. Targets change by
+    0.05 rad, and are held by controllers/muscles.yaml.
     """
 
     max_steps, steady = 100, 10
@@ -214,9 +226,8 @@ class Button(ToGoals):
     def seen(self, batch: Batch) -> Array:
         return self._with(batch, self._before_face(batch), self.achieved(batch))
 
-    def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"near": 1.0 * self._at_goal(batch), "force": -self.distance(batch) / self.asked[1],
-                "distance": -np.linalg.norm(self._before_face(batch), axis=1)}
+    def worth(self, batch: Batch) -> dict[str, Array]:
+        return {"force": -2.5 * self.distance(batch), "distance": -10 * np.linalg.norm(self._before_face(batch), axis=1)}
 
 
 class Rotate(ToGoals, _InPalm):
@@ -224,9 +235,10 @@ class Rotate(ToGoals, _InPalm):
     0.5 to 1.5 rad in either sense. Palm and fingers turn it: the wrist has its two joints.
 
     Observation: as `Turn`, and the angle that is missing [rad]. Action: target of each joint, 1 is 0.4 rad from its target at the
-    start; torques and excitations as `HandTask`. Reward of a step (20 ms): 1 within ``near`` (0.15 rad), minus the missing
-    angle [rad], minus 0.01 times the mean square of the action (of the excitation); 100 on success, after ten steps in a row within
-    ``near``, 10 less where the object has moved by 60 mm. Both end the episode; it is truncated after 150 steps.
+    start; torques and excitations as `HandTask`. Reward of a step (20 ms): what it gains of a worth (`ToGoals`), minus 10
+    times the missing angle [rad], 2 for each step in a row within ``near`` (0.15 rad); minus 0.01 times the mean square of the action
+    (of the excitation); 20 on success, after ten steps in a row within ``near``, 10 less where the object has moved by 60 mm. Both end
+    the episode; it is truncated after 150 steps.
     """
 
     max_steps, steady = 150, 10
@@ -268,5 +280,5 @@ class Rotate(ToGoals, _InPalm):
     def is_lost(self, batch: Batch) -> Mask:
         return self._lost(batch)
 
-    def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"near": 1.0 * self._at_goal(batch), "angle": -self.distance(batch)}
+    def worth(self, batch: Batch) -> dict[str, Array]:
+        return {"angle": -10 * self.distance(batch)}

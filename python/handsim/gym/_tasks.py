@@ -136,15 +136,18 @@ class SceneTask(Task):
         """
         drawn = drawn_by(vary)
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        if drawn.scenes:
-            if self.scene._origin is None or start is not None:
-                raise input_error("vary", ", ".join(drawn.scenes), "keys of a scene that `load` made, without a start")
+        if drawn.scenes and (self.scene._origin is None or start is not None):
+            raise input_error("vary", ", ".join(drawn.scenes), "keys of a scene that `load` made, without a start")
+        if self.scene._origin is not None:
             source, words = self.scene._origin
             own = dict(word.partition("=")[::2] for word in words)
+            for end in drawn.ends:  # units and bounds are the reader's
+                load(source, {**own, **end})
             random = np.random.default_rng(0)
-            self.people = [load(source, {**own, **scene_values(drawn.scenes, random)})
-                           for _ in range(whole("variants", variants, 1, MOST_PERSONS))]
-            self.scene = self.people[0]
+            if drawn.scenes:
+                self.people = [load(source, {**own, **scene_values(drawn.scenes, random)})
+                               for _ in range(whole("variants", variants, 1, MOST_PERSONS))]
+                self.scene = self.people[0]
         self.observe, self.randomise = observe, drawn.episodes
         self.substeps, self.max_steps = substeps, max_steps
         self._reward, self._terminated, self._start = reward, terminated, start
@@ -207,7 +210,7 @@ class HandTask(Task):
         :param taxels: forces on points of the finger pads, 5 mm apart, are observed, too [N]: after q, u and activations
         :param scene: keys of the scene
         """
-        if not isinstance(hands, (int, np.integer)) or hands not in (1, 2):
+        if not isinstance(hands, (int, np.integer)) or isinstance(hands, bool) or hands not in (1, 2):
             raise input_error("hands", str(hands), "1 or 2")
         if not isinstance(drive, str) or drive not in DRIVES:
             raise input_error("drive", str(drive), f"one of {', '.join(DRIVES)}")
@@ -225,7 +228,7 @@ class HandTask(Task):
         drawn, random = drawn_by(vary), np.random.default_rng(0)
         self.randomise = drawn.episodes
 
-        def made(k: int, person: Any) -> Scene:
+        def made(k: int, person: Any, values: Mapping[str, Any]) -> Scene:
             x, y, z = places[k % len(places)]
             sides = {"right": x + 0.15 * (hands - 1), "left": x - 0.15}
             return load({
@@ -235,13 +238,15 @@ class HandTask(Task):
                            "wrist": {"mount": mount, "position": [across, y, z], "rotation": turned[k % len(turned)]}}
                           for side, across in list(sides.items())[:hands]],
                 **(motors if drive == "targets" else {}), "effects": effects,
-                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, scene_values(drawn.scenes, random))
+                "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene}, values)
 
         people: list[Any] = list(draw_persons(persons)) if whole("persons", persons, 0, MOST_PERSONS) else []
         if drawn.scenes and not people:
             people = [who] * whole("variants", variants, 1, MOST_PERSONS)
-        self.people = [made(k, person) for k, person in enumerate(people)]
-        self.scene = self.people[0] if people else made(0, who)
+        self.people = [made(k, person, scene_values(drawn.scenes, random)) for k, person in enumerate(people)]
+        self.scene = self.people[0] if people else made(0, who, {})
+        for end in drawn.ends:  # units and bounds are the reader's
+            made(0, who, end)
         self.substeps = round(0.02 / self.scene.step)
         of_hands = [name.startswith(("right.", "left.")) for name in self.scene.coordinates]
         self._driven = self.scene.axis_coordinates if drive == "targets" else np.flatnonzero(of_hands)

@@ -21,6 +21,8 @@ class Drawn(NamedTuple):
     """For `Batch`'s randomise."""
     scenes: dict[str, Any]
     """The others: key to way, or to a value."""
+    ends: list[dict[str, Any]]
+    """Keys of objects that episodes draw, at an end or at their mean, as they are given: for the scene's reader to check."""
 
 
 def _number(place: str, value: Any) -> float:
@@ -53,7 +55,7 @@ def _of_episodes(key: str) -> bool:
 
 def drawn_by(vary: Vary) -> Drawn:
     """:raises Error: of kind input with the key and the way"""
-    out = Drawn({}, {})
+    out = Drawn({}, {}, [])
     if not isinstance(vary, (Mapping, type(None))):
         raise input_error("vary", repr(vary), 'a mapping: key of the scene to a value or a way, e.g. {"uniform": [low, high]}')
     for key, way in (vary or {}).items():
@@ -71,6 +73,8 @@ def drawn_by(vary: Vary) -> Drawn:
             pair = _pair(f"{place}.{name}", name, given)
             if _of_episodes(str(key)):
                 out.episodes[str(key)] = (name, *pair)
+                if str(key).startswith("objects."):
+                    out.ends.extend({str(key): end} for end in ([given["mean"]] if name == "normal" else given))
                 continue
         out.scenes[str(key)] = dict(way)
     return out

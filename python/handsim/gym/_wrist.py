@@ -6,6 +6,7 @@ from typing import Any, Mapping, Sequence
 import numpy as np
 
 from .._batch import Batch
+from .._errors import flag, input_error
 from .._shipped import data_path
 from .._simulation import Simulation
 from ._goals import ToGoals
@@ -20,8 +21,9 @@ def _turned(q: Array, v: Array) -> Array:
 
 class MovingWrist(ToGoals):
     """A hand that an arm carries: a free palm, and a force and a moment on it. The first four numbers of an action move the place
-    where the hand shall be, by x, y and z (1 is ``speed``), and turn it about the vertical (1 is ``turning``); the others drive
-    the fingers.
+    where the hand shall be, by x, y and z (1 is ``speed_of_place``), and turn it about the vertical (1 is ``turning``); the others
+    drive the fingers. With ``synergy=True`` one number does, by targets: all joints go together from the open pose (-1) to beyond
+    the closed one (1), as one postural synergy.
 
     The place is the grip's, a point that moves with the palm. A spring and a damper, critically damped, pull the palm there, and
     carry the hand's weight; what they give together is at most ``force`` and ``moment``, whatever the hand meets. The place stays
@@ -57,9 +59,11 @@ class MovingWrist(ToGoals):
     at = -0.015, 0.105, -0.052
     """The grip in the hand frame [m]: the middle of a ball in the closed pose."""
 
-    def _make(self, title: str, drive: str, above: Sequence[float], goals: bool, **scene: Any) -> None:
+    def _make(self, title: str, drive: str, above: Sequence[float], goals: bool, synergy: bool, **scene: Any) -> None:
         """:param above: the grip's place at the start [m]. :param scene: options of `HandTask`, and keys of the scene"""
         data = data_path()
+        if flag("synergy", synergy) and drive != "targets":
+            raise input_error("synergy", f"True beside drive {drive}", "drive targets, or synergy False")
         if drive == "targets":
             scene["control"] = {"controller": str(data / "controllers/grasp.yaml"), "poses": str(data / "controllers/poses.yaml"),
                                 "program": "every_pose"}
@@ -70,8 +74,8 @@ class MovingWrist(ToGoals):
         names = [self.scene.coordinates[k].split(".") for k in self._driven]
         first, last = (np.radians([pose[joint][kind == "abduction"] for _, joint, kind in names]) for pose in (self.opened, self.closed))
         half = 0.5 * (last + [self.press * (kind == "flexion") for *_, kind in names] - first)
-        self._middle, self._half = first + half, np.where(half == 0, self.spread, half)
-        self.actions += 4
+        self._middle, self._half = first + half, np.where(half == 0, 0 if synergy else self.spread, half)
+        self.actions = 4 + (1 if synergy else self.actions)
         carried = []
         for each in self.people or [self.scene]:
             one = Simulation(each)
@@ -159,17 +163,25 @@ class MovingWrist(ToGoals):
 
 
 class Relocate(MovingWrist):
-    """The hand reaches for a ball that lies on the ground, grasps and lifts it, and holds it at a place in the air.
+    """The hand reaches for a ball that lies on the ground, grasps and lifts it, and holds it at a place in the air; or, with
+    ``put_down=True``, puts it down at a place on the ground and lets go.
 
     The ball (70 mm, 150 g) lies up to 40 mm from the middle; its place is up to 0.15 m beside it and 0.08 to 0.2 m above the
     ground, both drawn for each episode. The hand begins with open fingers, palm down, 0.1 m above the middle; `MovingWrist` says
     what moves it. Action by targets: 4 of the wrist, then 20 of joints, -1 opens and 1 closes; torques and excitations as
     `HandTask`. Observation: q, u, wrist, fingertips, normal force and number of contact points of palm and fingers with ball and
     ground, the ball's pose and velocity, what the drive holds, place of the wrist less the grip [dm] and its angle, ball less grip
-    [dm], and place less ball [m]. Reward of a step (20 ms): minus the distances of ball and grip [dm] and of ball and place [dm], while thumb and a finger
-    touch it 0.5 and the ball's height above the ground [dm], at most 1, 1 within 25 mm of the place, minus 0.01 times the mean square of the
-    action (of the excitation); 100 on success, after five steps in a row within 25 mm of the place; 10 less for a ball that is lost, 0.4 m from
-    the middle. Truncated after 150 steps.
+    [dm], and place less ball [m]. Reward of a step (20 ms): what it gains of a worth (`ToGoals`), minus 5 times the distance of ball and
+    grip [dm], minus 10 times that of ball and place [dm], 2 and 5 times the ball's height above the ground [dm], at most 5, while thumb
+    and a finger touch it, 2 for each step in a row within 25 mm of the place; minus 0.01 times the mean square of the action (of the
+    excitation); 20 on success, after five steps in a row within 25 mm of the place; 10 less for a ball that is lost, 0.4 m from the
+    middle. Truncated after 150 steps.
+
+    ``put_down``: the place is on the ground, 0.08 to 0.15 m from where the ball lies. Success is five steps in a row in which the ball
+    lies within 35 mm of it, slower than 50 mm/s, and nothing of the hand touches it, once thumb and a finger have had it 15 mm above the
+    ground: a ball that is pushed there does not count. That it has been lifted is observed, too (0 or 1, before the last three numbers),
+    and worth what it was worth to be held at 0.1 m; within 35 mm of the place the distance of ball and grip counts no more, and a ball
+    that nothing touches there is worth 5. It does not go with ``goals``.
     """
 
     max_steps = 150
@@ -180,11 +192,19 @@ class Relocate(MovingWrist):
     """Of the ball, how far it lies from the middle; its place from there, and above the ground [m]."""
     far = 0.4
     """Where the ball is lost [m]."""
+    lifting, slow, beside = 0.015, 0.05, (0.08, 0.15)
+    """Of a ball that is put down: its height once [m], its speed at the end [m/s], the place from where it lay [m]."""
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, vary: Vary = None, variants: int = 16, goals: bool = False,
-                 taxels: bool = False) -> None:
-        """As `HandTask`, and `Reach` for ``goals``: the ball's place [m]."""
-        self._make("a hand takes a ball to its place", drive, (0, 0, self.radius + 0.1), goals, persons=persons, vary=vary, variants=variants, taxels=taxels,
+                 taxels: bool = False, synergy: bool = False, put_down: bool = False) -> None:
+        """As `HandTask`, `Reach` for ``goals``, which are the ball's place [m], and `MovingWrist` for ``synergy``."""
+        self.put_down = flag("put_down", put_down)
+        if put_down:
+            if goals:
+                raise input_error("put_down", "True beside goals", "one of both: letting go is no matter of the ball's place")
+            self.near = self.radius
+        self._lifted = np.empty(0, bool)
+        self._make("a hand takes a ball to its place", drive, (0, 0, self.radius + 0.1), goals, synergy, persons=persons, vary=vary, variants=variants, taxels=taxels,
                    effects=["ground_contact"], ground={"height": 0, "friction": 0.8}, contacts={
                        "materials": [{"name": "pad", "file": str(data_path() / "handmodels/finger_pad.yaml"), "spinning_friction": 0}],
                        "rules": [{"between": ["hands", "objects"], "material": "pad"}, {"between": ["hands", "ground"]},
@@ -194,7 +214,7 @@ class Relocate(MovingWrist):
                    pictures={"size": [480, 480], "camera": {"position": [-0.75, 0.5, 0.45], "target": [0, 0, 0.12],
                                                             "field_of_view": "34 deg"}})
         columns = Batch(self.scene, 1, observe=["contact_pairs"]).columns
-        self._points = [columns.index(f"right.{finger}-ball.points") for finger in ("thumb", "index", "middle", "ring", "little")]
+        self._points = [columns.index(f"right.{part}-ball.points") for part in ("thumb", "index", "middle", "ring", "little", "palm")]
 
     def prepare(self, batch: Batch, rows: Sequence[int], randoms: Sequence[np.random.Generator]) -> None:
         places = batch.get("objects.0.position")
@@ -202,8 +222,18 @@ class Relocate(MovingWrist):
             places[i, :2] = randoms[i].uniform(-self.lies, self.lies, 2)
         batch.set("objects.0.position", places)
 
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        if len(self._lifted) != len(batch):
+            self._lifted = np.zeros(len(batch), bool)
+        self._lifted[mask] = False
+        super().begin(batch, mask, random)
+
     def draw_goals(self, batch: Batch, mask: Mask, random: np.random.Generator) -> Array:
         count = int(mask.sum())
+        if self.put_down:
+            angle, apart = random.uniform(0, 2 * np.pi, count), random.uniform(*self.beside, count)
+            lies = batch["objects"][mask, :2]
+            return np.column_stack([lies[:, 0] + apart * np.cos(angle), lies[:, 1] + apart * np.sin(angle), np.full(count, self.radius)])
         return np.column_stack([random.uniform(-self.aside, self.aside, (count, 2)), random.uniform(*self.up, count)])
 
     def achieved(self, batch: Batch) -> Array:
@@ -213,12 +243,17 @@ class Relocate(MovingWrist):
         return self.achieved(batch) - self.grip(batch)
 
     def seen(self, batch: Batch) -> Array:
-        return np.hstack([super().seen(batch), 10 * self._to_ball(batch)])
+        more = [self._lifted[:, np.newaxis]] if self.put_down else []
+        return np.hstack([super().seen(batch), 10 * self._to_ball(batch), *more])
+
+    def _touched(self, batch: Batch) -> Mask:
+        """By thumb, fingers and palm, shape (n, 6)."""
+        return np.asarray(batch["contact_pairs"][:, self._points] > 0)
 
     def held(self, batch: Batch) -> Mask:
         """Shape (n,): thumb and a finger touch the ball."""
-        touched = batch["contact_pairs"][:, self._points] > 0
-        return np.asarray(touched[:, 0] & touched[:, 1:].any(axis=1))
+        touched = self._touched(batch)
+        return np.asarray(touched[:, 0] & touched[:, 1:5].any(axis=1))
 
     def height(self, batch: Batch) -> Array:
         """Of the ball above the ground [m], shape (n,)."""
@@ -227,9 +262,24 @@ class Relocate(MovingWrist):
     def is_lost(self, batch: Batch) -> Mask:
         return np.asarray(np.linalg.norm(self.achieved(batch)[:, :2], axis=1) > self.far)
 
-    def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
-        return {"reach": -10 * np.linalg.norm(self._to_ball(batch), axis=1), "distance": -10 * self.distance(batch),
-                "held": self.held(batch) * (0.5 + 10 * np.clip(self.height(batch), 0, 0.1)), "near": 1.0 * self._at_goal(batch)}
+    def counts(self, batch: Batch) -> Mask:
+        if not self.put_down:
+            return super().counts(batch)
+        slow = np.linalg.norm(batch["objects"][:, 7:10], axis=1) < self.slow
+        return np.asarray(self._lifted & slow & ~self._touched(batch).any(axis=1))
+
+    def terms(self, batch: Batch, action: Array) -> dict[str, Array]:
+        self._lifted |= self.held(batch) & (self.height(batch) > self.lifting)
+        return super().terms(batch, action)
+
+    def worth(self, batch: Batch) -> dict[str, Array]:
+        reach, held = -50 * np.linalg.norm(self._to_ball(batch), axis=1), self.held(batch) * (2 + 50 * np.clip(self.height(batch), 0, 0.1))
+        out = {"reach": reach, "distance": -100 * self.distance(batch), "held": held}
+        if self.put_down:
+            there = self._lifted & (self.distance(batch) < self.near)
+            out["reach"], out["held"] = np.where(there, 0, reach), np.where(self._lifted, 7.0, held)
+            out["let_go"] = 5.0 * (there & ~self._touched(batch).any(axis=1))
+        return out
 
 
 class Bottle(MovingWrist):
@@ -240,10 +290,10 @@ class Bottle(MovingWrist):
     fingers, palm down, 40 mm above the cap; `MovingWrist` says what moves it. Action by targets: 4 of the wrist, then 20 of
     joints, -1 opens and 1 closes; torques and excitations as `HandTask`. Observation: q and u, the last one's the cap's, wrist,
     fingertips, force and number of contact points of palm and fingers, what the drive holds, place of the wrist less the grip [dm]
-    and its angle, cap less grip [dm], and the angle that is missing [rad]. Reward of a step (20 ms): minus the distance of cap and
-    grip [dm], minus the missing angle [rad], ten times what a cap that thumb and a finger touch has turned on [rad], 1 within
-    0.1 rad of the goal, minus 0.01 times the mean square of the action (of the excitation); 100 on success, after five steps in a row
-    within 0.1 rad. Truncated after 150 steps.
+    and its angle, cap less grip [dm], and the angle that is missing [rad]. Reward of a step (20 ms): what it gains of a worth
+    (`ToGoals`), minus 10 times the distance of cap and grip [dm], minus 10 times the missing angle [rad], 2 while thumb and a finger touch
+    something, 2 for each step in a row within 0.1 rad of the goal; minus 0.01 times the mean square of the action (of the excitation); 20
+    on success, after five steps in a row within 0.1 rad. Truncated after 150 steps.
     """
 
     max_steps = 150
@@ -257,11 +307,11 @@ class Bottle(MovingWrist):
     """Rate of the full drag [rad/s]."""
 
     def __init__(self, *, drive: str = "targets", persons: int = 0, vary: Vary = None, variants: int = 16, goals: bool = False,
-                 taxels: bool = False) -> None:
-        """As `HandTask`, and `Reach` for ``goals``: the cap's angle [rad]."""
+                 taxels: bool = False, synergy: bool = False) -> None:
+        """As `HandTask`, `Reach` for ``goals``, which are the cap's angle [rad], and `MovingWrist` for ``synergy``."""
         centre = [0.0, 0.0, self.height]
         torque = {} if drive == "targets" else {"torque": 1e-9}  # an effect needs something that acts; the drag is the task's
-        self._make("a hand unscrews a cap", drive, (0, 0, self.height + 0.046), goals, persons=persons, vary=vary, variants=variants,
+        self._make("a hand unscrews a cap", drive, (0, 0, self.height + 0.046), goals, synergy, persons=persons, vary=vary, variants=variants,
                    taxels=taxels, effects=["actuation"],
                    bodies=[{"name": "cap", "mass": "60 g", "inertia": [2e-4, 2e-4, 2e-4], "position": centre, "collides": True,
                             "friction": 0.8, "shape": {"kind": "cylinder", "radius": "30 mm", "length": "16 mm"}}],
@@ -273,12 +323,12 @@ class Bottle(MovingWrist):
                                                             "field_of_view": "28 deg"}})
         columns = Batch(self.scene, 1, observe=["finger_contacts"]).columns
         self._points = [columns.index(f"right.{finger}.points") for finger in ("thumb", "index", "middle", "ring", "little")]
-        self._drag, self._before = np.empty(0), np.empty(0)
+        self._drag = np.empty(0)
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
         if len(self._drag) != len(batch):
-            self._drag, self._before = np.zeros(len(batch)), np.zeros(len(batch))
-        self._drag[mask], self._before[mask] = random.uniform(*self.drags, int(mask.sum())), 0
+            self._drag = np.zeros(len(batch))
+        self._drag[mask] = random.uniform(*self.drags, int(mask.sum()))
         super().begin(batch, mask, random)
 
     def acts(self, batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -298,9 +348,7 @@ class Bottle(MovingWrist):
     def seen(self, batch: Batch) -> Array:
         return np.hstack([super().seen(batch), 10 * self._to_cap(batch)])
 
-    def shaped(self, batch: Batch, action: Array) -> dict[str, Array]:
+    def worth(self, batch: Batch) -> dict[str, Array]:
         touched = batch["finger_contacts"][:, self._points] > 0
-        angle = batch.q[:, -1]
-        turned, self._before = np.where(touched[:, 0] & touched[:, 1:].any(axis=1), angle - self._before, 0.0), angle.copy()
-        return {"reach": -10 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -self.distance(batch), "turned": np.asarray(10.0 * turned, dtype=float),
-                "near": 1.0 * self._at_goal(batch)}
+        return {"reach": -100 * np.linalg.norm(self._to_cap(batch), axis=1), "angle": -10 * self.distance(batch),
+                "held": 2.0 * (touched[:, 0] & touched[:, 1:].any(axis=1))}
