@@ -11,6 +11,7 @@ import pytest
 
 import handsim as hs
 from handsim import _guess
+from handsim._conventions import POINT
 from handsim._live import measured
 from handsim._live.measured import Layout
 from handsim._live.streams import KEYPOINTS
@@ -232,13 +233,15 @@ def test_a_convention_is_fitted_to_a_tracker_that_is_not_listed(tmp_path):
     done = subprocess.run([sys.executable, "-m", "handsim", "track", "--convention-from", *map(str, files[:-1]), "--points", str(start), "--out", str(fitted)],
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    errors = {}
-    for name, convention in (("start", start), ("fitted", fitted)):
-        found = hs.study.track(files[-1], points=convention)
-        assert found.summary["hands"][0]["tracked"] == 90
-        errors[name] = np.degrees(np.sqrt(np.mean([(np.radians(found.tables["right"][axis]) - angles)**2 for axis, angles in truth.items()
-                                                   if axis in found.tables["right"]])))
-    assert errors["fitted"] < 3 and errors["fitted"] < 0.7 * errors["start"], errors
+    found = hs.study.track(files[-1], points=fitted)
+    assert found.summary["hands"][0]["tracked"] == 90
+    errors = [np.radians(found.tables["right"][axis]) - angles for axis, angles in truth.items() if axis in found.tables["right"]]
+    assert len(errors) > 15 and np.degrees(np.sqrt(np.mean(np.square(errors)))) < 3
+    # Where the points were put on the segments; those who are taken for the survey's mean are not it, and their bones not the model's.
+    places = {row[2]: [float(x) for x in row[4].split(",")] for row in map(POINT.fullmatch, fitted.read_text().splitlines()) if row}
+    for finger in ("index", "middle", "ring", "little"):
+        assert places[f"{finger}_b"][1] == pytest.approx(0.25, abs=0.1) and places[f"{finger}_c"][1] == pytest.approx(0.9, abs=0.1), places
+    assert places["back"][2] == pytest.approx(0.6, abs=0.15)
 
 
 # Oracle: `track` of the same frames. What `live` has measured of a hand is what `track` measures, and both say the same of it.
@@ -255,7 +258,8 @@ def test_live_measures_and_says_what_track_does(keypoints, tmp_path, convention)
         assert live.state[key] == pytest.approx(person[key], abs=0.06)
     assert live.state["noise_mm"] == pytest.approx(study.summary["hands"][0]["noise_mm"], abs=0.006)
     said = [[each.partition(": ")[2] for each in warnings] for warnings in (live.warnings, study.summary["warnings"])]
-    assert said[0] == said[1] != []
+    # The wrist point that is off is said where no convention has it.
+    assert said[0] == said[1] and bool(said[0]) == (convention is None)
 
 
 @pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")

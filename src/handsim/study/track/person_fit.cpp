@@ -49,6 +49,12 @@ std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
   return out;
 }
 
+/// Length of the hand by the tracker's own bones [m], and its relative deviation, with what bones vary in the
+/// mean.
+struct Told {
+  double length, spread;
+};
+
 /// Normal equations of the sizes, with the poses eliminated.
 struct Normal {
   Eigen::MatrixXd matrix;
@@ -128,9 +134,9 @@ class Fit {
       matrix.diagonal() += prior;
       Eigen::VectorXd right = normal.right / variance + prior.cwiseProduct(unknowns_.expected - now_);
       if (told_) {
-        const double sure = 1 / (kOwnBones * *told_ * kOwnBones * *told_);
-        matrix(0, 0) += sure;
-        right[0] += sure * (*told_ - now_[0]);
+        const double deviation = told_->spread * told_->length;
+        matrix(0, 0) += 1 / (deviation * deviation);
+        right[0] += (told_->length - now_[0]) / (deviation * deviation);
       }
       const Eigen::LDLT<Eigen::MatrixXd> factor(matrix);
       Eigen::VectorXd most = 0.1 * now_;
@@ -193,8 +199,9 @@ class Fit {
 
   /// The length of a hand whose bones, where a convention puts their ends, are as long in sum as those that
   /// the tracker shows: the median over the frames of each. Postures do not change them, while the points of
-  /// a tracker whose joints lie elsewhere fit this hand better in some postures with another length.
-  std::optional<double> length_by_own_bones(PoseFit& fit) const {
+  /// a tracker whose joints lie elsewhere fit this hand better in some postures with another length. Bones
+  /// that vary are less sure: their ends are on the segments of this hand, or noise.
+  std::optional<Told> length_by_own_bones(PoseFit& fit) const {
     const std::vector<Feature>& features = fit.features();
     std::vector<double> angles;
     for (const TreeAxis& axis : fit.tree().axes()) angles.push_back(std::clamp(0.0, axis.low, axis.high));
@@ -202,7 +209,7 @@ class Fit {
     tree.place(angles);
     const std::size_t first_of_palm = as_index(
         std::ranges::find_if(features, [](const Feature& each) { return !each.segment; }) - features.begin());
-    double expected = 0, measured = 0;
+    double expected = 0, measured = 0, varied = 0;
     for (std::size_t i = 0; i < features.size(); ++i) {
       // Points of the palm are joined to the first of them.
       const std::size_t from = features[i].from.value_or(first_of_palm);
@@ -214,9 +221,13 @@ class Fit {
             lengths.push_back((*each.frame[i].point - *each.frame[from].point).norm());
       if (lengths.empty()) continue;
       expected += (tree.point(features[i]) - tree.point(features[from])).norm();
-      measured += median(lengths);
+      const double usual = median(lengths);
+      measured += usual;
+      for (double& length : lengths) length = std::abs(length - usual);
+      varied += 1.48 * median(std::move(lengths));  // a normal deviation
     }
-    return expected > 0 ? std::optional(unknowns_.size.length * measured / expected) : std::nullopt;
+    if (!(measured > 0)) return std::nullopt;
+    return Told{unknowns_.size.length * measured / expected, std::hypot(kOwnBones, varied / measured)};
   }
 
   /// Residuals of features in the axes of the hand frame.
@@ -268,7 +279,7 @@ class Fit {
   Unknowns unknowns_;
   Eigen::VectorXd now_, left_;  ///< left_: variance over that before
   double noise_ = 0;
-  std::optional<double> told_;  ///< length by the tracker's own bones [m]
+  std::optional<Told> told_;
   std::vector<std::vector<Used>> used_;
 };
 
