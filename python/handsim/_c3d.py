@@ -1,4 +1,4 @@
-"""A recording of markers in C3D as the table that `handsim track` reads.
+"""A recording of markers and rigid bodies in C3D as the table that `handsim track` reads.
 
 ezc3d reads the file (pip install ezc3d); it is needed for this alone.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -21,7 +22,14 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
+from ._model import quaternion_of
 
+OBJECT = "object."
+"""Before the name of a rigid body in the columns of a table, and in a file of names."""
+TURNS = {"z": np.eye(3), "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])}
+"""Of the file's axes into axes of which z points up, by the axis that points up in the file."""
+ROTATION = 1e-3
+"""Difference of a matrix times its transpose from 1 beyond which it is no rotation."""
 UNITS = {"mm": "mm", "millimeter": "mm", "millimeters": "mm", "m": "m", "meter": "m", "meters": "m", "cm": "cm"}
 
 
@@ -71,7 +79,11 @@ try:
     labels = [each for name in ["LABELS", *(f"LABELS{i}" for i in range(2, 10))] for each in text(name)]
     rate = point["RATE"]["value"] if "RATE" in point else [0.0]
     found = {"rate": float(rate[0]), "first": int(file["header"]["points"]["first_frame"]), "labels": labels, "units": text("UNITS"), "screen": text("Y_SCREEN")}
-    np.savez(out, data=data, residuals=np.asarray(file["data"]["meta_points"]["residuals"], dtype=float)[0], found=json.dumps(found))
+    bodies, group = np.zeros((4, 4, 0, 0)), file["parameters"]["ROTATION"] if "ROTATION" in file["parameters"] else {}
+    if "rotations" in file["data"]:
+        bodies = np.asarray(file["data"]["rotations"], dtype=float)
+    found["bodies"] = [str(each).strip() for name in ["LABELS", *(f"LABELS{i}" for i in range(2, 10))] if name in group for each in group[name]["value"]]
+    np.savez(out, data=data, bodies=bodies, residuals=np.asarray(file["data"]["meta_points"]["residuals"], dtype=float)[0], found=json.dumps(found))
 except (RuntimeError, OSError, ValueError, KeyError, IndexError, TypeError, MemoryError) as error:
     sys.exit((str(error).splitlines() or [type(error).__name__])[0][:200])
 """
@@ -90,6 +102,9 @@ class Read(NamedTuple):
     labels: list[str]
     units: str
     screen: str
+    bodies: NDArray[np.float64]
+    """Rotation and place of each rigid body, shape (4, 4, bodies, frames)."""
+    body_labels: list[str]
 
 
 def _read(path: str) -> Read:
@@ -109,10 +124,10 @@ def _read(path: str) -> Read:
         if not os.path.isfile(out):
             raise input_error(path, "a file that ezc3d cannot read (it gave nothing)", "a whole C3D file")
         with np.load(out) as arrays:
-            data, residuals, found = arrays["data"], arrays["residuals"], json.loads(str(arrays["found"]))
+            data, residuals, bodies, found = arrays["data"], arrays["residuals"], arrays["bodies"], json.loads(str(arrays["found"]))
     labels = [_text(each) for each in found["labels"]]
     return Read(data, residuals, found["rate"], found["first"], (labels + [""] * data.shape[1])[:data.shape[1]], "".join(found["units"][:1]),
-                "".join(found["screen"][:1]))
+                "".join(found["screen"][:1]), bodies, [_text(each) for each in found["bodies"]])
 
 
 def _text(label: str) -> str:
@@ -124,8 +139,12 @@ def _text(label: str) -> str:
         return data.decode("latin-1")
 
 
-def _channels(labels: Sequence[str], names: Optional[dict[str, str]], path: str) -> dict[str, int]:
-    """Index of the point of each channel. A label may have its subject before a colon. :raises Error: of kind input"""
+def _channels(labels: Sequence[str], names: Optional[dict[str, str]], bodies: Sequence[str], path: str) -> dict[str, int]:
+    """Index of the point of each channel. A label may have its subject before a colon.
+
+    :param bodies: labels of rigid bodies, which a file of names may have, too
+    :raises Error: of kind input
+    """
     out: dict[str, int] = {}
     short = [label.rpartition(":")[2] for label in labels]
     used: set[str] = set()
@@ -140,9 +159,9 @@ def _channels(labels: Sequence[str], names: Optional[dict[str, str]], path: str)
         if name in out:
             raise input_error(path, f"two points that are {name}", "each name once, by --names")
         out[name] = i
-    wrong = [label for label in names or {} if label not in used]
+    wrong = [label for label in names or {} if label not in used and label not in bodies]
     if wrong:
-        known = ", ".join(each for each in labels if each)
+        known = ", ".join(each for each in (*labels, *bodies) if each)
         raise input_error("--names", ", ".join(wrong[:10]), f"labels of {path}: {known[:600]}")
     return out
 
@@ -176,6 +195,36 @@ def _stated_frames(path: str) -> int:
     return int(last) - int(first) + 1
 
 
+def _body_columns(read: Read, names: Optional[dict[str, str]], up: str, unit: str, path: str) -> tuple[list[str], NDArray[np.float64]]:
+    """Columns of rigid bodies, as of objects. :raises Error: of kind input"""
+    count, frames = read.bodies.shape[2], read.data.shape[2]
+    labels = (read.body_labels + [""] * count)[:count]
+    if count == 0 or not any(labels):
+        return [], np.zeros((frames, 0))
+    # A whole number of samples may belong to each frame of the points.
+    each = read.bodies.shape[3] // frames
+    if read.bodies.shape[:2] != (4, 4) or each < 1 or read.bodies.shape[3] != each * frames:
+        raise input_error(path, f"rotations of shape {read.bodies.shape} beside {frames} frames", "a 4 x 4 matrix of each rigid body in each frame")
+    columns: list[str] = []
+    out = []
+    for label, matrices in zip(labels, read.bodies[..., ::each].transpose(2, 3, 0, 1)):
+        if not label:
+            continue
+        name = re.sub(r"[^\w-]", "_", (names or {}).get(label, label.rpartition(":")[2]).removeprefix(OBJECT))
+        parts = [f"{OBJECT}{name}.{part}" for part in (*(f"{axis}[{unit}]" for axis in "xyz"), "qw", "qx", "qy", "qz")]
+        if parts[0] in columns:
+            raise input_error(path, f"two rigid bodies that are {name}", "each name once, by --names")
+        columns += parts
+        rows = np.full((frames, 7), np.nan)
+        for row, matrix in zip(rows, matrices):
+            axes, place = matrix[:3, :3], matrix[:3, 3]
+            # One that was not seen is NaN, or no rotation.
+            if np.isfinite(matrix[:3]).all() and np.abs(axes @ axes.T - np.eye(3)).max() < ROTATION and np.linalg.det(axes) > 0:
+                row[:3], row[3:] = TURNS[up] @ place, quaternion_of(TURNS[up] @ axes)
+        out.append(rows)
+    return columns, np.concatenate(out, axis=1)
+
+
 def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str] = None) -> tuple[list[str], NDArray[np.float64]]:
     """Columns and rows as `handsim track` reads them from CSV. :raises Error: of kind input"""
     if importlib.util.find_spec("ezc3d") is None:
@@ -183,7 +232,8 @@ def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str
     if not Path(path).is_file():
         raise input_error(path, "no file", "a recording")
     stated = _stated_frames(path)
-    data, residuals, rate, first, labels, units, screen = _read(path)
+    read = _read(path)
+    data, residuals, rate, first, labels, units, screen = read[:7]
     if data.ndim != 3 or data.shape[0] < 3 or residuals.shape != data.shape[1:]:
         raise input_error(path, f"points of shape {data.shape}", "x, y and z of each point and frame")
     if data.shape[2] < stated:
@@ -193,7 +243,7 @@ def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str
     if data.shape[1] == 0 or data.shape[2] == 0:
         raise input_error(path, f"{data.shape[1]} points in {data.shape[2]} frames", "one point and one frame at least")
     unit, up = _unit_of(units, path), _up_of(screen, up, path)
-    channels = _channels(labels, names, path)
+    channels = _channels(labels, names, read.body_labels, path)
     if not channels:
         raise input_error(path, "no label of a point", "labels in POINT:LABELS")
     places = data[:3].transpose(2, 1, 0)
@@ -201,12 +251,13 @@ def table_of(path: str, names: Optional[dict[str, str]] = None, up: Optional[str
     places = np.where((residuals.T[:, :, None] < 0) | ~places.any(axis=2, keepdims=True), np.nan, places)
     if up == "y":
         places = np.stack((places[..., 0], -places[..., 2], places[..., 1]), axis=-1)
+    bodies, poses = _body_columns(read, names, up, unit, path)
     if unit == "cm":
         places, unit = places / 100, "m"
     rows = places[:, list(channels.values())].reshape(len(places), -1)
     times = (first + np.arange(len(places))) / rate
     columns = ["time[s]", *(f"{name}.{axis}[{unit}]" for name in channels for axis in "xyz")]
-    return columns, np.concatenate((times[:, None], rows), axis=1)
+    return columns + bodies, np.concatenate((times[:, None], rows, poses), axis=1)
 
 
 @contextmanager

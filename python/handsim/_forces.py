@@ -65,6 +65,8 @@ class Asked(NamedTuple):
     draws: int = 0
     """Of what is uncertain; 0: no bands."""
     seed: int = 1
+    weighed: bool = True
+    """False: nobody knows the mass; forces are those of an object of 1 kg."""
 
 
 class HandMotion(NamedTuple):
@@ -130,6 +132,8 @@ class Result(NamedTuple):
     """About joint axes, of the forces on the object alone [N m]."""
     effort: Array
     """Largest share of the strength about an axis that its torque takes, by hand."""
+    heaviest: Array
+    """Mass of the object up to which the strength about every axis suffices [kg]; NaN where nothing presses."""
     muscles: list[str]
     activation: Array
     activation_bands: Optional[Array]
@@ -444,7 +448,7 @@ def draws_of(asked: Asked, keys: Sequence[int]) -> list[Draw]:
     for i in range(asked.draws):
         friction = max(0.1, asked.friction + asked.friction_spread * random.normal())
         margin = max(1.0, MARGIN * math.exp(MARGIN_SPREAD * random.normal()))
-        out.append(Draw(friction, margin, 1 + MASS_SPREAD * random.normal(),
+        out.append(Draw(friction, margin, 1 + (MASS_SPREAD if asked.weighed else 0) * random.normal(),
                         {key: math.exp(SHARING_SPREAD * random.normal()) for key in keys}, np.exp(FINGER_SPREAD * random.normal(size=8)),
                         asked.seed + 1000 + i))
     return out
@@ -457,7 +461,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     state = np.zeros(count, dtype=np.intp)
     normal, force, centre = np.zeros((count, n)), np.zeros((count, n, 3)), np.full((count, n, 3), np.nan)
     gap, residual, torque = np.full((count, n), np.nan), np.zeros((count, 6)), np.full((count, total), np.nan)
-    pressing, effort = np.zeros((count, total)), np.full((count, len(of.motions)), np.nan)
+    pressing, effort, heaviest = np.zeros((count, total)), np.full((count, len(of.motions)), np.nan), np.full(count, np.nan)
     activation = np.full((count, pulls if asked.muscles else 0), np.nan)
     load, touch_ = of.load.copy(), np.zeros((count, n), dtype=bool)
     shapes = [1000 * k + i for k, each in enumerate(hands.shapes) for i in range(len(each.names))]
@@ -521,6 +525,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
             pressing[row] = np.einsum("nkc,nk->c", frame.jacobians, shared.force)
             torque[row] = _torques(hands, bodies[i], frame, shared)
             effort[row] = _efforts(hands, bodies[i], torque[row])
+            heaviest[row] = of.thing.mass * _heaviest(hands, bodies[i], torque[row], pressing[row])
             if asked.muscles:
                 activation[row] = np.minimum(shared.activation, 1)
             near = bool(frame.on.any())
@@ -551,7 +556,7 @@ def solve(of: Solver, told: Optional[Callable[[float], object]] = None) -> Resul
     by_finger = np.zeros((count, len(of.fingers)))
     np.add.at(by_finger.T, of.finger, normal.T)
     return Result(of.times, of.thing.mass, state, of.of.wrench, of.of.unsure, np.nan_to_num(load), residual, of.segments, normal, force, centre, used, gap, touch_,
-                  of.fingers, by_finger, bands, hands.axes, torque, torque_bands, pressing, effort, hands.muscles if asked.muscles else [], activation,
+                  of.fingers, by_finger, bands, hands.axes, torque, torque_bands, pressing, effort, heaviest, hands.muscles if asked.muscles else [], activation,
                   activation_bands, of.of.motion, of.of.places, np.zeros(count), of.noise, of.reach, of.ground)
 
 
@@ -566,17 +571,36 @@ def _torques(hands: _Hands, bodies: Sequence[Optional[_Body]], frame: _Frame, sh
     return out
 
 
+def _strength(body: _Body, hand: Hand, along: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """What all muscles about an axis give, the way that a torque acts, and the axes that count: not those of the wrist."""
+    strength = np.where(along > 0, np.maximum(body.active, 0).sum(axis=1), np.maximum(-body.active, 0).sum(axis=1))
+    return strength, np.array([not name.startswith("wrist") for name in hand.coordinates]) & (strength > 1e-3)
+
+
 def _efforts(hands: _Hands, bodies: Sequence[Optional[_Body]], torque: Array) -> Array:
-    """Largest share of what all muscles about an axis give that its torque takes, by hand; the wrist does not count."""
+    """Largest share of what all muscles about an axis give that its torque takes, by hand."""
     out = np.full(len(bodies), np.nan)
     for k, body in enumerate(bodies):
         if body is None or not body.active.shape[1]:
             continue
         active = torque[int(hands.starts[k]):int(hands.starts[k + 1])] - body.passive
-        strength = np.where(active > 0, np.maximum(body.active, 0).sum(axis=1), np.maximum(-body.active, 0).sum(axis=1))
-        counts = np.array([not name.startswith("wrist") for name in hands.hands[k].hand.coordinates]) & (strength > 1e-3)
+        strength, counts = _strength(body, hands.hands[k].hand, active)
         out[k] = float((np.abs(active) / np.maximum(strength, 1e-3))[counts].max(initial=0))
     return out
+
+
+def _heaviest(hands: _Hands, bodies: Sequence[Optional[_Body]], torque: Array, pressing: Array) -> float:
+    """Factor on the forces on the object up to which muscles give the torques; NaN where no torque comes of them."""
+    out = np.inf
+    for k, body in enumerate(bodies):
+        if body is None or not body.active.shape[1]:
+            continue
+        rows = slice(int(hands.starts[k]), int(hands.starts[k + 1]))
+        own, pressed = torque[rows] - pressing[rows] - body.passive, pressing[rows]
+        strength, counts = _strength(body, hands.hands[k].hand, pressed)
+        counts &= np.abs(pressed) > 1e-9
+        out = min(out, float(((strength - np.sign(pressed) * own)[counts] / np.abs(pressed[counts])).min(initial=np.inf)))
+    return max(out, 0.0) if np.isfinite(out) else np.nan
 
 
 def _drawn(of: Solver, frames: Sequence[Optional[_Frame]], draws: Sequence[Draw], solved: Any,

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 
 from . import _core, _forces, _forces_files, _forces_page, _replay, _track
+from ._c3d import is_c3d
 from ._errors import Error, input_error
 from ._hand import Hand
 from ._model import compose
@@ -18,6 +19,10 @@ from ._shipped import data_path
 from ._study_files import real_of, whole_option
 
 SUPPORTS = ("table", "post", "none")
+FREE = "free"
+"""In place of a mass that nobody knows."""
+LIGHTEST, HEAVIEST = 1e-3, 200.0
+"""Masses of objects [kg]."""
 UP = re.compile(r"^ *up: *(-?y|z)\b", re.MULTILINE)
 FROM_Y = {"y": np.array([0, 0, 0, np.sqrt(0.5), np.sqrt(0.5), 0, 0]), "-y": np.array([0, 0, 0, np.sqrt(0.5), -np.sqrt(0.5), 0, 0])}
 """The world of a recording whose y axis points up, or down."""
@@ -35,7 +40,7 @@ class Request(NamedTuple):
 
 def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
     """Of the command's options; None without an object. :raises Error: of kind input"""
-    others = [name for name in ("--friction", "--support", "--uncertain", "--muscles", "--replay") if name in options]
+    others = [name for name in ("--friction", "--support", "--uncertain", "--muscles", "--replay", "--mass") if name in options]
     if "--object" not in options:
         if others:
             raise input_error(others[0], "no object", "--object NAME=FILE beside it")
@@ -45,18 +50,25 @@ def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
     # A friction that was measured is known to a tenth.
     spread = 0.1 * friction if "--friction" in options else _forces.FRICTION_SPREAD
     draws = whole_option(options, "--uncertain", 2, 1000) or 0
-    return of_words(options["--object"], recording, _forces.Asked(friction, spread, support, "--muscles" in options, draws,
-                                                                  whole_option(options, "--seed", 0, 2**32 - 1) or 1), "--replay" in options)
-
-
-def of_words(word: str, recording: Path, asked: _forces.Asked, replay: bool = False) -> Request:
-    """:param word: NAME=FILE"""
-    thing = read_object(word)
-    return Request(thing, read_courses(recording, [thing.name])[thing.name], asked, replay)
+    thing = read_object(options["--object"])
+    weighed, mass = options.get("--mass") != FREE, None
+    if "--mass" in options:
+        mass = _core.parse_mass(options["--mass"]) if weighed else 1.0
+        if mass is None or not LIGHTEST <= mass <= HEAVIEST:
+            raise input_error("--mass", options["--mass"], f'a mass such as "350 g", {LIGHTEST:g} to {HEAVIEST:g} kg, or {FREE} for one that nobody knows')
+    beside = [name for name in ("--muscles", "--replay") if name in options]
+    if not weighed and beside:
+        raise input_error(beside[0], f"--mass {FREE} beside it", "a mass: what muscles do and whether an object is held depends on it")
+    labels = options.get("--names")
+    course = read_courses(recording, [thing.name], None if labels is None else Path(labels), options.get("--up"))[thing.name]
+    asked = _forces.Asked(friction, spread, support, "--muscles" in options, draws, whole_option(options, "--seed", 0, 2**32 - 1) or 1, weighed)
+    return Request(thing if mass is None else thing.of_mass(mass), course, asked, "--replay" in options)
 
 
 def _upright(asked: _track.Asked, found: _track.Result, course: Course) -> Course:
-    """In a world whose z axis points up."""
+    """In a world whose z axis points up; the reader of C3D has turned it."""
+    if is_c3d(asked.recording):
+        return course
     file = asked.points or (data_path() / f"handmodels/points/{found.guess.name}.yaml" if found.guess.name else None)
     said = UP.search(file.read_text(encoding="utf-8")) if file else None
     up = asked.up or (said[1] if said else "z")

@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Sequence
+from typing import Any, Callable, Iterator, NamedTuple, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,10 @@ from ._study_files import json_file, number, origin, plain
 Array = NDArray[np.float64]
 NAMES = ["contact_forces.csv", "contact_forces.sto", "loads.csv", "object.csv", "torques.sto", "activations.sto", "forces.json", "forces.csv", "forces.gp", "forces.html",
          "finger_forces.png", "finger_forces.svg"]
+BLOCK = 2048
+"""Rows of a table."""
+FEW = 5.0
+"""Percent of the lifted frames: with so many the strength may be too little for the heaviest mass, as single frames are noise."""
 PARTS = ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz")
 
 
@@ -23,14 +27,26 @@ def _number(value: float) -> str:
     return "" if math.isnan(value) else f"{value:.6g}"
 
 
-def _table(times: Array, columns: Sequence[tuple[str, Sequence[str]]]) -> bytes:
-    head = ",".join(["time[s]", *(name for name, _ in columns)])
-    rows = zip([f"{time:.12g}" for time in times], *(values for _, values in columns))
-    return ("\n".join([head, *map(",".join, rows)]) + "\n").encode()
+class Column(NamedTuple):
+    """Of a table."""
+
+    name: str
+    values: NDArray[Any]
+    text: Callable[[Any], str] = _number
 
 
-def _texts(values: Array) -> list[str]:
-    return [_number(value) for value in values.tolist()]
+def _blocks(count: int) -> Iterator[slice]:
+    """Of rows whose text is in memory at once."""
+    for first in range(0, count, BLOCK):
+        yield slice(first, first + BLOCK)
+
+
+def _rows(times: Array, columns: Sequence[Column]) -> Iterator[bytes]:
+    """Text of a table, a block of rows after the other."""
+    yield (",".join(["time[s]", *(column.name for column in columns)]) + "\n").encode()
+    for rows in _blocks(len(times)):
+        texts = [map(column.text, column.values[rows].tolist()) for column in columns]
+        yield ("\n".join(map(",".join, zip((f"{time:.12g}" for time in times[rows]), *texts))) + "\n").encode()
 
 
 def touching(of: Result) -> list[int]:
@@ -38,48 +54,49 @@ def touching(of: Result) -> list[int]:
     return [i for i in range(len(of.segments)) if of.normal[:, i].max(initial=0) > 1e-3]
 
 
-def contact_table(of: Result) -> bytes:
+def contact_columns(of: Result) -> list[Column]:
     """A row for each frame: its state, the wrench, what is left of it, by finger normal forces with bands, by segment force, centre and friction."""
-    columns: list[tuple[str, Sequence[str]]] = [("state", [STATES[each] for each in of.state]), ("load", _texts(of.load))]
+    columns = [Column("state", of.state, STATES.__getitem__), Column("load", of.load)]
     for what, values in (("wrench", of.wrench), ("residual", of.residual)):
         for k, name in enumerate(("force.x[N]", "force.y[N]", "force.z[N]", "moment.x[N m]", "moment.y[N m]", "moment.z[N m]")):
-            columns.append((f"{what}.{name}", _texts(values[:, k])))
-    columns.append(("residual.share", _texts(of.share)))
+            columns.append(Column(f"{what}.{name}", values[:, k]))
+    columns.append(Column("residual.share", of.share))
     for i, finger in enumerate(of.fingers):
         if of.by_finger[:, i].max(initial=0) <= 1e-3:
             continue
-        columns.append((f"{finger}.normal[N]", _texts(of.by_finger[:, i])))
+        columns.append(Column(f"{finger}.normal[N]", of.by_finger[:, i]))
         if of.bands is not None:
-            columns += [(f"{finger}.normal.{word}[N]", _texts(of.bands[:, i, k])) for k, word in enumerate(("low", "high"))]
+            columns += [Column(f"{finger}.normal.{word}[N]", of.bands[:, i, k]) for k, word in enumerate(("low", "high"))]
     for i in touching(of):
         name = of.segments[i]
         if name not in of.fingers:  # the palm is a finger of its own
-            columns.append((f"{name}.normal[N]", _texts(of.normal[:, i])))
-        columns += [(f"{name}.force.{axis}[N]", _texts(of.force[:, i, k])) for k, axis in enumerate("xyz")]
-        columns += [(f"{name}.{axis}[m]", _texts(of.centre[:, i, k])) for k, axis in enumerate("xyz")]
-        columns += [(f"{name}.friction", _texts(of.used[:, i])), (f"{name}.gap[mm]", _texts(1e3 * of.gap[:, i]))]
-    return _table(of.times, columns)
+            columns.append(Column(f"{name}.normal[N]", of.normal[:, i]))
+        columns += [Column(f"{name}.force.{axis}[N]", of.force[:, i, k]) for k, axis in enumerate("xyz")]
+        columns += [Column(f"{name}.{axis}[m]", of.centre[:, i, k]) for k, axis in enumerate("xyz")]
+        columns += [Column(f"{name}.friction", of.used[:, i]), Column(f"{name}.gap[mm]", of.gap[:, i], lambda gap: _number(1e3 * gap))]
+    return columns
 
 
-def load_table(of: Result) -> bytes:
+def load_rows(of: Result) -> Iterator[bytes]:
     """The forces on the hands, for `handsim inverse --loads`. A segment without a force has a row of zero beside those with one."""
-    lines = ["time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]"]
-    for row, time in enumerate(of.times.tolist()):
-        for i in touching(of):
-            near = of.normal[max(0, row - 1):row + 2, i].max() > 1e-6
-            if near:
-                place = np.nan_to_num(of.centre[row, i])
-                lines.append(",".join([f"{time:.12g}", of.segments[i], *(f"{each:.7g}" for each in (*place, *-of.force[row, i]))]))
-    return ("\n".join(lines) + "\n").encode()
+    yield b"time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]\n"
+    touch = touching(of)
+    for rows in _blocks(len(of.times)):
+        lines = []
+        for row, time in enumerate(of.times[rows].tolist(), rows.start):
+            for i in touch:
+                if of.normal[max(0, row - 1):row + 2, i].max() > 1e-6:
+                    place = np.nan_to_num(of.centre[row, i])
+                    lines.append(",".join([f"{time:.12g}", of.segments[i], *(f"{each:.7g}" for each in (*place, *-of.force[row, i]))]) + "\n")
+        yield "".join(lines).encode()
 
 
-def object_table(name: str, of: Result) -> bytes:
+def object_columns(name: str, of: Result) -> list[Column]:
     poses = of.motion.poses
     moving = [("velocity", of.motion.velocity, "m/s"), ("angular_velocity", of.motion.turning, "rad/s"), ("acceleration", of.motion.acceleration, "m/s^2"),
               ("angular_acceleration", of.motion.turning_up, "rad/s^2")]
-    columns: list[tuple[str, Sequence[str]]] = [(f"object.{name}.{part}", [number(each) for each in poses[:, k].tolist()]) for k, part in enumerate(PARTS)]
-    columns += [(f"object.{name}.{what}.{axis}[{unit}]", _texts(values[:, k])) for what, values, unit in moving for k, axis in enumerate("xyz")]
-    return _table(of.times, columns)
+    columns = [Column(f"object.{name}.{part}", poses[:, k], number) for k, part in enumerate(PARTS)]
+    return columns + [Column(f"object.{name}.{what}.{axis}[{unit}]", values[:, k]) for what, values, unit in moving for k, axis in enumerate("xyz")]
 
 
 class Figures:
@@ -94,6 +111,8 @@ class Figures:
         held = of.normal.sum(axis=1) > 1e-6
         self.fingers = {finger: (float(of.by_finger[:, i].max()), float(of.by_finger[held, i].mean())) for i, finger in enumerate(of.fingers)
                         if held.any() and of.by_finger[:, i].max() > 1e-3}
+        strong = of.heaviest[lifted & np.isfinite(of.heaviest)]
+        self.heaviest = float(np.percentile(strong, FEW)) if len(strong) else math.nan
         self.effort = float(np.nanmax(of.effort)) if np.isfinite(of.effort).any() else math.nan
         inside = np.where(of.normal > 1e-6, of.gap, np.nan)
         self.deepest = -float(np.nanmin(inside)) if np.isfinite(inside).any() else math.nan
@@ -107,6 +126,12 @@ def margin(of: Result, asked: Asked) -> float:
     return asked.friction / float(np.nanmax(used)) if np.isfinite(used).any() and np.nanmax(used) > 0 else math.nan
 
 
+def strength_text(asked: Asked, figures: Figures) -> str:
+    if asked.weighed:
+        return f"effort {100 * figures.effort:.0f} % of the strength about an axis"
+    return f"the strength about the joint axes suffices up to {figures.heaviest:.2g} kg"
+
+
 def summary(thing: Thing, asked: Asked, of: Result, cpu: float, lifts: Sequence[dict[str, Any]]) -> str:
     figures = Figures(of)
     out: dict[str, Any] = {
@@ -114,14 +139,15 @@ def summary(thing: Thing, asked: Asked, of: Result, cpu: float, lifts: Sequence[
         "share_of_lifted_frames_with_residual_at_most_10_percent": figures.enough, "residual_share_rms": figures.residual,
         "wrench_deviation": of.unsure.tolist(), "object_noise_mm": 1e3 * of.motion.noise[0], "object_noise_deg": math.degrees(of.motion.noise[1]),
         "touches_within_mm": 1e3 * of.reach, "place_noise_mm": 1e3 * of.noise, "deepest_mm": 1e3 * figures.deepest, "frames_too_deep": figures.too_deep.tolist()[:1000],
-        "support_height_m": of.ground, "friction": asked.friction, "margin_against_slip": margin(of, asked), "effort": figures.effort,
+        "support_height_m": of.ground, "friction": asked.friction, "margin_against_slip": margin(of, asked),
+        "mass_is_known": asked.weighed, "effort": figures.effort if asked.weighed else None, "heaviest_kg": figures.heaviest,
         "fingers": {finger: {"peak_N": peak, "mean_N": mean} for finger, (peak, mean) in figures.fingers.items()}, "lifts": list(lifts), "cpu_s": cpu,
         "cpu_ms_per_frame": 1e3 * cpu / max(1, figures.frames), **origin()}
     return json_file({key: None if isinstance(value, float) and math.isnan(value) else value for key, value in out.items()})
 
 
 def _plot(of: Result) -> tuple[str, str, str]:
-    head = contact_table(of).partition(b"\n")[0].decode().split(",")
+    head = ["time[s]", *(column.name for column in contact_columns(of))]
     curves = []
     fingers = [finger for finger in of.fingers if f"{finger}.normal[N]" in head]
     inks = ("#1b6ca8", "#c8553d", "#3a7d44", "#8a5a9e", "#b5834f", "#4a4a4a")
@@ -143,9 +169,11 @@ def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path, lifts: 
     """:returns: False if gnuplot is missing or fails"""
     figures = Figures(of)
     rows = [f"{finger},{number(peak)},{number(mean)}\n" for finger, (peak, mean) in figures.fingers.items()]
-    for name, content in (("contact_forces.csv", contact_table(of)), ("loads.csv", load_table(of)), ("object.csv", object_table(thing.name, of)),
-                          ("forces.json", summary(thing, asked, of, cpu, lifts).encode()), ("forces.csv", ("finger,peak[N],mean[N]\n" + "".join(rows)).encode())):
-        _core.write_file(out / name, content)
+    for name, parts in (("contact_forces.csv", _rows(of.times, contact_columns(of))), ("loads.csv", load_rows(of)),
+                        ("object.csv", _rows(of.times, object_columns(thing.name, of)))):
+        _core.write_parts(out / name, parts)
+    for name, content in (("forces.json", summary(thing, asked, of, cpu, lifts)), ("forces.csv", "finger,peak[N],mean[N]\n" + "".join(rows))):
+        _core.write_file(out / name, content.encode())
     _core.write_motion(out / "contact_forces.sto", f"{thing.name}: normal forces [N]", of.fingers, False, len(of.times), of.times, of.by_finger)
     torque = np.isfinite(of.torque).all(axis=1)
     _core.write_motion(out / "torques.sto", f"{thing.name}: torques about the joint axes with the contacts [N m]", of.axes, False, int(torque.sum()),
@@ -160,7 +188,8 @@ def write(thing: Thing, asked: Asked, of: Result, cpu: float, out: Path, lifts: 
 
 def screen_text(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
     figures, counts = Figures(of), Figures(of).counts
-    out = (f"{thing.name}: {1e3 * of.mass:.4g} g, {figures.frames} frames: {counts['held']} held, {counts['supported']} on its support and touched, "
+    weight = f"{1e3 * of.mass:.4g} g" if asked.weighed else "of unknown mass, forces for each kilogram"
+    out = (f"{thing.name}: {weight}, {figures.frames} frames: {counts['held']} held, {counts['supported']} on its support and touched, "
            f"{counts['apart']} apart, {counts['short']} with too little contact, {counts['unseen']} unseen; noise {1e3 * of.motion.noise[0]:.2g} mm, "
            f"{math.degrees(of.motion.noise[1]):.2g} deg\n")
     if figures.lifted:
@@ -169,8 +198,7 @@ def screen_text(thing: Thing, asked: Asked, of: Result, cpu: float) -> str:
     for finger, (peak, mean) in figures.fingers.items():
         out += f"  {finger:<16} {peak:6.2f} N at most, {mean:6.2f} N in the mean\n"
     if figures.fingers:
-        out += (f"  margin against slip {margin(of, asked):.3g} with friction {asked.friction:g}; effort {100 * figures.effort:.0f} % "
-                "of the strength about an axis\n")
+        out += f"  margin against slip {margin(of, asked):.3g} with friction {asked.friction:g}; {strength_text(asked, figures)}\n"
     if len(figures.too_deep):
         first = ", ".join(f"{of.times[row]:.2f}" for row in figures.too_deep[:5])
         out += (f"  hand and object are more than twice their noise of {1e3 * of.noise:.1f} mm inside each other in {len(figures.too_deep)} frames, up to "

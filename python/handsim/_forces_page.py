@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._forces import STATES, Asked, Result, Solver
-from ._forces_files import Figures, margin, touching
+from ._forces_files import Figures, margin, strength_text, touching
 from ._objects import Link, Thing, hull_faces
 
 Array = NDArray[np.float64]
@@ -243,6 +243,6 @@ def page(thing: Thing, asked: Asked, of: Solver, found: Result) -> bytes:
     rows = "".join(f"<tr><td>{html.escape(finger)}</td><td>{peak:.2f}</td><td>{mean:.2f}</td></tr>"
                    for finger, (peak, mean) in figures.fingers.items())
     table = (f"<table><tr><th>finger</th><th>peak [N]</th><th>mean [N]</th></tr>{rows}</table><p>Margin against slip {margin(found, asked):.3g} with friction "
-             f"{asked.friction:g}; effort {100 * figures.effort:.0f} % of the strength about an axis.</p>")
+             f"{asked.friction:g}; {strength_text(asked, figures)}.</p>")
     data = json.dumps(_data(thing, of, found), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return PAGE.replace("TITLE", title).replace("NOTE", note).replace("FIGURES", table).replace("DATA", data).encode()

@@ -16,6 +16,7 @@ from typing import Any, Iterator, Mapping, NamedTuple, Optional, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ._c3d import as_csv, is_c3d
 from ._errors import Error, input_error
 from ._model import IDENTITY, Shape, compose, matrices, surface, turn_of, turned
 from ._scene import load
@@ -67,6 +68,11 @@ class Thing(NamedTuple):
     @property
     def mass(self) -> float:
         return sum(link.mass for link in self.links)
+
+    def of_mass(self, mass: float) -> "Thing":
+        """The same with another mass [kg]; inertia grows with it."""
+        share = mass / self.mass
+        return self._replace(links=[link._replace(mass=share * link.mass, inertia=share * link.inertia) for link in self.links])
 
     def places(self, poses: Array, angles: Array) -> Array:
         """Poses of the links, shape (frames, links, 7), of poses of the object, shape (frames, 7), and angles of the hinge [rad]."""
@@ -262,7 +268,8 @@ def read_object(word: str) -> Thing:
 
 def _refuse(path: Path, names: Sequence[str], name: str) -> Error:
     known = ", ".join(sorted(set(names))) or "none"
-    return input_error(str(path), f"no columns object.{name}.x[m] to object.{name}.qz; objects that it has: {known}", "the place of every --object")
+    columns = f"rigid body {name}" if is_c3d(path) else f"columns object.{name}.x[m] to object.{name}.qz"
+    return input_error(str(path), f"no {columns}; objects that it has: {known}", "the place of every --object")
 
 
 def _of_csv(path: Path) -> dict[str, Course]:
@@ -321,10 +328,18 @@ def _of_json(path: Path) -> dict[str, Course]:
     return out
 
 
-def read_courses(path: Path, names: Sequence[str]) -> dict[str, Course]:
-    """:raises Error: of kind input where one of the objects is not in the recording"""
+def _of_c3d(path: Path, labels: Optional[Path], up: Optional[str]) -> dict[str, Course]:
+    with as_csv(path, labels, up) as table:
+        return _of_csv(table)
+
+
+def read_courses(path: Path, names: Sequence[str], labels: Optional[Path] = None, up: Optional[str] = None) -> dict[str, Course]:
+    """:param labels: file of names of a C3D file's labels
+    :param up: axis that points up in it
+    :raises Error: of kind input where one of the objects is not in the recording
+    """
     kind = path.suffix.lower()
-    found = _of_csv(path) if kind == ".csv" else _of_json(path) if kind == ".json" else {}
+    found = _of_csv(path) if kind == ".csv" else _of_json(path) if kind == ".json" else _of_c3d(path, labels, up) if is_c3d(path) else {}
     for name in names:
         if name not in found:
             raise _refuse(path, list(found), name)

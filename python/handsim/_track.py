@@ -3,6 +3,7 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Callable, Mapping, NamedTuple, Optional, Sequence
 
@@ -295,7 +296,8 @@ def track(asked: Asked, told: Told = None, begin: Callable[[], object] = lambda:
     :raises Error: of kind input for a recording or another file that cannot be read
     """
     c3d = is_c3d(asked.recording)
-    with as_csv(asked.recording, asked.names, asked.up) if c3d else without_objects(asked.recording) as path:
+    with ExitStack() as files:
+        path = files.enter_context(without_objects(files.enter_context(as_csv(asked.recording, asked.names, asked.up)) if c3d else asked.recording))
         points, guessed = (None, Guess(None, "")) if asked.markers else _convention(asked, path)
         work = _core.track(path, asked.person, model_file(asked), asked.markers or points, None if c3d else asked.up, asked.left_handed, asked.truth,
                            asked.fit_bones, asked.smooth, asked.noise, asked.seed)

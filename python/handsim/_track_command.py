@@ -38,6 +38,7 @@ Forces on an object that the recording has, too, in columns object.NAME.x[m] to 
   --object NAME=FILE an object file, a shipped object by its name, or a URDF of one link or two
   --support KIND     table, post or none: what the object rests on when it is not lifted; table
   --friction F       of skin on it, where it was measured; 0.8
+  --mass MASS        of it, such as "350 g", in place of the file's; free: nobody knows it, forces are for each kilogram
   --muscles          shares forces by least muscle activation, and gives the activations
   --replay           simulates each lift with the object free, and says for how long the hands hold it
   --uncertain N      draws of what is uncertain, for bands of 5 to 95 %
@@ -51,7 +52,7 @@ Example: handsim track keypoints.csv --out out/tracked
 """
 FLAGS = ("--keep-person", "--activations", "--no-smoothing", "--json", "--muscles", "--replay")
 VALUES = ("--out", "--person", "--model", "--markers", "--noise", "--seed", "--truth", "--names", "--up", "--points", "--handedness",
-          "--object", "--support", "--friction", "--uncertain")
+          "--object", "--support", "--friction", "--mass", "--uncertain")
 
 
 def _length(text: Optional[str]) -> float:

@@ -231,7 +231,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
           markers: Optional[PathText] = None, truth: Optional[PathText] = None, fit_bones: bool = True,
           smooth: bool = True, noise: float = 0, seed: int = 1, names: Optional[PathText] = None, up: Optional[str] = None,
           points: Optional[PathText] = None, handedness: Optional[str] = None, object: Optional[str] = None, support: Optional[str] = None,
-          friction: Optional[float] = None, muscles: bool = False, uncertain: Optional[int] = None,
+          friction: Optional[float] = None, mass: Union[None, float, str] = None, muscles: bool = False, uncertain: Optional[int] = None,
           replay: bool = False, out: Out = None, progress: Progress = None) -> Study:
     """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["right_wrist"]``) of recorded hands.
 
@@ -251,6 +251,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         ``tables["object"]``, ``summaries["forces"]``
     :param support: what it rests on: ``table`` (None, too), ``post`` or ``none``
     :param friction: of skin on it, where it was measured; None: 0.8
+    :param mass: of it [kg], or ``"free"`` where nobody knows it: forces are for each kilogram; None: that of its file
     :param muscles: forces by least muscle activation
     :param uncertain: draws of what is uncertain, for bands
     :param replay: simulates each lift with the object free: ``summaries["forces"]["lifts"]``
@@ -266,6 +267,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
         None if side is None else side == "left"))
     flags(muscles=muscles, replay=replay)
     given = {"--object": object, "--support": support, "--friction": None if friction is None else str(real("friction", friction)),
+             "--mass": None if mass is None else mass if isinstance(mass, str) else str(real("mass", mass)), "--names": names, "--up": up,
              "--uncertain": None if uncertain is None else str(whole("uncertain", uncertain, 2, 1000)), "--muscles": muscles or None, "--replay": replay or None}
     held = _forces_command.request({name: value for name, value in given.items() if value is not None}, recording)
     with _folder(out) as folder, bar(progress, "track") as told:

@@ -11,6 +11,8 @@ import handsim as hs
 from handsim import Error
 from handsim._live.streams import KEYPOINTS
 from handsim._live.tracker import HandFilter, turned
+from handsim._model import matrices
+from handsim._objects import read_courses
 
 NAMES = [f"right.{name}" for name in KEYPOINTS]
 LABELS = [f"Ann:R{i:02}" for i in range(21)]
@@ -29,7 +31,7 @@ def points():
     return np.array(out)
 
 
-def write(path, points, *, unit="mm", rate=100.0, labels=LABELS, first=0, screen=None):
+def write(path, points, *, unit="mm", rate=100.0, labels=LABELS, first=0, screen=None, bodies=None):
     import ezc3d
 
     scale = {"mm": 1e3, "cm": 1e2, "m": 1.0}.get(unit, 1.0)
@@ -42,6 +44,12 @@ def write(path, points, *, unit="mm", rate=100.0, labels=LABELS, first=0, screen
     data = np.ones((4, points.shape[1], len(points)))
     data[:3] = np.float32(scale * points).transpose(2, 1, 0)
     file["data"]["points"] = data
+    if bodies:
+        for name, value in (("USED", [len(bodies)]), ("LABELS", list(bodies)), ("RATE", [rate])):
+            file.add_parameter("ROTATION", name, value)
+        stacked = np.array(list(bodies.values()), float)  # bodies, frames, 4, 4
+        stacked[..., :3, 3] *= scale
+        file["data"]["rotations"] = stacked.transpose(2, 3, 0, 1)
     file.write(str(path))
     return path
 
@@ -104,6 +112,51 @@ def test_gaps_are_points_that_were_not_seen(points, names, tmp_path):
     wanted = hs.study.track(write_csv(tmp_path / "a.csv", with_gaps))
     same(hs.study.track(write(tmp_path / "a.c3d", with_gaps), names=names), wanted)
     same(hs.study.track(write(tmp_path / "b.c3d", zeros), names=names), wanted)
+
+
+def course(count):
+    """Of a rigid body: poses x y z and quaternion [m], and as matrices."""
+    poses = np.array([np.concatenate(([0.1 + 0.002 * k, -0.05, 0.9 + 1e-5 * k * k], turned(np.array([0.01 * k, 0.3, -0.02 * k]), np.array([1.0, 0, 0, 0]))))
+                      for k in range(count)])
+    return poses, matrices(poses)
+
+
+# Oracle: the same numbers as columns object.can.x of a table, to float32, in which a C3D file keeps them.
+@pytest.mark.parametrize("unit, screen", [("mm", None), ("m", "+Y"), ("cm", None)])
+def test_rigid_bodies_are_objects(points, names, tmp_path, unit, screen):
+    poses, placed = course(len(points))
+    turn = np.eye(4) if screen is None else np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    lying = np.einsum("ij,nkj->nki", turn[:3, :3], points)
+    lost = np.einsum("ij,njk->nik", turn, placed)
+    lost[7] = 0  # was not seen
+    path = write(tmp_path / "a.c3d", lying, unit=unit, screen=screen, bodies={"Ann:can_1": lost, "box": np.einsum("ij,njk->nik", turn, placed)})
+    names.write_text(names.read_text() + "Ann:can_1: object.can\n")
+    found = read_courses(path, ["can", "box"], names)
+    assert np.isnan(found["can"].poses[7]).all()
+    seen = np.arange(len(poses)) != 7
+    for name, rows in (("can", seen), ("box", seen | True)):
+        assert np.allclose(found[name].poses[rows, :3], poses[rows, :3], rtol=0, atol=1e-6)
+        assert np.allclose(np.abs((found[name].poses[rows, 3:] * poses[rows, 3:]).sum(axis=1)), 1, rtol=0, atol=1e-6)
+    with pytest.raises(Error, match=r"no rigid body cup; objects that it has: box, can"):
+        read_courses(path, ["cup"], names)
+    # Hands are tracked as without them.
+    tolerance = 0.0 if unit == "mm" else 1e-2
+    same(hs.study.track(path, names=names), hs.study.track(write_csv(tmp_path / "a.csv", points)), tolerance)
+
+
+def test_forces_on_a_rigid_body_of_c3d_are_those_of_a_table(points, names, tmp_path):
+    pytest.importorskip("scipy", reason="SciPy is not installed")
+    poses, placed = course(len(points))
+    path = write(tmp_path / "a.c3d", points, bodies={"can": placed})
+    table = np.loadtxt(write_csv(tmp_path / "a.csv", points), delimiter=",", skiprows=1)
+    head = (tmp_path / "a.csv").read_text().partition("\n")[0]
+    head += "".join(f",object.can.{part}" for part in ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz"))
+    np.savetxt(tmp_path / "b.csv", np.column_stack((table, np.float32(poses))), "%.17g", ",", header=head, comments="")
+    a = hs.study.track(path, names=names, object="can=tomato_soup_can").tables["contact_forces"]
+    b = hs.study.track(tmp_path / "b.csv", object="can=tomato_soup_can").tables["contact_forces"]
+    for axis in "xyz":
+        assert np.allclose(a[f"wrench.force.{axis}"], b[f"wrench.force.{axis}"], rtol=0, atol=0.02)
+    assert list(a["state"]) == list(b["state"])
 
 
 def test_markers_have_the_names_of_their_set(points, tmp_path):

@@ -160,7 +160,7 @@ def tripod(tmp_path_factory):
 def test_forces_of_a_recording_with_known_ones(tripod):
     recorded, folder, found, text = tripod
     assert found.wrench < 0.05 and found.residual > 0.95 and found.lifted > 60
-    assert set(found.normal) == {"thumb", "index", "middle"} and max(found.normal.values()) < 0.5
+    assert set(found.normal) == {"right.thumb", "right.index", "right.middle"} and max(found.normal.values()) < 0.5
     assert "held" in text and "how hard opposite fingers squeeze does not show" in text
     summary = json.loads((folder / "tracked/forces/forces.json").read_text())
     assert summary["held"] >= found.lifted and summary["unseen"] == 0
@@ -186,6 +186,26 @@ def test_python_gives_the_tables(tripod, tmp_path):
     assert found.summaries["forces"]["object"] == "thing" and "right.thumb" in str(found)
     with pytest.raises(hs.Error, match="object"):
         hs.study.track(folder / "recording.csv", support="post")
+
+
+# Oracle: mechanics. Motion asks of an object of twice the mass for twice the wrench, and residual and shares of the weight stay.
+def test_forces_are_in_proportion_to_the_mass(tripod, tmp_path):
+    recorded, folder, _, _ = tripod
+    words = {"object": f"thing={folder / 'thing.yaml'}", "support": "post"}
+    found = {mass: hs.study.track(folder / "recording.csv", mass=mass, out=tmp_path / str(mass), **words) for mass in ("200 g", 0.4, "free")}
+    one, two, free = (each.tables["contact_forces"] for each in found.values())
+    assert found["200 g"].summaries["forces"]["mass_kg"] == pytest.approx(0.2) and found["free"].summaries["forces"]["mass_kg"] == 1
+    for column in ("wrench.force.z", "right.thumb.normal", "right.index_distal.force.x"):
+        assert np.nan_to_num(two[column]) == pytest.approx(2 * np.nan_to_num(one[column]), rel=1e-4, abs=1e-4)
+        assert np.nan_to_num(free[column]) == pytest.approx(5 * np.nan_to_num(one[column]), rel=1e-4, abs=1e-4)
+    assert free["residual.share"] == pytest.approx(one["residual.share"], rel=1e-4, abs=1e-4)
+    # The heaviest object for the strength does not depend on the mass that is taken; a tripod grip holds some kilograms.
+    heaviest = [each.summaries["forces"]["heaviest_kg"] for each in found.values()]
+    assert heaviest == pytest.approx([heaviest[0]] * 3, rel=0.02) and 0.3 < heaviest[0] < 20
+    assert found["free"].summaries["forces"]["effort"] is None and "for each kilogram" in found["free"].text
+    for wrong in ({"mass": "2 s"}, {"mass": "free", "muscles": True}, {"mass": -1.0}):
+        with pytest.raises(hs.Error, match="mass"):
+            hs.study.track(folder / "recording.csv", **words, **wrong)
 
 
 # Bands that are too narrow hold the truth in few frames: three fingers whose squeeze is drawn from people's.

@@ -16,6 +16,11 @@ void bind_files(py::module_& module) {
   module.def("write_file", [](const Path& path, const std::string& content) {
     without_gil([&] { output::write_file(path, content); });
   });
+  module.def("write_parts", [](const Path& path, const py::iterable& parts) {
+    output::AtomicFile file(path);
+    for (const py::handle part : parts) file.write(part.cast<std::string>());
+    file.commit();
+  });
   module.def("check_target", [](const std::string& option, const Path& path, const std::string& kind,
                                 const std::string& mark, const Paths& inputs) {
     output::check_target(option, path, {kind, mark}, [&] { return inputs; });

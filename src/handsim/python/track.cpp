@@ -87,6 +87,7 @@ void bind_track(py::module_& module) {
   module.def("track", &track_input);
   module.def("plain_name", [](const std::string& name) { return study::plain_name(name); });
   module.def("parse_length", [](const std::string& text) { return parse_quantity(text, Dimension::length); });
+  module.def("parse_mass", [](const std::string& text) { return parse_quantity(text, Dimension::mass); });
 }
 
 }  // namespace handsim::python

@@ -11,7 +11,7 @@ without it. A file NAME.npz has `right` and `left`, (n, 21, 3) in metres at 30 f
 a row for each sequence and writes OUT/captured.csv:
 
 - length, breadth [mm] and their percentiles among adults (`percentile`);
-- rms: of the distances of the 21 points from the fitted ones, over all tracked frames [mm];
+- rms: of the distances of the 21 points from the fitted ones, over all tracked frames [mm]; then that of the points of each kind of joint;
 - thumb: deepest overlap of a segment of the thumb with the palm [mm];
 - angle: largest over the fingers' PIP and DIP and the thumb's MCP and IP of the RMS difference between the fitted flexion and the
   angle between the points' own bones [deg], and which joint; then that of each joint; without frames whose bones bend backwards;
@@ -40,6 +40,9 @@ ORDER = [0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 2
 JOINTS = {"thumb_mcp": (1, 2, 3), "thumb_ip": (2, 3, 4),
           **{f"{finger}_{joint}": (first + i, first + i + 1, first + i + 2)
              for finger, first in (("index", 5), ("middle", 9), ("ring", 13), ("little", 17)) for i, joint in enumerate(("pip", "dip"))}}
+# Of the points, by kind: rows in the order of cameras.
+KINDS = {"wrist": [0], "thumb_cmc": [1], "thumb_mcp": [2], "thumb_ip": [3], "thumb_tip": [4], "mcp": [5, 9, 13, 17], "pip": [6, 10, 14, 18], "dip": [7, 11, 15, 19],
+         "tip": [8, 12, 16, 20]}
 # Of adults, men and women: means and standard deviations of length and breadth [mm] in the survey of handmodels/anthropometry.yaml
 # (Gordon et al. 2014): a mixture of equal parts.
 ADULTS = {"length": ((193.1, 10.0), (181.0, 10.0)), "breadth": ((88.3, 4.4), (78.1, 3.9))}
@@ -113,13 +116,13 @@ def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bo
         row[dimension] = round(summary["person"][f"hand_{dimension}_mm"], 1)
         row[f"{dimension}_percentile"] = round(percentile(dimension, row[dimension]), 1)
     names, rows = table(out / "frames.csv")
-    squares = []
+    seen = []
     for hand in summary["hands"]:
         begin = names.index(f"{hand['hand']}.status")
-        for each in rows:
-            if each[begin] == "tracked":
-                squares += [float(x)**2 for x in each[begin + 2:begin + 23] if x]
-    row["rms"] = round(math.sqrt(np.mean(squares)), 2)
+        seen += [[float(x or "nan") for x in each[begin + 2:begin + 23]] for each in rows if each[begin] == "tracked"]
+    distances = np.array(seen)
+    row["rms"] = round(float(np.sqrt(np.nanmean(distances**2))), 2)
+    row.update({f"rms_{kind}": round(float(np.sqrt(np.nanmean(distances[:, at]**2))), 1) for kind, at in KINDS.items()})
     row["thumb"] = round(max((pair["deepest_mm"] for hand in summary["hands"] for pair in hand["overlaps"]["pairs"]
                               if "palm" in pair["where"] and "thumb" in pair["where"]), default=0.0), 1)
     angles = differences(source, out, summary["start_s"])
@@ -138,6 +141,24 @@ def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bo
             if ran.returncode == 0:
                 row[f"{engine}_replay"] = round(replay(out, folder / engine), 2)
     return row
+
+
+def told(rows: list[dict[str, Any]]) -> str:
+    """The figures over all sequences, against the goals."""
+    rows = [row for row in rows if row["status"] != 2]
+    lengths: dict[str, list[float]] = {}
+    for row in rows:
+        lengths.setdefault(row["sequence"].partition("_")[0], []).append(row["length"])
+    out = [f"rms {min(row['rms'] for row in rows)} to {max(row['rms'] for row in rows)} mm, at most 4 in {sum(row['rms'] <= 4 for row in rows)} of {len(rows)}",
+           f"thumb {min(row['thumb'] for row in rows)} to {max(row['thumb'] for row in rows)} mm, at most 3 in {sum(row['thumb'] <= 3 for row in rows)}"]
+    out += [f"{key} percentile {min(row[f'{key}_percentile'] for row in rows)} to {max(row[f'{key}_percentile'] for row in rows)}" for key in ("length", "breadth")]
+    out += [f"{person}: hand length {np.mean(of):.1f} mm, a sequence at most {100 * np.abs(np.array(of) / np.mean(of) - 1).max():.1f} % from it, {len(of)} sequences"
+            for person, of in lengths.items()]
+    out += [f"{joint} {np.sqrt(np.mean([row[joint]**2 for row in rows])):.1f} deg" for joint in JOINTS]
+    for engine in ("check", "ode", "articulated"):
+        if engine in rows[0]:
+            out.append(f"{engine} of {sum(row.get(engine) == 0 for row in rows)}")
+    return "\n".join(out)
 
 
 def replay(tracked: Path, run: Path) -> float:
@@ -208,6 +229,7 @@ def main() -> int:
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
         writer.writerows(rows)
+    print(told(rows))
     return 0
 
 

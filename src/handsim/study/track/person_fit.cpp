@@ -12,133 +12,13 @@
 namespace handsim::study {
 
 namespace {
-constexpr std::size_t kMostHandFrames = 60;  ///< of a hand
-constexpr double kSpread = 0.05;         ///< of a size by the predicted one, where no file gives it: chosen
-constexpr double kUnknownSpread = 0.25;  ///< of the length of an unknown hand: chosen
-// Of ln length and ln breadth of adults, and of ln breadth given length: the survey's men and women.
-constexpr double kAdultSpread = 0.063, kAdultBreadthSpread = 0.079, kAdultShapeSpread = 0.056;
+constexpr std::size_t kMostHandFrames = 60;     ///< of a hand
 constexpr double kLeastCoordinateNoise = 1e-7;  ///< of a coordinate [m]
 constexpr double kOutlier = 0.05;               ///< a point farther from the fit is left out [m]
 constexpr double kStep = 1e-6;                  ///< of a size, to differentiate
-constexpr double kHeld = 1e-6;                  ///< of its spread, for a size that is kept
-constexpr double kTail = 4;                     ///< degrees of freedom of the prior of shares (Student's t)
 constexpr double kNoHand = 15e-3;               ///< the same, of one that is no such point: chosen [m]
 constexpr double kOff = 2e-3;                   ///< mean residual of a point that is always off [m]
-
-/// Whose sizes are predicted where nobody is named: between the survey's mean man and woman.
-hand::Person adult() {
-  hand::Person out;
-  out.title = "mean adult";
-  out.stature = 1.690;
-  out.mass = 75.1;
-  return out;
-}
-
-/// The unknowns of the fit: hand length, breadth and bones over those of a person of that length, then the
-/// shares of features with a spread, less those that they have. Markers of a last segment are placed in
-/// metres: its length does not move them.
-struct Unknowns {
-  struct Share {
-    std::size_t feature = 0;
-    Eigen::Index axis = 0;
-  };
-  const hand::HandSpec* spec;
-  const hand::Person* of;  ///< whose file is written
-  hand::Person like;       ///< whose sizes are expected
-  bool named, convention;
-  hand::HandSize size;
-  std::vector<std::size_t> bones;  ///< rows of the hand model's segments
-  std::vector<Share> shares;
-  Eigen::VectorXd expected, spread;  ///< length [m], ratios, shares; their deviations
-
-  Unknowns(const hand::HandSpec& model, const KnownPerson& person, const std::vector<Feature>& features,
-           bool fit_shares, bool by_convention)
-      : spec(&model),
-        of(&person.person),
-        like(person.named || person.keep ? person.person : adult()),
-        named(person.named || person.keep),
-        convention(by_convention) {
-    size = hand::build_hand(model, like).size;
-    std::vector<bool> shown(model.segments.size(), false);
-    for (const Feature& feature : features)
-      if (feature.segment && feature.shares.y() != 0) shown[*feature.segment] = true;
-    for (std::size_t i = 0; i < model.segments.size(); ++i)
-      if (model.segments[i].has_child || shown[i]) bones.push_back(i);
-    for (std::size_t i = 0; i < features.size() && fit_shares; ++i)
-      for (Eigen::Index axis = 0; axis < 3; ++axis)
-        if (features[i].spread[axis] > 0) shares.push_back({i, axis});
-    const auto given = [&](const char* name) {
-      const auto found = model.spread.find(name);
-      return found == model.spread.end() ? kSpread : found->second;
-    };
-    const Eigen::Matrix4d scatter = hand::scatter_of(model.anthropometry, like);
-    expected = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(2 + bones.size() + shares.size()));
-    spread = expected;
-    expected.head(2 + as_row(bones.size())).setOnes();
-    spread.head(2 + as_row(bones.size())).setConstant(given("segments"));
-    expected[0] = size.length;
-    spread[0] = size.length * (!named             ? (fit_shares ? kAdultSpread : kUnknownSpread)
-                               : like.hand_length ? given("measured")
-                                                  : std::sqrt(scatter(0, 0)));
-    spread[1] = !named ? kAdultShapeSpread
-                : like.hand_breadth
-                    ? given("measured")
-                    : std::sqrt(scatter(1, 1) - scatter(0, 1) * scatter(0, 1) / scatter(0, 0));
-    for (std::size_t i = 0; i < bones.size(); ++i)
-      if (of->bones.contains(model.segments[bones[i]].name)) spread[2 + as_row(i)] = given("measured");
-    if (person.keep) spread.head(first_share()) *= kHeld;
-    for (std::size_t i = 0; i < shares.size(); ++i)
-      spread[first_share() + as_row(i)] = features[shares[i].feature].spread[shares[i].axis];
-  }
-
-  static Eigen::Index as_row(std::size_t i) { return static_cast<Eigen::Index>(i); }
-  Eigen::Index first_share() const { return 2 + as_row(bones.size()); }
-
-  hand::Person person(const Eigen::VectorXd& values) const {
-    hand::Person out = like;
-    out.hand_length = values[0];
-    out.hand_length_percentile.reset();
-    // Among people of all statures hands are alike; those of one stature differ less in breadth.
-    hand::HandSize now = size;
-    now.length = values[0];
-    now.breadth = values[1] * (named ? hand::hand_size(spec->anthropometry, out).breadth
-                                     : size.breadth * values[0] / size.length);
-    out = *of;
-    out.hand_length = now.length;
-    out.hand_breadth = now.breadth;
-    out.hand_length_percentile.reset();
-    for (std::size_t i = 0; i < bones.size(); ++i) {
-      const hand::SegmentSpec& bone = spec->segments[bones[i]];
-      const auto own = of->bones.find(bone.name);
-      out.bones[bone.name] =
-          values[2 + as_row(i)] * (own != of->bones.end() ? own->second : bone.length.value(now));
-    }
-    return out;
-  }
-  /// The features with these shares.
-  std::vector<Feature> placed(std::vector<Feature> features, const Eigen::VectorXd& values) const {
-    for (std::size_t i = 0; i < shares.size(); ++i)
-      features[shares[i].feature].shares[shares[i].axis] += values[first_share() + as_row(i)];
-    return features;
-  }
-  /// Inverse variances. Without a convention a feature's shares that are far from what is expected are held
-  /// less.
-  Eigen::VectorXd prior(const Eigen::VectorXd& values) const {
-    Eigen::VectorXd out = spread.cwiseAbs2().cwiseInverse();
-    if (convention) return out;
-    std::map<std::size_t, std::pair<double, double>> off;  // by feature: squares, their number
-    for (std::size_t i = 0; i < shares.size(); ++i) {
-      const Eigen::Index row = first_share() + as_row(i);
-      off[shares[i].feature].first += values[row] * values[row] * out[row];
-      off[shares[i].feature].second += 1;
-    }
-    for (std::size_t i = 0; i < shares.size(); ++i) {
-      const auto& [squares, count] = off[shares[i].feature];
-      out[first_share() + as_row(i)] *= (kTail + count) / (kTail + squares);
-    }
-    return out;
-  }
-};
+constexpr double kOwnBones = 0.015;  ///< of the length that a tracker's own bones tell, relative: chosen
 
 /// A frame that takes part, and its pose so far.
 struct Used {
@@ -168,6 +48,12 @@ std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
   std::erase_if(out, [&](const Used& each) { return each.fit.rms > most; });
   return out;
 }
+
+/// Length of the hand by the tracker's own bones [m], and its relative deviation, with what bones vary in the
+/// mean.
+struct Told {
+  double length, spread;
+};
 
 /// Normal equations of the sizes, with the poses eliminated.
 struct Normal {
@@ -224,6 +110,7 @@ class Fit {
         now_(unknowns_.expected) {
     std::vector<PoseFit> fits = fits_at(now_);
     for (std::size_t h = 0; h < hands.size(); ++h) used_.push_back(frames_of(hands[h], fits[h]));
+    if (convention) told_ = length_by_own_bones(fits.front());
   }
 
   std::size_t frames() const {
@@ -245,7 +132,12 @@ class Fit {
       const Eigen::VectorXd prior = unknowns_.prior(now_);
       Eigen::MatrixXd matrix = normal.matrix / variance;
       matrix.diagonal() += prior;
-      const Eigen::VectorXd right = normal.right / variance + prior.cwiseProduct(unknowns_.expected - now_);
+      Eigen::VectorXd right = normal.right / variance + prior.cwiseProduct(unknowns_.expected - now_);
+      if (told_) {
+        const double deviation = told_->spread * told_->length;
+        matrix(0, 0) += 1 / (deviation * deviation);
+        right[0] += (told_->length - now_[0]) / (deviation * deviation);
+      }
       const Eigen::LDLT<Eigen::MatrixXd> factor(matrix);
       Eigen::VectorXd most = 0.1 * now_;
       most.tail(now_.size() - unknowns_.first_share()).setConstant(0.3);
@@ -305,6 +197,39 @@ class Fit {
     return out;
   }
 
+  /// The length of a hand whose bones, where a convention puts their ends, are as long in sum as those that
+  /// the tracker shows: the median over the frames of each. Postures do not change them, while the points of
+  /// a tracker whose joints lie elsewhere fit this hand better in some postures with another length. Bones
+  /// that vary are less sure: their ends are on the segments of this hand, or noise.
+  std::optional<Told> length_by_own_bones(PoseFit& fit) const {
+    const std::vector<Feature>& features = fit.features();
+    std::vector<double> angles;
+    for (const TreeAxis& axis : fit.tree().axes()) angles.push_back(std::clamp(0.0, axis.low, axis.high));
+    HandTree tree = fit.tree();
+    tree.place(angles);
+    const std::size_t first_of_palm = as_index(
+        std::ranges::find_if(features, [](const Feature& each) { return !each.segment; }) - features.begin());
+    double expected = 0, measured = 0, varied = 0;
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      // Points of the palm are joined to the first of them.
+      const std::size_t from = features[i].from.value_or(first_of_palm);
+      if (from == i || (!features[i].from && features[i].segment)) continue;
+      std::vector<double> lengths;
+      for (const std::vector<Used>& hand : used_)
+        for (const Used& each : hand)
+          if (each.frame[i].point && each.frame[from].point)
+            lengths.push_back((*each.frame[i].point - *each.frame[from].point).norm());
+      if (lengths.empty()) continue;
+      expected += (tree.point(features[i]) - tree.point(features[from])).norm();
+      const double usual = median(lengths);
+      measured += usual;
+      for (double& length : lengths) length = std::abs(length - usual);
+      varied += 1.48 * median(std::move(lengths));  // a normal deviation
+    }
+    if (!(measured > 0)) return std::nullopt;
+    return Told{unknowns_.size.length * measured / expected, std::hypot(kOwnBones, varied / measured)};
+  }
+
   /// Residuals of features in the axes of the hand frame.
   static Eigen::VectorXd in_palm(const Rows& at, const Used& of) {
     const auto count = static_cast<Eigen::Index>(of.frame.size());
@@ -354,6 +279,7 @@ class Fit {
   Unknowns unknowns_;
   Eigen::VectorXd now_, left_;  ///< left_: variance over that before
   double noise_ = 0;
+  std::optional<Told> told_;
   std::vector<std::vector<Used>> used_;
 };
 
