@@ -41,14 +41,20 @@ std::vector<Verdict> judged(scene::Scene scene, double step) {
 }
 
 /// The figure whose verdict a step turns or may turn; empty: there is none.
-std::string doubtful(const std::vector<Verdict>& whole, const std::vector<Verdict>& half) {
-  if (whole.size() != half.size()) return "the motion, which diverged,";
-  for (std::size_t i = 0; i < whole.size(); ++i) {
-    const Verdict &a = whole[i], &b = half[i];
-    if (a.held() != b.held() || a.missed() != b.missed()) return a.name;
-    if (!a.measured || !b.measured) continue;
-    // Written so that NaN is in doubt.
-    if (!(2 * std::abs(*a.measured - *b.measured) <= std::abs(*a.measured - *a.limit))) return a.name;
+/// @param runs at the step, at half and at a quarter of it
+std::string doubtful(const std::array<std::vector<Verdict>, 3>& runs) {
+  for (const auto& run : runs)
+    if (run.empty()) return "the motion, which diverged,";
+  for (std::size_t i = 0; i < runs[0].size(); ++i) {
+    const Verdict& whole = runs[0][i];
+    for (std::size_t k = 0; k < 2; ++k) {
+      const Verdict &a = runs[k][i], &b = runs[k + 1][i];
+      if (a.held() != b.held() || a.missed() != b.missed()) return a.name;
+      if (!a.measured || !b.measured) continue;
+      // An error of first order. Written so that NaN is in doubt.
+      const double error = std::ldexp(std::abs(*a.measured - *b.measured), static_cast<int>(k) + 1);
+      if (!(error <= std::abs(*whole.measured - *whole.limit))) return a.name;
+    }
   }
   return {};
 }
@@ -57,23 +63,24 @@ std::string doubtful(const std::vector<Verdict>& whole, const std::vector<Verdic
 
 scene::Scene with_chosen_step(scene::Scene scene) {
   if (!scene::asks_for_step(scene.resolved)) return scene;
-  std::vector<Verdict> whole = judged(scene, kSteps[0]);
+  std::array<std::vector<Verdict>, 3> runs = {judged(scene, kSteps[0]), judged(scene, kSteps[1]), {}};
   std::string why;
-  for (std::size_t i = 1; i < kSteps.size(); ++i) {
-    const std::vector<Verdict> half = judged(scene, kSteps[i]);
-    if (whole.empty() && half.empty())
+  for (std::size_t i = 2; i < kSteps.size(); ++i) {
+    runs[2] = judged(scene, kSteps[i]);
+    if (std::ranges::all_of(runs, [](const auto& run) { return run.empty(); }))
       throw input_error("solver.step", "auto in a scene that no figure judges, or that diverges",
                         "a step, or criteria, by which a step can be judged");
-    const std::string turned = doubtful(whole, half);
+    const std::string turned = doubtful(runs);
     if (turned.empty()) {
-      set_step(scene, kSteps[i - 1]);
+      set_step(scene, kSteps[i - 2]);
       scene.spec.engine_choice = fmt::format(
-          "step {:g} ms, the largest whose error turns no verdict, by runs at it and at half of it{}",
-          1e3 * kSteps[i - 1], why);
+          "step {:g} ms, the largest whose error turns no verdict, by runs at it, a half and a quarter of "
+          "it{}",
+          1e3 * kSteps[i - 2], why);
       return scene;
     }
-    why = fmt::format("; at {:g} ms {} was in doubt", 1e3 * kSteps[i - 1], turned);
-    whole = half;
+    why = fmt::format("; at {:g} ms {} was in doubt", 1e3 * kSteps[i - 2], turned);
+    std::ranges::rotate(runs, runs.begin() + 1);
   }
   set_step(scene, kSteps.back());
   scene.spec.engine_choice = fmt::format("step {:g} ms, the smallest that is tried{}, and may be so still",
