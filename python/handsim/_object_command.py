@@ -68,7 +68,7 @@ def _work(options: dict[str, Any]) -> int:
             problems.append(Problem(None, None, None, "--sizes", text, "factors, 0.1 to 10"))
         else:
             sizes.append(factor)
-    if sizes and "--out" not in options:
+    if options["--sizes"] and "--out" not in options:
         problems.append(Problem(None, None, None, "--sizes", "no --out", "--out beside it"))
     if problems:
         raise Error("\n".join(f"{each.key}: got {each.got}, need {each.need}" for each in problems), "input", problems)

@@ -160,12 +160,12 @@ def test_a_folder_with_its_object_can_be_moved(tmp_path):
     assert plan(ball, "--type", "tripod", "--count", 1, "--others", "golf_ball", "--report", "--out", before / "plan").returncode == 0
     hash_of = hs.load(before / "plan/grasp_01.yaml").run(frames=0).state_hash
     assert str(tmp_path) not in (before / "plan/grasp_01.yaml").read_text() + (before / "plan/who.yaml").read_text()
-    assert "<!DOCTYPE html>" in (before / "plan/best.html").read_text()[:200]
+    assert "<!doctype html>" in (before / "plan/best.html").read_text()[:200]
     after = before.rename(tmp_path / "after")
     assert hs.load(after / "plan/grasp_01.yaml").run(frames=0).state_hash == hash_of
     # Who can hold it: six persons, both balls, five draws of friction.
     found = hs.study.rollouts(after / "plan/who.yaml", count=1)
-    table = found.table
+    table = found.tables["rollouts"]
     assert len(table["held"]) == 12 and set(table["objects.0.file"]) == {"../ball.yaml", "golf_ball"}
     assert len(set(table["hands.0.person"])) == 6 and sum(table["held"]) > 6
 
