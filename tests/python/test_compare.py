@@ -22,12 +22,12 @@ def scene(folder, name, **changes):
 
 def test_strength_scales_pinch_and_block_weakens_it(tmp_path):
     """Oracles: forces of muscles, active and passive, that are halved halve what they hold, but for tissue (5 %); after the block a row of
-    config/clinic.yaml, with the strongest of three postures, has 0.46 of the key pinch, people 0.23 and 0.42."""
+    config/clinic.yaml, with the strongest of three postures, has 0.40 of the key pinch, people 0.23 and 0.42."""
     whole, half, blocked = (key_pinch(Statics(compare.hand_of(scene(tmp_path, name, **changes))))
                             for name, changes in (("whole", {}), ("half", {"strength": 0.5}),
                                                   ("blocked", {"without": ["ulnar_nerve_at_wrist"]})))
     assert half / whole == pytest.approx(0.5, abs=0.05)
-    assert 0.25 < blocked / whole < 0.5
+    assert 0.23 < blocked / whole < 0.5
 
 
 def test_the_forces_of_a_pinch_have_no_couple(monkeypatch):
