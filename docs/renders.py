@@ -32,7 +32,6 @@ class Picture:
 
 
 LEARN = ["python3 python/examples/learn_to_hold_the_can.py --out out/learn"]
-REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --cpu-minutes 4 --out out/ppo"]
 AS = "--environments 128 --rows 512 --epochs 4 --rate 1e-3"
 BUTTON = [f"python3 python/examples/ppo.py --task button --drive targets {AS} --deviation 0.4 --cpu-minutes 3 --until 0.99 --out out/button"]
 RELOCATE = [f"python3 python/examples/ppo.py --task relocate --drive targets --option synergy=true {AS} --deviation 0.5 --cpu-minutes 8 --until 0.97 "
@@ -92,10 +91,6 @@ PICTURES = {
     "learn_curve.png": Picture("docs/python.md", LEARN, "out/learn/curve.png", "1 min"),
     "learn_can.png": Picture("docs/python.md", LEARN, "out/learn/film_strip.png", "1 min"),
     "learned.gif": Picture("docs/python.md", LEARN, "out/learn/learned.gif", "1 min"),
-    "ppo_curve.png": Picture("docs/python.md", REACH, "out/ppo/curve.png", "8 min"),
-    "ppo_reach.png": Picture("docs/python.md", [
-        *REACH, "python3 -m handsim.gym out/ppo/policy.onnx --out out/played",
-        """ffmpeg -i out/played/played.mp4 -vf "select='eq(n,0)+eq(n,12)+eq(n,49)',tile=3x1" -frames:v 1 renders/ppo_reach.png"""], time="8 min"),
     **{f"ppo_{name}_curve.png": Picture("docs/python.md", commands, f"out/{name}/curve.png", time)
        for name, commands, _, time in LEARNED},
     **{f"ppo_{name}.png": Picture("docs/python.md", [

@@ -180,7 +180,8 @@ def command_of(name, label, build):
         return [python_of(build), "-c", "import json; from handsim._formats import FORMATS; "
                 "print(json.dumps([[of.name, of.endings, of.text, of.of, of.needs] for of in FORMATS.values()]))"]
     if name == "learning":
-        return [python_of(build), "tests/peers/learning.py", "--cpu-minutes", "4", "--out", str(OUT / name)]
+        return [python_of(build), "tests/peers/learning.py", "--cpu-minutes", "0.7", "--seconds", "2", "--beside", "myoHandReachRandom-v0", "HandReachDense-v3",
+                "AdroitHandRelocate-v1", "--out", str(OUT / name)]
     if name == "tests":
         ctest = ["ctest", "--test-dir", str(build)]
         return [*ctest, "-N", "-L", "^long$"] if label == "long" else [*ctest, "-j", str(os.cpu_count()), "--output-junit", str(OUT / name / "run.xml")]
