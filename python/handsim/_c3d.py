@@ -206,7 +206,7 @@ def _body_columns(read: Read, names: Optional[dict[str, str]], up: str, unit: st
     if read.bodies.shape[:2] != (4, 4) or each < 1 or read.bodies.shape[3] != each * frames:
         raise input_error(path, f"rotations of shape {read.bodies.shape} beside {frames} frames", "a 4 x 4 matrix of each rigid body in each frame")
     columns: list[str] = []
-    out = []
+    out: list[NDArray[np.float64]] = []
     for label, matrices in zip(labels, read.bodies[..., ::each].transpose(2, 3, 0, 1)):
         if not label:
             continue

@@ -51,7 +51,8 @@ def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
     spread = 0.1 * friction if "--friction" in options else _forces.FRICTION_SPREAD
     draws = whole_option(options, "--uncertain", 2, 1000) or 0
     thing = read_object(options["--object"])
-    weighed, mass = options.get("--mass") != FREE, None
+    weighed = options.get("--mass") != FREE
+    mass: Optional[float] = None
     if "--mass" in options:
         mass = _core.parse_mass(options["--mass"]) if weighed else 1.0
         if mass is None or not LIGHTEST <= mass <= HEAVIEST:

@@ -192,9 +192,9 @@ def test_points_that_the_file_does_not_have_are_as_by_csv(points, names, tmp_pat
     few = [0, 5, 9, 13, 17, 6, 7, 8]
     chosen, labels = points[:, few], [LABELS[i] for i in few]
     names.write_text("".join(f"{LABELS[i]}: {NAMES[i]}\n" for i in few))
-    by_csv = hs.study.track(write_csv(tmp_path / "a.csv", chosen, names=[NAMES[i] for i in few]))
-    by_c3d = hs.study.track(write(tmp_path / "a.c3d", chosen, labels=labels), names=names)
-    assert by_c3d.summary["warnings"] == by_csv.summary["warnings"]
+    by_csv = hs.study.track(write_csv(tmp_path / "a.csv", chosen, names=[NAMES[i] for i in few]), fit_bones=False)
+    by_c3d = hs.study.track(write(tmp_path / "a.c3d", chosen, labels=labels), names=names, fit_bones=False)
+    assert [each.replace("a.c3d", "a.csv") for each in by_c3d.summary["warnings"]] == by_csv.summary["warnings"]
     same(by_c3d, by_csv)
 
 

@@ -15,6 +15,7 @@ a row for each sequence and writes OUT/captured.csv:
 - thumb: deepest overlap of a segment of the thumb with the palm [mm];
 - angle: largest over the fingers' PIP and DIP and the thumb's MCP and IP of the RMS difference between the fitted flexion and the
   angle between the points' own bones [deg], and which joint; then that of each joint; without frames whose bones bend backwards;
+- tips: RMS distance of the fingertips of a hand with the points' own angles from the points' tips, places on the last segments apart [mm];
 - overlap: deepest overlap of the two hands [mm], and its time [s];
 - check, ode, articulated: exit statuses of `check` and of `run` on both engines of the scene that is written;
 - replay: of the runs, the RMS difference of all angles from the tracked ones while nothing touches a hand, and 0.2 s after that [deg].
@@ -43,6 +44,9 @@ JOINTS = {"thumb_mcp": (1, 2, 3), "thumb_ip": (2, 3, 4),
 # Of the points, by kind: rows in the order of cameras.
 KINDS = {"wrist": [0], "thumb_cmc": [1], "thumb_mcp": [2], "thumb_ip": [3], "thumb_tip": [4], "mcp": [5, 9, 13, 17], "pip": [6, 10, 14, 18], "dip": [7, 11, 15, 19],
          "tip": [8, 12, 16, 20]}
+# Of a finger: its base among the points; how far distal MANO's knuckle lies of the joint (handmodels/points/mano.yaml), and the lengths of the proximal and the
+# middle bone (handmodels/anatomical.yaml), in hand lengths.
+BONES = {"index": (5, 0.067, 0.245, 0.143), "middle": (9, 0.121, 0.266, 0.170), "ring": (13, 0.110, 0.244, 0.165), "little": (17, 0.096, 0.204, 0.117)}
 # Of adults, men and women: means and standard deviations of length and breadth [mm] in the survey of handmodels/anthropometry.yaml
 # (Gordon et al. 2014): a mixture of equal parts.
 ADULTS = {"length": ((193.1, 10.0), (181.0, 10.0)), "breadth": ((88.3, 4.4), (78.1, 3.9))}
@@ -100,6 +104,25 @@ def differences(source: Path, out: Path, start: float) -> dict[str, float]:
     return {joint: float(np.sqrt(np.nanmean(np.concatenate(each)))) for joint, each in squares.items()}
 
 
+def tips_of_equal_angles(source: Path, length: float) -> float:
+    """What it would cost to give the hand's joints the angles of the points' own bones. :param length: of the hand, and the distance returned [mm]"""
+    data = np.load(source)
+    squares = []
+    for side in ("right", "left"):
+        points = data[side][:, ORDER].astype(float)
+        points = points[np.abs(points).max(axis=(1, 2)) > 0][3:]
+        palm = points[:, 9] - points[:, 0]
+        palm /= np.linalg.norm(palm, axis=1, keepdims=True)
+        for first, distal, *bones in BONES.values():
+            own = np.diff(points[:, first:first + 4], axis=1)
+            lengths = np.linalg.norm(own, axis=2, keepdims=True)
+            own /= lengths
+            apart = -1e-3 * length * distal * palm + sum((1e-3 * length * bone - lengths[:, i]) * own[:, i] for i, bone in enumerate(bones))
+            apart -= (apart * own[:, 2]).sum(axis=1).mean() * own[:, 2]
+            squares.append(np.sum(apart**2, axis=1))
+    return 1e3 * float(np.sqrt(np.mean(np.concatenate(squares))))
+
+
 def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bool) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "keypoints.json"
@@ -127,6 +150,7 @@ def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bo
                               if "palm" in pair["where"] and "thumb" in pair["where"]), default=0.0), 1)
     angles = differences(source, out, summary["start_s"])
     worst = max(angles, key=lambda joint: angles[joint])
+    row["tips"] = round(tips_of_equal_angles(source, row["length"]), 1)
     row["angle"], row["joint"] = round(angles[worst], 1), worst
     row.update({joint: round(each, 1) for joint, each in angles.items()})
     if summary.get("hands_overlap"):
@@ -154,6 +178,7 @@ def told(rows: list[dict[str, Any]]) -> str:
     out += [f"{key} percentile {min(row[f'{key}_percentile'] for row in rows)} to {max(row[f'{key}_percentile'] for row in rows)}" for key in ("length", "breadth")]
     out += [f"{person}: hand length {np.mean(of):.1f} mm, a sequence at most {100 * np.abs(np.array(of) / np.mean(of) - 1).max():.1f} % from it, {len(of)} sequences"
             for person, of in lengths.items()]
+    out.append(f"tips of a hand with the points' own angles {np.sqrt(np.mean([row['tips']**2 for row in rows])):.1f} mm off")
     out += [f"{joint} {np.sqrt(np.mean([row[joint]**2 for row in rows])):.1f} deg" for joint in JOINTS]
     for engine in ("check", "ode", "articulated"):
         if engine in rows[0]:
