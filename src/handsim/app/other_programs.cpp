@@ -77,7 +77,7 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
      {"object", "Make an object of a mesh in STL, OBJ, PLY or glTF: convex hulls, mass and inertia",
       "handsim object handle.stl --unit mm --mass 200g --out handle.yaml", "",
       "unit=um|mm|cm|m|in mass density error hulls fill drop largest material=foam|metal|plastic|wood "
-      "friction color out json"},
+      "friction color sizes out json"},
      {"optimise", "Find torques, targets or excitations that reach a goal at least cost",
       "handsim optimise reach --goal reach --out out/reach", "scene", "goal out set iterations no-run quiet"},
      {"report", "One HTML page of a finished run or study, or of two runs in comparison",
@@ -95,8 +95,8 @@ constexpr std::array<OtherCommand, 17> kOtherCommands = {
       "sensors of a glove, and the measured hand of the person",
       "handsim track keypoints.csv --out out/tracked", "",
       "out person model markers points up handedness keep-person activations no-smoothing noise seed truth "
-      "json names convention-from object=config/objects support=table|post|none friction muscles uncertain "
-      "replay"},
+      "json names convention-from object=config/objects mass support=table|post|none friction muscles "
+      "uncertain replay"},
      {"validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate", "", "out runs uncertain on report"},
      {"view", "Simulate a scene in a temporary folder and show its report in the browser",

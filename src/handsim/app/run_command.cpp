@@ -185,8 +185,8 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
 
 /// What was chosen for `auto`, and why.
 void print_choice(const scene::SceneSpec& scene) {
-  const std::string& choice = scene.engine_choice;
-  if (!choice.empty()) print("{} auto: {}\n", choice.starts_with("step ") ? "solver.step" : "engine", choice);
+  if (!scene.engine_choice.empty()) print("engine auto: {}\n", scene.engine_choice);
+  if (!scene.step_choice.empty()) print("step auto: {}\n", scene.step_choice);
 }
 
 /// One picture, drawn in a child process.

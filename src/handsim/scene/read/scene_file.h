@@ -36,6 +36,7 @@ struct SceneSpec {
   Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
   engine::Settings solver;          ///< with the effects, `auto` resolved
   std::string engine_choice;        ///< choice of engine `auto` and its reason; empty if the scene names one
+  std::string step_choice;          ///< that of `step: auto`, once a run has chosen
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]
   bool record_contacts = false;     ///< contacts.csv, and sums of contact forces in the summary

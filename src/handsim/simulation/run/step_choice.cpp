@@ -73,8 +73,8 @@ scene::Scene with_chosen_step(scene::Scene scene) {
     const std::string turned = doubtful(runs);
     if (turned.empty()) {
       set_step(scene, kSteps[i - 2]);
-      scene.spec.engine_choice = fmt::format(
-          "step {:g} ms, the largest whose error turns no verdict, by runs at it, a half and a quarter of "
+      scene.spec.step_choice = fmt::format(
+          "{:g} ms, the largest whose error turns no verdict, by runs at it, a half and a quarter of "
           "it{}",
           1e3 * kSteps[i - 2], why);
       return scene;
@@ -83,7 +83,7 @@ scene::Scene with_chosen_step(scene::Scene scene) {
     std::ranges::rotate(runs, runs.begin() + 1);
   }
   set_step(scene, kSteps.back());
-  scene.spec.engine_choice = fmt::format("step {:g} ms, the smallest that is tried{}, and may be so still",
+  scene.spec.step_choice = fmt::format("{:g} ms, the smallest that is tried{}, and may be so still",
                                          1e3 * kSteps.back(), why);
   return scene;
 }

@@ -10,7 +10,7 @@ namespace handsim::simulation {
 /// are off: the error is of first order (docs/speed.md), so that at h it is twice the difference of the first
 /// two and four times that of the last two, of which the larger counts. Steps from 4 ms down are tried until
 /// each verdict is the same in the three runs and its figure farther from its limit than that; where none is
-/// left, the smallest is taken. The spec and the resolved text have the step, SceneSpec::engine_choice the
+/// left, the smallest is taken. The spec and the resolved text have the step, SceneSpec::step_choice the
 /// reason. A scene that names its step is returned as it is.
 /// @throws Error (input) for a scene without limits, by which a step could be judged
 scene::Scene with_chosen_step(scene::Scene scene);

@@ -98,6 +98,7 @@ std::string summary_json(const Simulation& simulation, const RunResult& result) 
                      {"compiler", __VERSION__},
                      {"mathematics", mathematics()}};
   if (!scene.spec.engine_choice.empty()) out["engine_choice"] = scene.spec.engine_choice;
+  if (!scene.spec.step_choice.empty()) out["step_choice"] = scene.spec.step_choice;
   out["notes"] = simulation.engine().notes();
   out["warnings"] = scene.warnings;
   out["overlaps_at_start"] = overlaps_json(scene.model, result.overlaps);
