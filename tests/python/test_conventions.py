@@ -198,7 +198,7 @@ def unlisted(person, seconds=3.0):
     """Points of a tracker of its own kind: on the back of the wrist, distal of the knuckles, at a quarter of the middle segments and at the nails.
     :returns: points by name, shape (frames, 3), and true angles by axis
     """
-    filter_ = HandFilter(hs.load("grasp_power_can", {"hands.0.person": f"config/persons/{person}.yaml"}), 0)
+    filter_ = HandFilter(hs.load("grasp_power_can", {"hands.0.person": person}), 0)
     rng, times = np.random.default_rng(len(person)), np.arange(int(30 * seconds)) / 30
     middle, reach = (filter_._low + filter_._high) / 2, 0.35 * (filter_._high - filter_._low)
     speeds, begins = rng.uniform(2, 5, len(middle)), rng.uniform(0, 6, len(middle))
@@ -250,7 +250,7 @@ def test_live_measures_and_says_what_track_does(keypoints, tmp_path, convention)
     rng = np.random.default_rng(3)
     points = {name: place + rng.normal(0, 1e-3, place.shape) + (np.array([0, 0, 0.02]) if name == "wrist" else 0) for name, place in keypoints.items()}
     layout = Layout.of(ROOT / f"handmodels/points/{convention}.yaml" if convention else None, "")
-    scene = hs.load("grasp_power_can", {"hands.0.person": "config/persons/median_man.yaml"})
+    scene = hs.load("grasp_power_can", {"hands.0.person": "median_man"})
     live = measured.find(scene, 0, layout, [k / 30 for k in range(30)], np.array(list(points.values())).transpose(1, 0, 2))
     study = hs.study.track(write_json(tmp_path / "a.json", points, listed=convention is not None), points=convention)
     person = study.summary["person"]
