@@ -93,9 +93,9 @@ class Program:
         done = subprocess.run([self.path, *command, "--help"], capture_output=True, text=True)
         return done.stdout if done.returncode == 0 else ""
 
-    def options_of(self, command):
+    def options_of(self, *command):
         if command not in self.options:
-            self.options[command] = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", self.help(command)))
+            self.options[command] = set(re.findall(r"(?<![\w-])--?[a-z][a-z-]*", self.help(*command)))
         return self.options[command]
 
 
@@ -106,7 +106,8 @@ def check_handsim(words, program, problems, where):
     if command not in program.commands:
         problems.append(f"{where}: handsim has no command {command}")
         return
-    options = program.options_of(command)  # none: of a program that is not here, the Python package or the tests
+    # None: of a program that is not here, the Python package or the tests.
+    options = program.options_of(*(("grasp", "plan") if words[:2] == ["grasp", "plan"] else (command,)))
     for word in words[1:]:
         option = word.split("=")[0]
         if options and word.startswith("-") and option not in options:

@@ -816,7 +816,7 @@ def skin():
     more = [100 * row[3] for row in rows]
     return table(["the skin of the median man, or of 8 shipped persons and 100 drawn ones", "measured"], [
         ["length, breadth and girth at the knuckles against the shapes', 108 persons, at most", ", ".join(largest)],
-        ["volume beyond the wrist's joint centre × density against the hand's mass, 108 persons", f"{min(more):.1f} to {max(more):.1f} % more"],
+        ["volume beyond the wrist's joint centre × density against the hand's mass, 108 persons", f"{min(more):.1f} to {max(more):.1f} %"],
         [f"it passes through itself beyond the shapes' own depth in the {len(of['poses'])} poses, at most",
          f"{1e3 * depth:.1f} mm ({one.replace('_', ' ')}, {other.replace('_', ' ')})"],
         ["triangles", f"{of['triangles']:,}"],

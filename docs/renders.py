@@ -39,8 +39,9 @@ RELOCATE = [f"python3 python/examples/ppo.py --task relocate --drive targets --o
 BOTTLE = [f"python3 python/examples/ppo.py --task bottle --drive targets --option synergy=true {AS} --deviation 0.5 --cpu-minutes 3 --until 0.97 "
           "--out out/bottle"]
 REACH = ["python3 python/examples/ppo.py --task reach --drive muscles --cpu-minutes 8 --until 0.97 --out out/reach"]
+ROTATE = [f"python3 python/examples/ppo.py --task rotate --drive targets {AS} --deviation 0.5 --cpu-minutes 10 --out out/rotate"]
 LEARNED = [("reach", REACH, "eq(n,0)+eq(n,12)+eq(n,49)", "3 min"), ("button", BUTTON, "eq(n,0)+eq(n,4)+eq(n,20)", "1 min"), ("relocate", RELOCATE, "eq(n,0)+eq(n,12)+eq(n,40)", "4 min"),
-           ("bottle", BOTTLE, "eq(n,0)+eq(n,15)+eq(n,40)", "2 min")]
+           ("bottle", BOTTLE, "eq(n,0)+eq(n,15)+eq(n,40)", "2 min"), ("rotate", ROTATE, "eq(n,0)+eq(n,15)+eq(n,40)", "10 min")]
 WRITE = ["handsim optimise pen --goal write --out out/write --iterations 60"]
 LIFT = ["handsim optimise muscle_pinch --goal lift --out out/lift"]
 MPC = ["PYTHONPATH=build/release/python OPENBLAS_NUM_THREADS=1 python3 python/examples/mpc.py --push 4 --video --out out/mpc"]

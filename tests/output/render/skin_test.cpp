@@ -143,8 +143,8 @@ TEST(Skin, HasTheDimensionsOfTheShapes) {
   }
 }
 
-// Oracle: the hand's mass, which is density times the volume of the shapes' union; webs add to it. Beyond the
-// wrist's joint centre, where the hand begins.
+// Oracle: the mass of a hand whose palm has no matter of its own: density times the volume of the union of the
+// shapes, round which skin is drawn; webs add to it. Beyond the wrist's joint centre, where the hand begins.
 TEST(Skin, HasTheVolumeOfTheHand) {
   for (const std::string& name : kPersons) {
     const scene::Scene scene = hands_of(name);
@@ -153,7 +153,9 @@ TEST(Skin, HasTheVolumeOfTheHand) {
         model::state_at(scene.model, std::vector<double>(static_cast<std::size_t>(scene.model.dof_count())));
     const scene::HandEntry& entry = scene.spec.hands.front();
     const double volume = volume_beyond(skin, posed(skin, in_hand(scene, skin, zero)), 0);
-    EXPECT_NEAR(1148 * volume / hand::build_hand(*entry.model, entry.person).mass, 1, 0.03) << name;
+    hand::HandSpec of_shapes = *entry.model;
+    of_shapes.palm.matter.clear();
+    EXPECT_NEAR(1148 * volume / hand::build_hand(of_shapes, entry.person).mass, 1, 0.03) << name;
   }
 }
 

@@ -50,7 +50,7 @@ std::string doubtful(const std::array<std::vector<Verdict>, 3>& runs) {
     for (std::size_t k = 0; k < 2; ++k) {
       const Verdict &a = runs[k][i], &b = runs[k + 1][i];
       if (a.held() != b.held() || a.missed() != b.missed()) return a.name;
-      if (!a.measured || !b.measured) continue;
+      if (!whole.measured || !a.measured || !b.measured) continue;
       // An error of first order. Written so that NaN is in doubt.
       const double error = std::ldexp(std::abs(*a.measured - *b.measured), static_cast<int>(k) + 1);
       if (!(error <= std::abs(*whole.measured - *whole.limit))) return a.name;
@@ -80,7 +80,7 @@ scene::Scene with_chosen_step(scene::Scene scene) {
       return scene;
     }
     why = fmt::format("; at {:g} ms {} was in doubt", 1e3 * kSteps[i - 2], turned);
-    std::ranges::rotate(runs, runs.begin() + 1);
+    std::rotate(runs.begin(), runs.begin() + 1, runs.end());
   }
   set_step(scene, kSteps.back());
   scene.spec.step_choice = fmt::format("{:g} ms, the smallest that is tried{}, and may be so still",
