@@ -110,7 +110,7 @@ def check_handsim(words, program, problems, where):
     options = program.options_of(*(("grasp", "plan") if words[:2] == ["grasp", "plan"] else (command,)))
     for word in words[1:]:
         option = word.split("=")[0]
-        if options and word.startswith("-") and option not in options:
+        if options and word.startswith("-") and option not in {*options, "--help"}:
             problems.append(f"{where}: handsim {command} has no option {option}")
         if re.match(r"(config|handmodels|controllers|docs)(/|$)", word) and not list(ROOT.glob(word)):
             problems.append(f"{where}: no {word}")
