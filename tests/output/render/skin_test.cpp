@@ -143,8 +143,9 @@ TEST(Skin, HasTheDimensionsOfTheShapes) {
   }
 }
 
-// Oracle: the mass of a hand whose palm has no matter of its own: density times the volume of the union of the
-// shapes, round which skin is drawn; webs add to it. Beyond the wrist's joint centre, where the hand begins.
+// Oracle: the mass of a hand whose palm has no matter of its own: density times the volume of the union of
+// the shapes, round which skin is drawn; webs add to it. Beyond the wrist's joint centre, where the hand
+// begins.
 TEST(Skin, HasTheVolumeOfTheHand) {
   for (const std::string& name : kPersons) {
     const scene::Scene scene = hands_of(name);
