@@ -83,8 +83,8 @@ scene::Scene with_chosen_step(scene::Scene scene) {
     std::rotate(runs.begin(), runs.begin() + 1, runs.end());
   }
   set_step(scene, kSteps.back());
-  scene.spec.step_choice = fmt::format("{:g} ms, the smallest that is tried{}, and may be so still",
-                                         1e3 * kSteps.back(), why);
+  scene.spec.step_choice =
+      fmt::format("{:g} ms, the smallest that is tried{}, and may be so still", 1e3 * kSteps.back(), why);
   return scene;
 }
 
