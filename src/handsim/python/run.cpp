@@ -10,6 +10,7 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
+#include "handsim/scene/read/engine_choice.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/step_choice.h"
 #include "handsim/simulation/simulation.h"
@@ -107,12 +108,16 @@ py::dict result_dict(const simulation::RunResult& result) {
   return out;
 }
 
+/// The scene itself, if it names its step.
+ScenePtr at_its_step(const ScenePtr& scene) {
+  if (!scene::asks_for_step(scene->resolved)) return scene;
+  return std::make_shared<const scene::Scene>(simulation::with_chosen_step(*scene));
+}
+
 py::dict run_scene(const SceneHandle& of, int frames, bool stop_lost, const py::object& progress) {
   Signals signals(progress);
-  const Finished run = without_gil([&] {
-    const auto own = std::make_shared<const scene::Scene>(simulation::with_chosen_step(*of.scene));
-    return MemoryRun(own, frames, stop_lost).run(signals);
-  });
+  const Finished run =
+      without_gil([&] { return MemoryRun(at_its_step(of.scene), frames, stop_lost).run(signals); });
   py::dict out = result_dict(run.result);
   const std::vector<std::string> columns = output::trajectory_columns(of.scene->model);
   out["columns"] = columns;
@@ -139,9 +144,11 @@ py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folde
   options.stop_lost = stop_lost;
   options.progress = [&signals](double share) { signals.poll(share); };
   return result_dict(without_gil([&] {
-    scene::Scene scene = simulation::with_chosen_step(*of.scene);
-    if (report) output::require_three();
-    if (report) app::record_contacts(scene);
+    const ScenePtr own = at_its_step(of.scene);
+    if (!report) return simulation::run(*own, options);
+    output::require_three();
+    scene::Scene scene = *own;
+    app::record_contacts(scene);
     return simulation::run(scene, options);
   }));
 }
