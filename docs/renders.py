@@ -91,7 +91,7 @@ PICTURES = {
     "mpc.svg": Picture("docs/optimise.md", MPC, "out/mpc/mpc.svg", "2 min"),
     "mpc.gif": Picture("docs/optimise.md", [*MPC, "ffmpeg -y -i out/mpc/mpc.mp4 renders/mpc.gif"], time="2 min"),
     "grasp_types.png": Picture("docs/planning.md", [
-        "PYTHONPATH=build/release/python python3 tests/study/planning.py types --out out/planning",
+        "python3 tests/study/planning.py types --out out/planning",
         "ffmpeg -y -i out/planning/types.png -vf scale=840:-1:flags=area renders/grasp_types.png"], time="3 min"),
     "learn_curve.png": Picture("docs/python.md", LEARN, "out/learn/curve.png", "1 min"),
     "learn_can.png": Picture("docs/python.md", LEARN, "out/learn/film_strip.png", "1 min"),
