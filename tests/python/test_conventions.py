@@ -280,6 +280,20 @@ def test_captured_hands_of_people_who_are_not_in_the_convention_are_people(name,
     assert np.sqrt(np.mean(rms**2)) < 4
 
 
+# Oracle: one person has hands of one length, within 1.5 % of the mean of all sequences.
+@pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
+@pytest.mark.parametrize("person", ["s2", "s5"])
+def test_captured_hands_of_one_person_have_one_length(person, tmp_path):
+    spec = importlib.util.spec_from_file_location("captured", ROOT / "tests/study/track/captured.py")
+    captured = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(captured)
+    lengths = []
+    for source in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob(f"{person}_*.npz")):
+        (tmp_path / "a.json").write_text(json.dumps(captured.recording(source)))
+        lengths.append(hs.study.track(tmp_path / "a.json", points="mano").summary["person"]["hand_length_mm"])
+    assert len(lengths) == 5 and np.abs(np.array(lengths) / np.mean(lengths) - 1).max() < 0.015
+
+
 @pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
 def test_captured_hands_in_their_own_order_are_known_by_it(tmp_path):
     """Oracle: the order that the sequences' description has, MANO's own."""

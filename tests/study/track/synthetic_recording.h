@@ -28,6 +28,8 @@ struct MovingHand {
   study::HandTree tree;
   std::vector<study::Feature> features;
   double thumb = 1;  ///< of the swing of its axes: with 1 it passes through the palm
+  double bent =
+      0.5;  ///< where in its range the middle of an axis' swing lies; it swings by 80 % of what is left
 
   MovingHand(const study::TrackInput& input, const hand::Person& person, model::Side side)
       : tree(input.model, hand::build_hand(input.model, person), side),
@@ -41,8 +43,9 @@ struct MovingHand {
     double phase = 0;
     for (const study::TreeAxis& axis : tree.axes()) {
       phase += 0.7;
-      const double middle = 0.5 * (axis.low + axis.high),
-                   swing = 0.4 * (axis.high - axis.low) * (axis.name.starts_with("thumb") ? thumb : 1);
+      const double range = axis.high - axis.low, share = axis.flexion ? bent : 0.5;
+      const double middle = axis.low + share * range,
+                   swing = 0.8 * share * range * (axis.name.starts_with("thumb") ? thumb : 1);
       const double frequency = 0.3 + 0.5 * std::fmod(0.37 * phase, 1.0);
       out.angles.push_back(middle + swing * std::sin(2 * M_PI * frequency * time + phase));
     }

@@ -53,6 +53,10 @@ class HandTree {
   /// Number of parameters: position [m], turn [rad], angles [rad].
   std::size_t size() const { return 6 + axes_.size(); }
 
+  /// Lets stops give way by this much [rad].
+  void open(double by) {
+    for (TreeAxis& axis : axes_) axis.low -= by, axis.high += by;
+  }
   /// A pose after a step of its parameters, the turn in world axes; angles stay within their stops.
   HandPose moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const;
   /// Places the segments: what follows is at these angles.

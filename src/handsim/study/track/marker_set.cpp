@@ -68,7 +68,7 @@ void join_bones(std::vector<Feature>& features, const hand::HandSpec& spec, doub
     }
     return out;
   };
-  for (std::size_t i = 0; i < features.size(); ++i) {
+  for (std::size_t i = 0; i < features.size() && arm > 0; ++i) {
     if (!features[i].segment) continue;
     const std::size_t row = *features[i].segment;
     const bool end = features[i].shares.y() >= kNearBase;

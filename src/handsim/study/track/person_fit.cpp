@@ -18,7 +18,10 @@ constexpr double kOutlier = 0.05;               ///< a point farther from the fi
 constexpr double kStep = 1e-6;                  ///< of a size, to differentiate
 constexpr double kNoHand = 15e-3;               ///< the same, of one that is no such point: chosen [m]
 constexpr double kOff = 2e-3;                   ///< mean residual of a point that is always off [m]
-constexpr double kOwnBones = 0.015;  ///< of the length that a tracker's own bones tell, relative: chosen
+/// Without a convention stops give way by this much while sizes and places are fitted [rad], chosen: noise of
+/// a finger that lies near its stop would else be one-sided, and places, which nothing else holds, would take
+/// it up.
+constexpr double kGiveOfStops = 20 * M_PI / 180;
 
 /// A frame that takes part, and its pose so far.
 struct Used {
@@ -48,12 +51,6 @@ std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
   std::erase_if(out, [&](const Used& each) { return each.fit.rms > most; });
   return out;
 }
-
-/// Length of the hand by the tracker's own bones [m], and its relative deviation, with what bones vary in the
-/// mean.
-struct Told {
-  double length, spread;
-};
 
 /// Normal equations of the sizes, with the poses eliminated.
 struct Normal {
@@ -110,7 +107,6 @@ class Fit {
         now_(unknowns_.expected) {
     std::vector<PoseFit> fits = fits_at(now_);
     for (std::size_t h = 0; h < hands.size(); ++h) used_.push_back(frames_of(hands[h], fits[h]));
-    if (convention) told_ = length_by_own_bones(fits.front());
   }
 
   std::size_t frames() const {
@@ -132,12 +128,7 @@ class Fit {
       const Eigen::VectorXd prior = unknowns_.prior(now_);
       Eigen::MatrixXd matrix = normal.matrix / variance;
       matrix.diagonal() += prior;
-      Eigen::VectorXd right = normal.right / variance + prior.cwiseProduct(unknowns_.expected - now_);
-      if (told_) {
-        const double deviation = told_->spread * told_->length;
-        matrix(0, 0) += 1 / (deviation * deviation);
-        right[0] += (told_->length - now_[0]) / (deviation * deviation);
-      }
+      const Eigen::VectorXd right = normal.right / variance + prior.cwiseProduct(unknowns_.expected - now_);
       const Eigen::LDLT<Eigen::MatrixXd> factor(matrix);
       Eigen::VectorXd most = 0.1 * now_;
       most.tail(now_.size() - unknowns_.first_share()).setConstant(0.3);
@@ -191,43 +182,13 @@ class Fit {
   std::vector<PoseFit> fits_at(const Eigen::VectorXd& values) const {
     const hand::BuiltHand built = hand::build_hand(spec_, unknowns_.person(values));
     std::vector<PoseFit> out;
-    for (const HandFrames& hand : hands_)
-      out.emplace_back(HandTree(spec_, built, hand.side), unknowns_.placed(hand.features, values))
+    for (const HandFrames& hand : hands_) {
+      HandTree tree(spec_, built, hand.side);
+      if (!unknowns_.convention) tree.open(kGiveOfStops);
+      out.emplace_back(std::move(tree), unknowns_.placed(hand.features, values))
           .set_noise(unknowns_.convention ? noise_ : 0);
-    return out;
-  }
-
-  /// The length of a hand whose bones, where a convention puts their ends, are as long in sum as those that
-  /// the tracker shows: the median over the frames of each. Postures do not change them, while the points of
-  /// a tracker whose joints lie elsewhere fit this hand better in some postures with another length. Bones
-  /// that vary are less sure: their ends are on the segments of this hand, or noise.
-  std::optional<Told> length_by_own_bones(PoseFit& fit) const {
-    const std::vector<Feature>& features = fit.features();
-    std::vector<double> angles;
-    for (const TreeAxis& axis : fit.tree().axes()) angles.push_back(std::clamp(0.0, axis.low, axis.high));
-    HandTree tree = fit.tree();
-    tree.place(angles);
-    const std::size_t first_of_palm = as_index(
-        std::ranges::find_if(features, [](const Feature& each) { return !each.segment; }) - features.begin());
-    double expected = 0, measured = 0, varied = 0;
-    for (std::size_t i = 0; i < features.size(); ++i) {
-      // Points of the palm are joined to the first of them.
-      const std::size_t from = features[i].from.value_or(first_of_palm);
-      if (from == i || (!features[i].from && features[i].segment)) continue;
-      std::vector<double> lengths;
-      for (const std::vector<Used>& hand : used_)
-        for (const Used& each : hand)
-          if (each.frame[i].point && each.frame[from].point)
-            lengths.push_back((*each.frame[i].point - *each.frame[from].point).norm());
-      if (lengths.empty()) continue;
-      expected += (tree.point(features[i]) - tree.point(features[from])).norm();
-      const double usual = median(lengths);
-      measured += usual;
-      for (double& length : lengths) length = std::abs(length - usual);
-      varied += 1.48 * median(std::move(lengths));  // a normal deviation
     }
-    if (!(measured > 0)) return std::nullopt;
-    return Told{unknowns_.size.length * measured / expected, std::hypot(kOwnBones, varied / measured)};
+    return out;
   }
 
   /// Residuals of features in the axes of the hand frame.
@@ -279,7 +240,6 @@ class Fit {
   Unknowns unknowns_;
   Eigen::VectorXd now_, left_;  ///< left_: variance over that before
   double noise_ = 0;
-  std::optional<Told> told_;
   std::vector<std::vector<Used>> used_;
 };
 

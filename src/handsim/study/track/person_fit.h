@@ -19,8 +19,7 @@ struct PersonFit {
 /// breadth to the survey's of the fitted length, bones to the hand model's with its spread between people
 /// (`segments`), the length to the person's, or to an adult's where nobody is named; shares to those of their
 /// convention, without a convention with a prior of heavy tails, so that a point that is always off does not
-/// move the others. With a convention the length is also that of a hand whose bones are as long as the
-/// tracker's own, which no posture changes. Errors that go on from frame to frame do not average out: with
+/// move the others. Errors that go on from frame to frame do not average out: with
 /// the correlation c between neighbours, n frames weigh as n / (1 - c + n c). Without a convention, points
 /// that are said to be the joints' centres and are not, by 2 mm in the mean, have their shares fitted.
 /// @param warnings gets a text for points that are always off, implausible hands, and where the points hardly

@@ -76,7 +76,7 @@ Rows PoseFit::rows(const MeasuredFrame& frame, const HandPose& pose, const std::
       rows.middleCols<3>(3) = inverse;
       rows.rightCols(angles) = inverse * rotation * tree_.jacobian(feature).bottomRows<3>();
     }
-    if (!feature.from || feature.arm == 0 || rejected[*feature.from] || !frame[*feature.from].point) continue;
+    if (!feature.from || rejected[*feature.from] || !frame[*feature.from].point) continue;
     const Vec3 measured = (*frame[i].point - *frame[*feature.from].point).normalized();
     Feature segment;
     segment.segment = feature.bone;
