@@ -196,10 +196,10 @@ void ContactDynamics::collect_moving_dofs(MovingDofs& of) const {
 bool ContactDynamics::free_step_holds(std::size_t single, double step) const {
   const NodeView& a = mechanism_.view(as_index(singles_[single]));
   const double rate = *a.u + step * *a.du;
-  if (*a.servo_limit > 0) {
-    const double pull = a.servo().pull(step * rate, rate);
+  if (const model::Servo servo = a.servo(); servo.limit > 0) {
+    const double pull = servo.pull(step * rate, rate);
     // Written so that NaN does not hold.
-    if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
+    if (*a.saturated == 0 ? !(std::abs(pull) <= servo.limit) : !(*a.saturated * pull > servo.limit))
       return false;
   }
   return sides_[single] == LimitSide::within && rate >= -stop_target(*a.q - *a.low, step) &&
@@ -274,11 +274,10 @@ void ContactDynamics::bound_axes(ContactProblem& p, double step) {
     const NodeView& a = mechanism_.view(as_index(singles_[i]));
     const double u = *a.u, q = *a.q;
     Limits& limits = p.limits[as_index(place)];
-    if (*a.servo_limit > 0) {
-      const ServoLaw<double> law = a.servo();
-      limits.offset = step * law.start(step, u);
-      limits.slope = step * law.slope(step);
-      limits.limit = step * *a.servo_limit;
+    if (const model::Servo servo = a.servo(); servo.limit > 0) {
+      limits.offset = step * servo.start(step, u);
+      limits.slope = step * servo.slope(step);
+      limits.limit = step * servo.limit;
       limits.saturated = side_of(*a.saturated);
       p.g[as_index(place)] -= limits.torque(limits.offset);
       if (limits.saturated == LimitSide::within) p.inertia(place, place) -= limits.slope;

@@ -127,15 +127,14 @@ void StepSlopes::add_singles(StepDerivatives& out) {
     if (std::abs(each.room(*each.view.q)) <= kOnStop &&
         (each.held() || each.room(*each.view.q + h * rate) <= kOnStop))
       out.notes.push_back(name_of(each) + ": on its stop: one-sided, for positions within the range");
-    if (*each.view.servo_limit > 0) {
+    if (const model::Servo servo = each.view.servo(); servo.limit > 0) {
       out.driven[each.coordinate] = each.in_range();
-      const ServoLaw<double> law = each.view.servo();
-      const double pull = law.pull(h * rate, rate);
-      if (std::abs(std::abs(pull) - *each.view.servo_limit) <= kEdge * *each.view.servo_limit)
+      const double pull = servo.pull(h * rate, rate);
+      if (std::abs(std::abs(pull) - servo.limit) <= kEdge * servo.limit)
         out.notes.push_back(name_of(each) + ": its servo is at its limit: one-sided");
       if (!each.in_range()) continue;
-      K_(i, i) += h * law.slope(h);
-      by_u_(i, i) += h * law.slope(h);
+      K_(i, i) += h * servo.slope(h);
+      by_u_(i, i) += h * servo.slope(h);
     }
     if (!out.feedback.by_q.empty()) by_q_(i, i) -= h * out.feedback.by_q[each.coordinate];
   }

@@ -10,6 +10,7 @@
 
 #include "handsim/engine/articulated/dynamics/topology.h"
 #include "handsim/engine/articulated/kernels/kernels.h"
+#include "handsim/model/actuation.h"
 
 namespace handsim::engine::articulated {
 
@@ -41,7 +42,9 @@ struct NodeView {
   const double *servo_stiffness = nullptr, *servo_damping = nullptr, *servo_error = nullptr,
                *servo_feed = nullptr, *servo_limit = nullptr;
   double *side = nullptr, *saturated = nullptr, *force = nullptr, *reaction = nullptr;
-  ServoLaw<double> servo() const { return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed}; }
+  model::Servo servo() const {
+    return {*servo_stiffness, *servo_damping, *servo_error, *servo_feed, *servo_limit};
+  }
 };
 
 /// The moving bodies of a model, their joints and bases.

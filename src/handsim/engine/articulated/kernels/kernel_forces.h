@@ -8,7 +8,7 @@ namespace handsim::engine::articulated {
 template <class V>
 struct Forces : Lanes<V> {
   using L = Lanes<V>;
-  using L::W, L::load, L::store, L::batches, L::axis, L::servo_law, L::single;
+  using L::W, L::load, L::store, L::batches, L::axis, L::servo, L::single;
   using typename L::Batches, typename L::Axes;
 
   /// A spring-damper evaluated at the end of the step, F = F0 - k h u' - d u' with u' = u + h du, is
@@ -19,13 +19,13 @@ struct Forces : Lanes<V> {
     const V q = load(tree.q + b.q), u = load(tree.u + b.u);
     const V k = load(a.stiffness);
     const V damping = h * k + load(a.damping);
-    const ServoLaw<V> servo = servo_law(a);
+    const model::ServoOf<V> drive = servo(a);
     const V saturated = load(a.saturated);
     const V on = V(1.0) - saturated * saturated;
-    store(a.force, load(a.tau) - k * (q - load(a.rest)) - damping * u + on * servo.start(h, u) +
-                       saturated * load(a.servo_limit));
+    store(a.force, load(a.tau) - k * (q - load(a.rest)) - damping * u + on * drive.start(h, u) +
+                       saturated * drive.limit);
     // An empty lane has to have some inertia.
-    store(a.weight, h * (damping + on * servo.slope(h)) + (V(1.0) - load(a.present)));
+    store(a.weight, h * (damping + on * drive.slope(h)) + (V(1.0) - load(a.present)));
     lock_at_stops(tree, b, a, step);
   }
 
@@ -43,9 +43,10 @@ struct Forces : Lanes<V> {
   /// tau and tau_servo of a position and a rate. @param moved since the servo's error was found
   static V store_torque(const LaneTree& tree, const Batches& b, const V& q, const V& u, const V& moved) {
     const Axes& a = axis(tree, b);
-    const V limit = load(a.servo_limit), least = V(0.0) - limit;
-    V pull = servo_law(a).pull(moved, u);
-    pull = articulated::select(pull > limit, limit, pull);
+    const model::ServoOf<V> drive = servo(a);
+    const V least = V(0.0) - drive.limit;
+    V pull = drive.pull(moved, u);
+    pull = articulated::select(pull > drive.limit, drive.limit, pull);
     pull = articulated::select(pull < least, least, pull);
     const V tau = load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull;
     store(tree.tau_servo + b.u, pull);
@@ -90,8 +91,9 @@ struct Forces : Lanes<V> {
     const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
     Axes& a = axis(tree, b);
     const V q = load(tree.q + b.q), u = load(tree.u + b.u), u1 = u + h * load(tree.du + b.u);
-    const V limit = load(a.servo_limit), was = load(a.saturated), pull = servo_law(a).pull(h * u1, u1);
-    const V bound = limit * articulated::select(was * was > zero, tight, loose);
+    const model::ServoOf<V> drive = servo(a);
+    const V was = load(a.saturated), pull = drive.pull(h * u1, u1);
+    const V bound = drive.limit * articulated::select(was * was > zero, tight, loose);
     V now = articulated::select(pull > bound, one, zero);
     now = articulated::select(pull < V(zero - bound), V(zero - one), now);
     const V side = load(a.side), low = load(a.low), high = load(a.high);

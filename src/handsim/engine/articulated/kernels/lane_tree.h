@@ -73,18 +73,6 @@ struct alignas(64) Axis {
   }
 };
 
-/// The servo law of a coordinate; V: a number, or numbers in lanes.
-template <class V>
-struct ServoLaw {
-  V stiffness, damping, error, feed;
-
-  /// Torque [N m] or [N] at a rate, after a motion since the error was found; without its limit.
-  V pull(const V& moved, const V& rate) const { return stiffness * (error - moved) - damping * rate + feed; }
-  /// Torque at the end of a step h, without its limit, at a rate u' there: start(h, u) - slope(h) (u' - u).
-  V start(const V& h, const V& u) const { return stiffness * error + feed - slope(h) * u; }
-  V slope(const V& h) const { return h * stiffness + damping; }
-};
-
 enum class ParentLink {
   base,      ///< parents' motion stands in a Frame of the batch's own
   aligned,   ///< lane by lane the children of one batch

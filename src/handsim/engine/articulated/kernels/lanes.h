@@ -8,6 +8,7 @@
 
 #include "handsim/engine/articulated/kernels/lane_tree.h"
 #include "handsim/engine/articulated/kernels/spatial.h"
+#include "handsim/model/actuation.h"
 
 namespace handsim::engine::articulated {
 
@@ -81,8 +82,9 @@ struct Lanes {
   static Batches* batches(const LaneTree& tree) { return lanes_of<W>(tree).batch; }
   static Axes& axis(const LaneTree& tree, const Batches& b) { return lanes_of<W>(tree).axis[b.axis]; }
   static Joints3& joint3(const LaneTree& tree, const Batches& b) { return lanes_of<W>(tree).joint3[b.axis]; }
-  static ServoLaw<V> servo_law(const Axes& a) {
-    return {load(a.servo_stiffness), load(a.servo_damping), load(a.servo_error), load(a.servo_feed)};
+  static model::ServoOf<V> servo(const Axes& a) {
+    return {load(a.servo_stiffness), load(a.servo_damping), load(a.servo_error), load(a.servo_feed),
+            load(a.servo_limit)};
   }
   static bool single(const Batches& b) {
     return b.kind == NodeKind::revolute || b.kind == NodeKind::prismatic;
