@@ -255,7 +255,8 @@ class Posed:
         self._axis: Array = matrices(np.hstack([self._place, self._quaternion]))[:, :3, 2]
         self._capsules: dict[bytes, tuple[Array, Array]] = {}
         self._opened: dict[str, list[Sites]] = {}
-        self._of_body = {name: i for i, name in enumerate(shapes["body"]) if name != "palm"}
+        # Its capsule: the first of its shapes.
+        self._of_body = {name: i for i, name in reversed(list(enumerate(shapes["body"]))) if name != "palm"}
         self.limits: Array = hand.scene.limits[-len(hand.coordinates):]
 
     def angles(self, pose: dict[str, list[float]]) -> Array:

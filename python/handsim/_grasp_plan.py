@@ -234,14 +234,15 @@ def _held_until(scene: Scene) -> Simulation:
 
 
 def _segment_forces(simulation: Simulation, side: str, name: str) -> dict[str, float]:
-    """Normal forces on an object by segment of the hand [N]."""
+    """Normal forces on an object by segment of the hand [N]; pads of the palm that a segment carries are the palm's."""
     contacts = simulation.contacts
+    palm = {shape.name for shape in simulation.scene._model.shapes if shape.part == "palm"}
     out: dict[str, float] = {}
     for a, b, normal, force in zip(contacts.a, contacts.b, contacts.normal, contacts.force):
         one, other = (a, b) if a.startswith(f"{side}.") else (b, a)
         if not one.startswith(f"{side}.") or not other.startswith(name) or other.startswith(f"{name}_post"):
             continue
-        segment = one.split(".")[1]
+        segment = "palm" if one in palm else one.split(".")[1]
         out[segment] = out.get(segment, 0.0) + abs(float(force @ normal))
     return out
 

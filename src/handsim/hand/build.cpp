@@ -124,7 +124,8 @@ HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const 
   for (Shape shape : hand.shapes) {
     const auto body = as_index(shape.body);
     shape.name = index.name + "." + shape.name;
-    const bool palm = body == 0 || std::ranges::find(hand.palm_parts, shape.body) != hand.palm_parts.end();
+    const bool palm = shape.part == model::Part::palm || body == 0 ||
+                      std::ranges::find(hand.palm_parts, shape.body) != hand.palm_parts.end();
     shape.group = palm ? groups.palm : has_child[body] ? groups.fingers : groups.fingertips;
     shape.body = index.bodies[body];
     shape.material = static_cast<int>(model.materials.size()) - 1;

@@ -308,7 +308,7 @@ BuiltHand build_hand(const HandSpec& given, const Person& stated) {
 Vec3 palm_box(const BuiltHand& hand) {
   std::vector<Shape> palm;
   for (const Shape& shape : hand.shapes)
-    if (shape.part == model::Part::palm) palm.push_back(shape);
+    if (shape.body == 0 && shape.part == model::Part::palm) palm.push_back(shape);
   return model::box_edges(palm);
 }
 

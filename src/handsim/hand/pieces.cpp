@@ -170,7 +170,8 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
         MassProperties{volume.mass, frame * volume.centre, axes * volume.inertia * axes.transpose()};
     for (Shape& shape : own.shapes) {
       shape.name = own.name + shape.name.substr(std::string("palm").size());
-      shape.part = spec.segments[own.row].part;
+      // A pad that a segment carries beside its own shapes is still skin of the palm.
+      if (i <= spec.segments.size()) shape.part = spec.segments[own.row].part;
       shape.pose = frame * shape.pose;
     }
   }
@@ -180,12 +181,12 @@ void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
 
 void set_masses(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec, const Person& person) {
   if (spec.mass.kind == MassRule::Kind::tissue_density) share_space(parts, spec);
-  hand.palm_volume = volume_of(parts, 0);
   if (spec.mass.kind == MassRule::Kind::body_mass_share)
     set_masses_by_share(parts, hand, spec, person);
   else
     set_masses_by_volume(parts, hand, spec, person);
   split_palm(parts, spec);
+  hand.palm_volume = volume_of(parts, 0);
   for (std::size_t i = 1; i <= spec.segments.size(); ++i)
     if (!parts[i].of_palm.empty()) hand.palm_parts.push_back(parts[i].body);
 }

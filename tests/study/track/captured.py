@@ -12,7 +12,7 @@ a row for each sequence and writes OUT/captured.csv:
 
 - length, breadth [mm] and their percentiles among adults (`percentile`);
 - rms: of the distances of the 21 points from the fitted ones, over all tracked frames [mm]; then that of the points of each kind of joint;
-- thumb: deepest overlap of a segment of the thumb with the palm [mm];
+- thumb: deepest overlap of the thumb's proximal or last segment with the palm or its thenar pad [mm];
 - angle: largest over the fingers' PIP and DIP and the thumb's MCP and IP of the RMS difference between the fitted flexion and the
   angle between the points' own bones [deg], and which joint; then that of each joint; without frames whose bones bend backwards;
 - tips: RMS distance of the fingertips of a hand with the points' own angles from the points' tips, places on the last segments apart [mm];
@@ -147,7 +147,8 @@ def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bo
     row["rms"] = round(float(np.sqrt(np.nanmean(distances**2))), 2)
     row.update({f"rms_{kind}": round(float(np.sqrt(np.nanmean(distances[:, at]**2))), 1) for kind, at in KINDS.items()})
     row["thumb"] = round(max((pair["deepest_mm"] for hand in summary["hands"] for pair in hand["overlaps"]["pairs"]
-                              if "palm" in pair["where"] and "thumb" in pair["where"]), default=0.0), 1)
+                              if ("palm" in pair["where"] or "thenar" in pair["where"])
+                              and ("thumb_proximal" in pair["where"] or "thumb_distal" in pair["where"])), default=0.0), 1)
     angles = differences(source, out, summary["start_s"])
     worst = max(angles, key=lambda joint: angles[joint])
     row["tips"] = round(tips_of_equal_angles(source, row["length"]), 1)

@@ -156,7 +156,7 @@ void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand
     for (std::size_t i = 0; i < model.shapes.size(); ++i) {
       if (model.shapes[i].body != joint.child) continue;
       flesh.push_back(flesh_of(model, static_cast<int>(i), body, x_HB));
-      rays_[ray].thumb = model.shapes[i].part == model::Part::thumb;
+      rays_[ray].thumb |= model.shapes[i].part == model::Part::thumb;
     }
     if (flesh.size() == before) continue;
     bodies.push_back(joint.child);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <ranges>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -182,7 +184,11 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
   std::vector<PadMove> moves(chain.bodies.size());
   double stiffest = 0;
   for (std::size_t k = 0; k < moves.size(); ++k) {
-    moves[k] = pad_move(contacts, chain.bodies[k]);
+    std::vector<TouchPoint> own;
+    std::ranges::copy_if(contacts, std::back_inserter(own), [&](const TouchPoint& contact) {
+      return contact.body == chain.bodies[k] && !contact.of_palm;
+    });
+    moves[k] = pad_move(own);
     stiffest = std::max(stiffest, moves[k].stiffness);
   }
   const auto n = static_cast<Eigen::Index>(chain.axes.size());
@@ -190,7 +196,7 @@ void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& con
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
   for (const TouchPoint& contact : contacts) {
     const auto body = std::ranges::find(chain.bodies, contact.body) - chain.bodies.begin();
-    if (as_index(body) == chain.bodies.size()) continue;
+    if (as_index(body) == chain.bodies.size() || contact.of_palm) continue;
     const PadMove& move = moves[as_index(body)];
     const Eigen::MatrixXd rows =
         hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
@@ -236,7 +242,8 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   add_contact_rules(model_, site.scene.contacts, groups, touch, nullptr);
   axes_ = control::hand_axes(model_, model_.hands.front());
   parts_.assign(model_.bodies.size(), model::Part::palm);
-  for (const model::Shape& shape : model_.shapes) parts_[as_index(shape.body)] = shape.part;
+  for (const model::Shape& shape : model_.shapes | std::views::reverse)
+    parts_[as_index(shape.body)] = shape.part;
   collider_ = std::make_unique<engine::Collider>(model_, model::Effects{}, false);
   q_.assign(as_index(model_.dof_count()), 0.0);
   state_ = model::state_at(model_, q_);
@@ -283,6 +290,8 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
       point.spinning = collider_->spinning(touch, i);
       point.share = share;
       point.pad = touch.surface.compliance;
+      const int shape = hand_is_a ? contact.shape_a : contact.shape_b;
+      point.of_palm = model_.shapes[as_index(shape)].part == model::Part::palm;
     }
   return touches_;
 }
@@ -293,12 +302,12 @@ double TouchPoint::push(double deeper) const {
                   : share * pad->stiffness * (depth + deeper);
 }
 
-PadMove pad_move(const std::vector<TouchPoint>& contacts, int body) {
+PadMove pad_move(std::span<const TouchPoint> of_part) {
   PadMove out;
   const model::Compliance* pad = nullptr;
   double lacks = 0, shares = 0, stiffness = 0;
-  for (const TouchPoint& contact : contacts) {
-    if (contact.body != body || !contact.pad) continue;
+  for (const TouchPoint& contact : of_part) {
+    if (!contact.pad) continue;
     pad = &*contact.pad;
     lacks += contact.planned - contact.push();
     shares += contact.share;
@@ -308,8 +317,7 @@ PadMove pad_move(const std::vector<TouchPoint>& contacts, int body) {
   if (!pad->law) return {std::clamp(lacks / stiffness, -kDeeper, kDeeper), pad->stiffness};
   const auto gain = [&](double deeper) {
     double sum = 0;
-    for (const TouchPoint& contact : contacts)
-      if (contact.body == body) sum += contact.push(deeper) - contact.push();
+    for (const TouchPoint& contact : of_part) sum += contact.push(deeper) - contact.push();
     return sum;
   };
   double low = -kDeeper, high = kDeeper;
@@ -322,15 +330,26 @@ PadMove pad_move(const std::vector<TouchPoint>& contacts, int body) {
   return out;
 }
 
-std::size_t HandOnObject::watch(std::span<const int> bodies) {
+template <class Watches>
+std::size_t HandOnObject::watch_shapes(Watches watches) {
   auto watched = std::make_unique<Watched>();
   watched->model = model_;
-  std::erase_if(watched->model.shapes, [&](const model::Shape& shape) {
-    return shape.body != object_ && std::ranges::find(bodies, shape.body) == bodies.end();
-  });
+  std::erase_if(watched->model.shapes,
+                [&](const model::Shape& shape) { return shape.body != object_ && !watches(shape); });
   watched->collider = std::make_unique<engine::Collider>(watched->model, model::Effects{}, false);
   watched_.push_back(std::move(watched));
   return watched_.size() - 1;
+}
+
+std::size_t HandOnObject::watch(std::span<const int> bodies) {
+  return watch_shapes([&](const model::Shape& shape) {
+    return shape.part != model::Part::palm && std::ranges::find(bodies, shape.body) != bodies.end();
+  });
+}
+
+std::size_t HandOnObject::watch_palm() {
+  return watch_shapes(
+      [&](const model::Shape& shape) { return shape.body == palm() || shape.part == model::Part::palm; });
 }
 
 const std::vector<double>& HandOnObject::depths(std::span<const double> q, std::size_t watched) {

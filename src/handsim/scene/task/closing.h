@@ -23,18 +23,19 @@ struct TouchPoint {
   double share = 1;                      ///< of the pad of its pair of shapes
   std::optional<model::Compliance> pad;  ///< absent: rigid
   double planned = 0;                    ///< normal force that it shall have [N]
+  bool of_palm = false;                  ///< also of a pad that a segment carries
 
   /// Force of the pad when it is pressed by so much more [m], and lasts [N].
   double push(double deeper = 0) const;
 };
 
-/// How much deeper the pads of a body have the sum of its planned forces, within 2 mm, and their stiffness on
+/// How much deeper the pads of a part have the sum of its planned forces, within 2 mm, and their stiffness on
 /// that way.
 struct PadMove {
   double deeper = 0;     ///< [m]
   double stiffness = 0;  ///< of a whole pad [N/m]; 0: rigid
 };
-PadMove pad_move(const std::vector<TouchPoint>& contacts, int body);
+PadMove pad_move(std::span<const TouchPoint> of_part);
 
 /// A right hand at the world's origin and an object in it: where the two touch at given joint angles, with
 /// the scene's contact rules and its engines' collision tests, so that a run finds what is planned.
@@ -52,8 +53,10 @@ class HandOnObject {
   void place(const Pose& x_HO) { x_HO_ = x_HO; }
   /// All points at which the hand touches the object. @param q size model().dof_count() [rad]
   const std::vector<TouchPoint>& touches(std::span<const double> q);
-  /// Bodies whose touches are asked for without those of the others. @returns their number for `depths`
+  /// Touches of a finger's segments, without pads of the palm that they carry. @returns number for `depths`
   std::size_t watch(std::span<const int> bodies);
+  /// Those of the palm and its pads.
+  std::size_t watch_palm();
   /// Deepest of the points of each watched body, by body of the model [m]; 0: it does not touch.
   const std::vector<double>& depths(std::span<const double> q, std::size_t watched);
   /// Jacobian of a point that moves with a body, at q. @param point in the hand frame [m]
@@ -66,10 +69,12 @@ class HandOnObject {
     std::unique_ptr<engine::Collider> collider;
   };
   void move(std::span<const double> q);
+  template <class Watches>
+  std::size_t watch_shapes(Watches watches);
 
   model::Model model_;
   control::HandAxes axes_;
-  std::vector<model::Part> parts_;  ///< of the bodies
+  std::vector<model::Part> parts_;  ///< of the bodies, by their first shapes
   int object_ = 0;                  ///< its body
   Pose body_frame_;                 ///< X_OB
   Pose x_HO_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <numeric>
 
 #include <fmt/format.h>
@@ -65,7 +66,7 @@ class Fit {
         hand_(site),
         closing_(hand_, angles_of(site, task.open, hand_.axes()),
                  angles_of(site, task.closed.front(), hand_.axes())),
-        palm_(hand_.watch(std::array{hand_.palm()})),
+        palm_(hand_.watch_palm()),
         depth_(hand_.model().bodies.size(), kTouchDepth) {
     out_.strength = hand::grip_strength(spec.strength, site.entry.person);
     strength_ = own_strength();
@@ -102,7 +103,7 @@ class Fit {
     x_HO_ = {p, place_.at.q};
     closing_.oppose(place.turn);
     depth_.assign(depth_.size(), kTouchDepth);
-    if (place_.on_palm) put_on_palm(-kFar);
+    if (place_.on_palm) put_on_palm(-kFar, closing_.open());
     opens_ = closing_.open_clear(x_HO_, place_.from);
     out_.x_HO = x_HO_;
     q_ = touch_ = closing_.close(depth_);
@@ -129,7 +130,7 @@ class Fit {
   double wrong_of_wrap() {
     double thumb = 0, fingers = 0, of_thumb = 1e-9, of_fingers = 1e-9, across = 0;
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
-      if (contacts_[i].body == hand_.palm()) continue;
+      if (contacts_[i].of_palm) continue;
       const bool is_thumb = hand_.part(contacts_[i].body) == model::Part::thumb;
       (is_thumb ? of_thumb : of_fingers) += normal_force(i);
       (is_thumb ? thumb : fingers) += normal_force(i) * contacts_[i].point.x();
@@ -198,12 +199,12 @@ class Fit {
     grasp_at(best_);
   }
 
-  /// @param from where it does not touch the palm, or not so deep, along z
-  void put_on_palm(double from) {
+  /// @param from where it does not touch the palm or its pads, or not so deep, along z. @param q angles
+  void put_on_palm(double from, const std::vector<double>& q) {
     const auto depth_at = [&](double z) {
       x_HO_.p.z() = z;
       hand_.place(x_HO_);
-      return hand_.depths(closing_.open(), palm_)[as_index(hand_.palm())];
+      return std::ranges::max(hand_.depths(q, palm_));
     };
     const double wanted = depth_[as_index(hand_.palm())];
     double z = from;
@@ -232,7 +233,8 @@ class Fit {
     for (const TouchPoint& touch : touches) {
       std::size_t presser = chains.size();
       for (std::size_t i = 0; i < chains.size(); ++i)
-        if (std::ranges::find(chains[i].bodies, touch.body) != chains[i].bodies.end()) presser = i;
+        if (!touch.of_palm && std::ranges::find(chains[i].bodies, touch.body) != chains[i].bodies.end())
+          presser = i;
       if (presser < chains.size() && !closing_.moves(chains[presser])) continue;
       contacts_.push_back(touch);
       const double friction = spec_.friction.value_or(touch.friction);
@@ -278,8 +280,10 @@ class Fit {
     const Vec3 before = x_HO_.p;
     if (place_.on_palm) {
       double& depth = depth_[as_index(hand_.palm())];
-      depth = std::max(kTouchDepth, depth + pad_move(contacts_, hand_.palm()).deeper);
-      put_on_palm(x_HO_.p.z() - 2 * kNearer);
+      std::vector<TouchPoint> own;
+      std::ranges::copy_if(contacts_, std::back_inserter(own), &TouchPoint::of_palm);
+      depth = std::max(kTouchDepth, depth + pad_move(own).deeper);
+      put_on_palm(x_HO_.p.z() - 2 * kNearer, q_);
     }
     hand_.place(x_HO_);
     q_ = closing_.press(q_, contacts_, x_HO_.p - before);
@@ -289,7 +293,7 @@ class Fit {
     out_.forces.clear();
     out_.palm_force = 0;
     for (std::size_t i = 0; i < contacts_.size(); ++i)
-      (contacts_[i].body == hand_.palm() ? out_.palm_force : out_.forces[hand_.part(contacts_[i].body)]) +=
+      (contacts_[i].of_palm ? out_.palm_force : out_.forces[hand_.part(contacts_[i].body)]) +=
           normal_force(i);
   }
 

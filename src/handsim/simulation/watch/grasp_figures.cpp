@@ -42,14 +42,15 @@ double normal_of_pair(std::span<const engine::Contact> contacts, const engine::C
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
-    : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size()) {
+    : model_(model), rules_(model), half_step_(step / 2), part_of_shape_(model.shapes.size()) {
   const model::HandIndex& hand = model.hands[plan.hand];
   palm_ = as_index(hand.palm);
   for (const model::ObjectIndex& object : model.objects)
     if (object.name == plan.object) object_ = as_index(object.body.value_or(model::kWorld));
-  for (const model::Shape& shape : model.shapes) {
+  for (std::size_t i = 0; i < model.shapes.size(); ++i) {
+    const model::Shape& shape = model.shapes[i];
     if (std::ranges::find(hand.bodies, shape.body) != hand.bodies.end())
-      part_of_body_[as_index(shape.body)] = hand_part(shape.part);
+      part_of_shape_[i] = hand_part(shape.part);
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
@@ -74,7 +75,8 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     const std::size_t a = as_index(model_.shapes[as_index(contact.shape_a)].body),
                       b = as_index(model_.shapes[as_index(contact.shape_b)].body);
     if (a != object_ && b != object_) continue;
-    const std::optional<std::size_t> part = part_of_body_[a == object_ ? b : a];
+    const std::optional<std::size_t> part =
+        part_of_shape_[as_index(a == object_ ? contact.shape_b : contact.shape_a)];
     const double normal = contact.normal_force();
     if (normal <= 0) continue;
     if (!part) {
@@ -148,7 +150,8 @@ void GraspWatch::watch_touch(const engine::Engine& engine) {
     const std::size_t a = as_index(model_.shapes[as_index(contact.shape_a)].body),
                       b = as_index(model_.shapes[as_index(contact.shape_b)].body);
     if ((a != object_ && b != object_) || contact.depth <= 0) continue;
-    const std::optional<std::size_t> touching = part_of_body_[a == object_ ? b : a];
+    const std::optional<std::size_t> touching =
+        part_of_shape_[as_index(a == object_ ? contact.shape_b : contact.shape_a)];
     if (!touching || (deepest != nullptr && deepest->depth >= contact.depth)) continue;
     deepest = &contact;
     part = touching;

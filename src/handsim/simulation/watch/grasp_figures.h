@@ -113,7 +113,7 @@ class GraspWatch {
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]
   double lift_start_ = 0, slip_start_ = 0, hold_end_ = 0, end_ = 0;
-  std::vector<std::optional<std::size_t>> part_of_body_;  ///< in kHandParts, of bodies of the hand
+  std::vector<std::optional<std::size_t>> part_of_shape_;  ///< in kHandParts, of shapes of the hand
   std::optional<Pose> at_slip_start_, at_hold_end_;
   GraspFigures figures_;
 };
