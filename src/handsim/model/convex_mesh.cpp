@@ -68,7 +68,8 @@ void add_rims(ConvexMesh& mesh) {
     const auto corners = mesh.corners(f);
     for (std::size_t i = 0; i < corners.size(); ++i) {
       const Vec3& from = mesh.vertex(corners[i]);
-      const Vec3 out = (mesh.vertex(corners[(i + 1) % corners.size()]) - from).cross(mesh.normal(f)).normalized();
+      const Vec3& to = mesh.vertex(corners[(i + 1) % corners.size()]);
+      const Vec3 out = (to - from).cross(mesh.normal(f)).normalized();
       mesh.rims[as_index(mesh.loop_starts[as_index(f)]) + 1 + i] << out, out.dot(from);
     }
   }

@@ -26,7 +26,7 @@ struct ConvexMesh {
   /// As `loops`, of the edge from each corner to the next one of its face: the face, and where the face
   /// beside it has the same edge; -1 where none has.
   std::vector<int> owners, twins;
-  /// Of the same edges the side plane of the face: unit n in the face's plane, out of it, and d of n . x = d [m].
+  /// Of the same edges the side plane of the face: unit n in its plane, out of it, and d of n . x = d [m].
   std::vector<Eigen::Vector4d> rims;
   static constexpr int kCells = 8;  ///< Along the edges of the cube of `pierced`.
   /// The face that a ray from the centroid leaves by, for the middles of the cells on the sides of a cube.

@@ -54,7 +54,7 @@ GripTask wrap_of(double arm, double limit) {
   return task;
 }
 
-// Oracle: limit over arm, of either sign; the other finger presses as asked, and the palm with the sum of both.
+// Oracle: limit over arm, of either sign; the other finger presses as asked, the palm with the sum of both.
 TEST(GripBalance, OfAFingerWhoseJointIsWeakLeavesTheOthersAsTheyAre) {
   for (const double arm : {0.05, -0.05}) {
     const GripForces found = balance(wrap_of(arm, 0.2));
@@ -64,8 +64,7 @@ TEST(GripBalance, OfAFingerWhoseJointIsWeakLeavesTheOthersAsTheyAre) {
     EXPECT_NEAR(found.forces[2].x() + found.forces[3].x(), -14, 0.4);
   }
   const GripForces strong = balance(wrap_of(0.05, 0.6)), free = balance(wrap_of(0, 1));
-  for (std::size_t i = 0; i < 4; ++i)
-    EXPECT_LT((strong.forces[i] - free.forces[i]).norm(), 1e-9);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((strong.forces[i] - free.forces[i]).norm(), 1e-9);
   EXPECT_NEAR(free.forces[0].x(), 10, 0.3);
 }
 

@@ -66,8 +66,8 @@ struct GripForces {
 };
 
 /// Least squares with forces within friction cones (8 edges; of a part of several points all along one edge,
-/// or round their middle) and torques within their limits: equilibrium, then asked, then small forces. A finger
-/// whose joint is at its limit presses as hard as it can, the others balance it and go on to what they are asked.
+/// or round their middle) and torques within their limits: equilibrium, then asked, then small forces. A
+/// finger whose joint is at its limit presses as hard as it can; the others go on to what they are asked.
 GripForces balance(const GripTask& task);
 
 /// The share that the worst of several loads at the centre takes of what the contacts hold besides `forces`.

@@ -28,6 +28,8 @@ constexpr double kUse = 1.9, kMostUse = 2.2;
 constexpr double kEnough = 0.03;
 constexpr int kRaises = 3;
 constexpr double kMostRaise = 2;  ///< Factor by which forces are raised at once.
+/// Joints at their limits have no force to spare: such a grip shall hold so many times the load.
+constexpr double kSpareForce = 1.25;
 /// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked,
 /// friction, use() up to a most, forces that are not planned, and in a wrap a thumb beside the fingers; there
 /// use() beyond an easy one counts as such, and so do far more forces that are not planned.
@@ -317,16 +319,16 @@ class Fit {
   }
 
   /// Where one joint at its limit keeps all forces from rising, each finger presses up to its own limits, at
-  /// the place where this holds most, if that is more.
+  /// the place where this holds most, if that is more and enough.
   void press_unevenly() {
     const double even = use(), strength = strength_;
     const Place place = best_;
     limited_ = true;
-    strength_ *= std::min(lacking(), kMostRaise);
+    strength_ *= std::min(kSpareForce * lacking(), kMostRaise);
     search();
-    for (int round = 0; round < kRaises && balances() && !slips_ && lacking() > 1 + kEnough; ++round)
-      press_with(std::min(lacking(), kMostRaise));
-    if (balances() && use() < even) return;
+    for (int round = 0; round < kRaises && balances() && !slips_ && kSpareForce * lacking() > 1 + kEnough; ++round)
+      press_with(std::min(kSpareForce * lacking(), kMostRaise));
+    if (balances() && use() < std::min(even, (1 + kEnough) * kUse / kSpareForce)) return;
     limited_ = slips_ = false;
     strength_ = strength;
     best_ = place;
@@ -344,9 +346,9 @@ class Fit {
       if (std::abs(factor - 1) < kEnough) break;
       press_with(factor);
     }
-    if (balances() && !slips_ && wanted > (1 + kEnough) * strength_) {
+    if (balances() && !slips_ && spec_.reserve * use() > kMostUse) {
       press_unevenly();
-      wanted = strength_ * std::max(1.0, lacking());
+      wanted = std::max(wanted, strength_ * lacking());
     }
     const auto [share, axis] = worst_torque();
     if (share > 1) {
