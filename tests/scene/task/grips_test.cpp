@@ -42,32 +42,6 @@ TEST(GripBalance, OfOnePointIsNone) {
   EXPECT_GT(balance(task).unbalanced, 0.5);
 }
 
-/// Two fingers, of which the first has a joint, against a palm of two points.
-GripTask wrap_of(double arm, double limit) {
-  GripTask task;
-  task.contacts = {{Vec3(-0.02, 0.01, 0), Vec3(1, 0, 0), 0.5, 0},
-                   {Vec3(-0.02, -0.01, 0), Vec3(1, 0, 0), 0.5, 1},
-                   {Vec3(0.02, 0.03, 0), Vec3(-1, 0, 0), 0.5, 2},
-                   {Vec3(0.02, -0.03, 0), Vec3(-1, 0, 0), 0.5, 2}};
-  task.asked = {10.0, 10.0, std::nullopt};
-  task.torques = {{{Vec3(arm, 0, 0), Vec3::Zero(), Vec3::Zero(), Vec3::Zero()}, limit}};
-  return task;
-}
-
-// Oracle: limit over arm, of either sign; the other finger presses as asked, the palm with the sum of both.
-TEST(GripBalance, OfAFingerWhoseJointIsWeakLeavesTheOthersAsTheyAre) {
-  for (const double arm : {0.05, -0.05}) {
-    const GripForces found = balance(wrap_of(arm, 0.2));
-    EXPECT_LT(found.unbalanced, 0.01);
-    EXPECT_NEAR(found.forces[0].x(), 4, 0.02);
-    EXPECT_NEAR(found.forces[1].x(), 10, 0.3);
-    EXPECT_NEAR(found.forces[2].x() + found.forces[3].x(), -14, 0.4);
-  }
-  const GripForces strong = balance(wrap_of(0.05, 0.6)), free = balance(wrap_of(0, 1));
-  for (std::size_t i = 0; i < 4; ++i) EXPECT_LT((strong.forces[i] - free.forces[i]).norm(), 1e-9);
-  EXPECT_NEAR(free.forces[0].x(), 10, 0.3);
-}
-
 const std::string kArticulated = "solver={engine: articulated, step: 1 ms}";
 
 std::vector<std::string> short_run(const std::string& person, const std::string& side) {

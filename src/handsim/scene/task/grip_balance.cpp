@@ -18,8 +18,6 @@ namespace {
 constexpr int kEdges = 8;
 /// Weights of an asked force and of small forces; equilibrium has 1.
 constexpr double kAskedWeight = 0.1, kSmallWeight = 8e-3;
-/// Weight of a torque over its limit that is beyond 1 [N], and how far beyond it may stay.
-constexpr double kLimitWeight = 200, kOverLimit = 1e-3;
 
 /// min |D x - d|^2 + small^2 |x|^2 with x >= 0: Lawson & Hanson 1974, Solving Least Squares Problems, ch. 23.
 /// D has few rows: with the free columns F the solution is F^T y, (F F^T + small^2) y = d.
@@ -88,22 +86,6 @@ struct Part {
   }
 };
 
-/// By axis and column of all parts, the torque over its limit.
-Eigen::MatrixXd torque_shares(const GripTask& task, const std::vector<Part>& parts, Eigen::Index columns) {
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(task.torques.size()), columns);
-  Eigen::Index k = 0;
-  for (const Part& part : parts)
-    for (int column = 0; column < part.columns(); ++column, ++k)
-      for (std::size_t i = part.first; i <= part.last; ++i) {
-        const Vec3 force = part.force(task.contacts[i], column);
-        for (Eigen::Index axis = 0; axis < out.rows(); ++axis) {
-          const GripTorque& of = task.torques[as_index(axis)];
-          out(axis, k) += of.arms[i].dot(force) / of.limit;
-        }
-      }
-  return out;
-}
-
 }  // namespace
 
 GripForces balance(const GripTask& task) {
@@ -131,31 +113,7 @@ GripForces balance(const GripTask& task) {
       const std::size_t presser = task.contacts[part.first].presser;
       if (task.asked[presser]) a(6 + static_cast<Eigen::Index>(presser), k) = kAskedWeight;
     }
-  Eigen::VectorXd x = solve_nonnegative(a, b, kSmallWeight);
-  // Limits that a solution passes are rows of the next one, each with what is left of it as one more unknown.
-  const Eigen::MatrixXd shares = torque_shares(task, parts, n);
-  std::vector<std::pair<Eigen::Index, double>> reached;
-  for (Eigen::Index round = 0; round < 2 * shares.rows(); ++round) {
-    const Eigen::VectorXd over = shares * x.head(n);
-    const std::size_t before = reached.size();
-    for (Eigen::Index i = 0; i < over.size(); ++i)
-      if (const std::pair limit(i, std::copysign(1.0, over[i]));
-          std::abs(over[i]) > 1 + kOverLimit && std::ranges::find(reached, limit) == reached.end())
-        reached.push_back(limit);
-    if (reached.size() == before) break;
-    const auto rows = static_cast<Eigen::Index>(reached.size());
-    Eigen::MatrixXd limited = Eigen::MatrixXd::Zero(a.rows() + rows, n + rows);
-    Eigen::VectorXd wanted = Eigen::VectorXd::Constant(a.rows() + rows, kLimitWeight);
-    limited.topLeftCorner(a.rows(), n) = a;
-    wanted.head(a.rows()) = b;
-    for (Eigen::Index i = 0; i < rows; ++i) {
-      const auto& [axis, sign] = reached[as_index(i)];
-      limited.block(a.rows() + i, 0, 1, n) = kLimitWeight * sign * shares.row(axis);
-      limited(a.rows() + i, n + i) = kLimitWeight;
-    }
-    x = solve_nonnegative(limited, wanted, kSmallWeight);
-  }
-  x.conservativeResize(n);
+  const Eigen::VectorXd x = solve_nonnegative(a, b, kSmallWeight);
   k = 0;
   for (const Part& part : parts)
     for (int column = 0; column < part.columns(); ++column, ++k)

@@ -44,15 +44,8 @@ struct GripContact {
   std::optional<std::pair<std::size_t, std::size_t>> part = std::nullopt;  ///< first, last; absent: it alone
 };
 
-/// What the contact forces ask of a joint, as its spring can give it.
-struct GripTorque {
-  std::vector<Vec3> arms;  ///< torque for a force on the object of 1 N along an axis, of each contact [m]
-  double limit = 0;        ///< largest torque, either way [N m]
-};
-
 struct GripTask {
   std::vector<GripContact> contacts;
-  std::vector<GripTorque> torques;  ///< none: the joints are strong enough
   std::vector<std::optional<double>> asked;  ///< sum of the normal forces of each presser [N]; absent: any
   Vec3 load = Vec3::Zero();                  ///< other force on the object, at `centre` [N]
   Vec3 centre = Vec3::Zero();                ///< [m]
@@ -66,8 +59,7 @@ struct GripForces {
 };
 
 /// Least squares with forces within friction cones (8 edges; of a part of several points all along one edge,
-/// or round their middle) and torques within their limits: equilibrium, then asked, then small forces. A
-/// finger whose joint is at its limit presses as hard as it can; the others go on to what they are asked.
+/// or round their middle): equilibrium, then asked, then small forces.
 GripForces balance(const GripTask& task);
 
 /// The share that the worst of several loads at the centre takes of what the contacts hold besides `forces`.

@@ -27,9 +27,6 @@ constexpr double kUse = 1.9, kMostUse = 2.2;
 /// Forces within this share are near enough.
 constexpr double kEnough = 0.03;
 constexpr int kRaises = 3;
-constexpr double kMostRaise = 2;  ///< Factor by which forces are raised at once.
-/// Joints at their limits have no force to spare: such a grip shall hold so many times the load.
-constexpr double kSpareForce = 1.25;
 /// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked,
 /// friction, use() up to a most, forces that are not planned, and in a wrap a thumb beside the fingers; there
 /// use() beyond an easy one counts as such, and so do far more forces that are not planned.
@@ -122,7 +119,7 @@ class Fit {
   /// Forces of the pads that are not those planned, as a share of the sum.
   double unplanned() const {
     double off = 0;
-    for (const double force : unpressed()) off += std::abs(force);
+    for (const double force : lacking()) off += std::abs(force);
     return off / (total_force() + 1e-9);
   }
 
@@ -246,7 +243,6 @@ class Fit {
     balance_of.load = place_.weight;
     balance_of.centre = x_HO_ * site_.object.body.centre;
     balance_of.size = 0.5 * model::box_edges(site_.object.shapes).minCoeff();
-    if (limited_) balance_of.torques = limits();
     balanced_ = balance(balance_of);
     for (std::size_t i = 0; i < contacts_.size(); ++i) contacts_[i].planned = normal_force(i);
   }
@@ -270,7 +266,7 @@ class Fit {
   double normal_force(std::size_t i) const { return balanced_.forces[i].dot(contacts_[i].normal); }
 
   /// By body the planned normal force less that of the pads, as deep as they are pressed [N].
-  std::vector<double> unpressed() const {
+  std::vector<double> lacking() const {
     std::vector<double> out(depth_.size());
     for (const TouchPoint& contact : contacts_)
       if (contact.pad) out[as_index(contact.body)] += contact.planned - contact.push();
@@ -300,9 +296,6 @@ class Fit {
   /// Share of what the contacts hold that weight and shake take.
   double use() const { return load_share(task_of_, balanced_, place_.loads); }
 
-  /// Factor by which the forces are too small for weight and shake, with what is held in reserve.
-  double lacking() const { return spec_.reserve * use() / kUse; }
-
   bool balances() const { return balanced_.unbalanced <= kUnbalanced; }
 
   /// Presses more, or less; more only as long as the object stays between the pads.
@@ -318,37 +311,16 @@ class Fit {
     grasp_at(best_);
   }
 
-  /// Where one joint at its limit keeps all forces from rising, each finger presses up to its own limits, at
-  /// the place where this holds most, if that is more and enough.
-  void press_unevenly() {
-    const double even = use(), strength = strength_;
-    const Place place = best_;
-    limited_ = true;
-    strength_ *= std::min(kSpareForce * lacking(), kMostRaise);
-    search();
-    for (int round = 0; round < kRaises && balances() && !slips_ && kSpareForce * lacking() > 1 + kEnough; ++round)
-      press_with(std::min(kSpareForce * lacking(), kMostRaise));
-    if (balances() && use() < std::min(even, (1 + kEnough) * kUse / kSpareForce)) return;
-    limited_ = slips_ = false;
-    strength_ = strength;
-    best_ = place;
-    grasp_at(best_);
-  }
-
   /// Raises forces that are too small for the object's weight and shake, and reduces those that the joints
   /// cannot press with. A problem if they then do not carry the object.
   void press_as_needed() {
     const double asked_strength = strength_;
     double wanted = strength_;
     for (int round = 0; round < kRaises && balances() && !slips_; ++round) {
-      wanted = std::max(asked_strength, strength_ * lacking());
+      wanted = std::max(asked_strength, strength_ * spec_.reserve * use() / kUse);
       const double factor = std::min(wanted / strength_, 1 / (worst_torque().first + 1e-9));
       if (std::abs(factor - 1) < kEnough) break;
       press_with(factor);
-    }
-    if (balances() && !slips_ && spec_.reserve * use() > kMostUse) {
-      press_unevenly();
-      wanted = std::max(wanted, strength_ * lacking());
     }
     const auto [share, axis] = worst_torque();
     if (share > 1) {
@@ -373,38 +345,18 @@ class Fit {
                                           task_.path, total_force(), total_force() * lacking, limit));
   }
 
-  /// Of the axes that have one [N m].
-  std::optional<double> torque_limit(std::size_t axis) const {
-    const auto gains = control::gains_of(site_.scene.control->controller, hand_.axes().axes[axis]);
-    if (!gains || !gains->torque_limit) return std::nullopt;
-    return own_strength() * *gains->torque_limit;
-  }
-
   /// Largest torque over its limit, and the axis.
   std::pair<double, std::string> worst_torque() {
+    const double strength = own_strength();
     const std::vector<double> tau = torques();
     std::pair<double, std::string> worst = {0, ""};
-    for (std::size_t i = 0; i < tau.size(); ++i)
-      if (const auto limit = torque_limit(i))
-        worst = std::max(worst, {std::abs(tau[i]) / *limit, hand_.axes().axes[i].name()});
-    return worst;
-  }
-
-  /// What forces of the contacts ask of the joints.
-  std::vector<GripTorque> limits() {
-    std::vector<GripTorque> out;
-    std::vector<model::Jacobian> of;
-    for (const TouchPoint& contact : contacts_)
-      of.push_back(hand_.jacobian(q_, contact.body, contact.point));
-    for (std::size_t i = 0; i < q_.size(); ++i) {
-      const auto limit = torque_limit(i);
-      if (!limit) continue;
-      GripTorque& torque = out.emplace_back();
-      torque.limit = *limit;
-      for (const model::Jacobian& jacobian : of)
-        torque.arms.emplace_back(jacobian.col(static_cast<Eigen::Index>(i)).head<3>());
+    for (std::size_t i = 0; i < tau.size(); ++i) {
+      const control::HandAxis& axis = hand_.axes().axes[i];
+      const auto gains = control::gains_of(site_.scene.control->controller, axis);
+      if (!gains || !gains->torque_limit) continue;
+      worst = std::max(worst, {std::abs(tau[i]) / (strength * *gains->torque_limit), axis.name()});
     }
-    return out;
+    return worst;
   }
 
   double total_force() const {
@@ -503,7 +455,6 @@ class Fit {
   GripForces balanced_;
   bool opens_ = true;
   bool slips_ = false;           ///< where the fingers press with more
-  bool limited_ = false;         ///< each finger by the limits of its joints
   Place best_;                   ///< that was chosen
   std::optional<Problem> weak_;  ///< the forces are too small
   FittedGrip out_;
