@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import handsim as hs
+from handsim._grasp_plan import Planner
+from handsim._grasp_plan import object_file as object_file_of
 from handsim._grasp_places import Posed, Search, Solid
 from handsim._grasp_types import FINGERS, read_types
 from handsim._objects import of_scene
@@ -208,6 +210,17 @@ def test_refusals_are_those_of_all_places(ball):
     for code in {row["code"] for row in failed}:
         assert sum(int(row["places"]) for row in refusals if row["tried"] == "1" and row["code"] == code) == sum(row["code"] == code for row in failed)
     assert {row["code"] for row in refusals if row["tried"] == "0"} <= {"too_large", "too_small", "other_shape", "nothing_there", "hand_in_way"}
+
+
+# Oracle: the simulation. What the fit's own forces let slip is never held worse, and some of it better, by a hand that presses harder.
+def test_what_slips_is_pressed_harder():
+    planner = Planner(object_file_of("mustard_bottle"), "small_woman", "right", read_types(), True, 1)
+    grasps = [planner.pressed(place, 1.0) for place in planner.queue()[:30] if place.type.opposition == "palm"]
+    slipped = [grasp for grasp in grasps if grasp.code == "moved"]
+    harder = [planner.judged(grasp.place) for grasp in slipped]
+    assert slipped and all(after.margin >= before.margin for before, after in zip(slipped, harder))
+    assert any(after.held or after.margin > before.margin + 0.1 for before, after in zip(slipped, harder))
+    assert any("reserve" in after.content["grasps"][0]["grip"] for after in harder)
 
 
 # Oracle: what weighs twice as much. With a reserve of 2 the fit presses as hard as for that, and nearly twice as hard as without.
