@@ -40,6 +40,9 @@ TRIED = 40
 """Places of a type, those of least cost, for which the object's stand is sought."""
 PARTS = 6
 """Convex parts of an object that are grasped by themselves, at most: of parts of one shape the first."""
+LEFT_OUT = {"its shape is another": "other_shape", "nothing lies between the fingers": "nothing_there", "nothing lies in the palm": "nothing_there",
+            "too thick": "too_large", "too thin": "too_small", "the hand is in its way": "hand_in_way"}
+"""Codes of the reasons why a place is not tried."""
 POST = (3e-3, 15e-3)
 """Least and largest radius of a post under an object [m]."""
 
@@ -350,6 +353,7 @@ class Search:
         """Of each type, how many places were left out for a reason."""
 
     def _left_out(self, of: GraspType, why: str) -> None:
+        assert why in LEFT_OUT
         counts = self.why.setdefault(of.name, {})
         counts[why] = counts.get(why, 0) + 1
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error, input_error
-from ._grasp_places import Place, Posed, Search, Solid
+from ._grasp_places import LEFT_OUT, Place, Posed, Search, Solid
 from ._grasp_types import FINGERS, GraspType, read_types
 from ._hand import Hand
 from ._object import axis_and_angle
@@ -51,6 +51,8 @@ WAY = 0.1
 HOLD = 0.6
 """[s]"""
 SHAKE = {"acceleration": "19.6 m/s2", "frequency": "5 Hz"}
+RESERVES = (1.25, 1.6)
+"""Times the load that forces are raised to hold where a grasp gives way in the simulation."""
 SHARES = (0.25, 0.5, 0.75)
 """Of the forces of a type that are tried for the least effort: the fit raises them to what weight and shake need."""
 STRAIN = math.radians(45)
@@ -59,13 +61,18 @@ SYNERGIES = 3
 """Of the shipped poses (controllers/grasp_poses.yaml), beside their mean."""
 CLOSED = ("wrap", "fist", "cracker_box", "cylinder_50mm", "hook_bar", "pinch_card", "power_can", "sphere_35mm", "sphere_70mm", "tripod")
 """These poses."""
-TOO_HEAVY = "too heavy: the hand is too weak for weight and shake"
 LIGHT = 0.01
 """[kg]"""
-REASONS = (("cannot open round", "too large: the hand cannot open round it"), ("does not reach it", "out of reach: a finger does not reach it"),
-           ("do not balance", "no opposition: forces do not balance"), ("does not press", "no opposition: it lies against a part that does not press"),
-           ("in sum", TOO_HEAVY), ("stops", "out of reach: beyond the joints' stops"))
-"""What the fit says, by a part of its words."""
+TOO_HEAVY = ("too_heavy", "too heavy: the hand is too weak for weight and shake")
+REASONS = (("cannot open round", "too_large", "too large: the hand cannot open round it"), ("does not reach it", "out_of_reach", "out of reach: a finger does not reach it"),
+           ("do not balance", "no_opposition", "no opposition: forces do not balance"),
+           ("does not press", "no_opposition", "no opposition: it lies against a part that does not press"),
+           ("in sum", *TOO_HEAVY), ("stops", "out_of_reach", "out of reach: beyond the joints' stops"),
+           ("at the start", "hand_in_way", "the hand is in its way where it begins its approach"))
+"""What the fit says, by a part of its words: code and reason."""
+NOT_HELD = {"MOVED": ("moved", "not held: it is moved by the shake"), "LOST": ("lost", "not held: it is lost"),
+            "diverged": ("diverged", "not held: the simulation diverged")}
+"""Code and reason by the outcome of a run."""
 
 
 class Grasp(NamedTuple):
@@ -77,6 +84,11 @@ class Grasp(NamedTuple):
     reason: str
     """Why it is no grasp; empty: it is held, at half the step, too, and of its type."""
     type: GraspType
+    code: str = ""
+    """Of the reason, for programs: ``too_large``, ``out_of_reach``, ``no_opposition``, ``too_heavy``, ``moved``, ``lost``, ``diverged``, ``uncertain``,
+    ``other_type``, ``refused``."""
+    lacking: Optional[float] = None
+    """Where it is too heavy, the force that weight and shake need over that of the hand."""
     outcome: str = ""
     """On the articulated engine: ``held``, ``MOVED``, ``LOST``; empty: not run."""
     margin: Optional[float] = None
@@ -112,6 +124,19 @@ class Grasp(NamedTuple):
         return load(self.content, overrides)
 
 
+class Refusal(NamedTuple):
+    """Places that are no grasp for one reason."""
+
+    type: str
+    tried: bool
+    """By fit and simulation; else geometry alone left them out."""
+    code: str
+    """Of the reason, for programs: those of `Grasp.code`; of places that were not tried ``too_large``, ``too_small``, ``other_shape``, ``nothing_there``,
+    ``hand_in_way``."""
+    why: str
+    places: int
+
+
 class Plan(NamedTuple):
     """What was found, and what was not."""
 
@@ -128,22 +153,30 @@ class Plan(NamedTuple):
     others: list[Path] = []
     """Objects that the study has in place of this one, too."""
 
-    def why(self) -> list[str]:
-        """Why there are no more grasps, a line each, the most frequent reason first."""
-        counts: dict[str, int] = {}
+    def refusals(self) -> list[Refusal]:
+        """Why there are no more grasps, by type: those that were tried first, the most frequent reason first."""
+        counts: dict[tuple[str, bool, str, str], int] = {}
         for grasp in self.tried:
             if grasp.reason:
-                counts[grasp.reason] = counts.get(grasp.reason, 0) + 1
-        out = [f"{n} of {len(self.tried)} places that were tried: {why}" for why, n in sorted(counts.items(), key=lambda each: (-each[1], each[0]))]
-        others: dict[str, int] = {}
-        for reasons in self.left_out.values():
+                key = (grasp.place.type.name, True, grasp.code, grasp.reason)
+                counts[key] = counts.get(key, 0) + 1
+        for name, reasons in self.left_out.items():
             for why, n in reasons.items():
-                others[why] = others.get(why, 0) + n
-        return out + [f"{n} places not tried: {why}" for why, n in sorted(others.items(), key=lambda each: (-each[1], each[0]))]
+                counts[name, False, LEFT_OUT[why], why] = n
+        return sorted((Refusal(*key, n) for key, n in counts.items()), key=lambda each: (not each.tried, -each.places, each.type, each.why))
+
+    def why(self) -> list[str]:
+        """The same of all types together, a line each."""
+        counts: dict[tuple[bool, str], int] = {}
+        for each in self.refusals():
+            counts[not each.tried, each.why] = counts.get((not each.tried, each.why), 0) + each.places
+        return [f"{n} places not tried: {why}" if left_out else f"{n} of {len(self.tried)} places that were tried: {why}"
+                for (left_out, why), n in sorted(counts.items(), key=lambda each: (each[0][0], -each[1], each[0][1]))]
 
     def nearest(self) -> Optional[Grasp]:
-        """Of those that failed, the one that was the nearest to being held."""
-        failed = sorted((grasp for grasp in self.tried if grasp.reason and grasp.margin is not None), key=lambda grasp: -(grasp.margin or 0.0))
+        """Of those that failed, the one that was the nearest to being held: of those that were shaken, or else of those that are too heavy."""
+        failed = [grasp for grasp in self.tried if grasp.reason and (grasp.margin is not None or grasp.lacking is not None)]
+        failed.sort(key=lambda grasp: (grasp.margin is None, -(grasp.margin or 0.0), grasp.lacking or 0.0))
         return failed[0] if failed else None
 
 
@@ -167,8 +200,9 @@ def named(file: Path, folder: str) -> str:
     return str(path.relative_to(shipped).with_suffix("")) if path.is_relative_to(shipped) else str(path)
 
 
-def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[str, Any]], side: str, length: float, share: float = 1.0) -> dict[str, Any]:
-    """The scene of a grasp. :param share: of the type's forces"""
+def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[str, Any]], side: str, length: float, share: float = 1.0,
+             reserve: float = 1.0) -> dict[str, Any]:
+    """The scene of a grasp. :param share: of the type's forces. :param reserve: the fit raises them to what holds so many times the load"""
     of = place.type
     # The person stands at -y: the forearm comes from there.
     forearm = (place.rest @ place.turn.T)[:, 1]
@@ -192,7 +226,8 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
             "at": {"position": [round(float(x), 6) for x in place.position], "rotation": _rotation(place.turn), "hand_length": f"{1e3 * length:.4f} mm",
                    "touches": "palm" if of.sites is None else "nothing"},
             "support": {"radius": f"{1e3 * place.post:.2f} mm"}, "open": "open", "closed": "closed",
-            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": "grip_strength"},
+            "grip": {"forces": {finger: f"{share * force:.3f} N" for finger, force in of.forces.items()}, "strength": "grip_strength",
+                     **({"reserve": reserve} if reserve > 1 else {})},
             "approach": {"from": [round(float(WAY * x), 5) for x in place.approach], "time": "0.5 s"},
             "close": "0.6 s", "lift": {"height": "0.25 m", "time": "0.6 s"}, "hold": f"{HOLD} s", "shake": {"levels": [SHAKE]}}],
         "contacts": {"materials": [{"name": "pad", "file": "finger_pad", **({"spinning_friction": 0} if several else {})}],
@@ -203,12 +238,15 @@ def scene_of(place: Place, solid: Solid, file: Path, person: Union[str, Mapping[
         "criteria": {"joint_gap": "1 mm"}}
 
 
-def _refusal(error: Error) -> str:
+FORCES = re.compile(r"presses with ([0-9.e+-]+) N in sum.* need ([0-9.e+-]+) N")
+"""The fit's word of a hand that is too weak."""
+
+
+def _refused(grasp: Grasp, error: Error) -> Grasp:
     text = str(error)
-    for words, reason in REASONS:
-        if words in text:
-            return reason
-    return text.splitlines()[0][:200]
+    code, reason = next(((code, reason) for words, code, reason in REASONS if words in text), ("refused", text.splitlines()[0][:200]))
+    forces = FORCES.search(text)
+    return grasp._replace(code=code, reason=reason, lacking=float(forces[2]) / float(forces[1]) if forces else None)
 
 
 class _Run(NamedTuple):
@@ -261,8 +299,8 @@ class Planner:
         self.threads = threads
         self._synergies: Optional[tuple[Array, Array]] = None
 
-    def content(self, place: Place, share: float = 1.0) -> dict[str, Any]:
-        return scene_of(place, self.solid, self.file, self.person, self.side, self.posed.length, share)
+    def content(self, place: Place, share: float = 1.0, reserve: float = 1.0) -> dict[str, Any]:
+        return scene_of(place, self.solid, self.file, self.person, self.side, self.posed.length, share, reserve)
 
     def queue(self) -> list[Place]:
         """Different places, of all types by turns."""
@@ -277,17 +315,31 @@ class Planner:
         return [places[k] for k in range(EACH) for places in by_type if k < len(places)]
 
     def judged(self, place: Place) -> Grasp:
+        """What gives way when it is shaken is pressed harder, as people do, as far as the hand's strength goes."""
+        best = self.pressed(place, 1.0)
+        for reserve in RESERVES:
+            if best.code not in ("moved", "uncertain"):
+                break
+            harder = self.pressed(place, reserve)
+            if not harder.outcome:
+                break
+            if harder.held or (harder.margin or -math.inf) > (best.margin or -math.inf):
+                best = harder
+        return best
+
+    def pressed(self, place: Place, reserve: float) -> Grasp:
         """Fits, runs and judges."""
-        content = self.content(place)
+        content = self.content(place, reserve=reserve)
         grasp = Grasp(place, content, "", place.type)
         try:
             scene = load(content)
+            run = _run(scene)
         except Error as error:
-            return grasp._replace(reason=_refusal(error))
-        run = _run(scene)
+            return _refused(grasp, error)
         grasp = grasp._replace(outcome=run.outcome, margin=run.margin)
         if run.outcome != "held":
-            return grasp._replace(reason="not held: it is " + {"MOVED": "moved by the shake", "LOST": "lost"}.get(run.outcome, run.outcome))
+            code, reason = NOT_HELD.get(run.outcome, ("refused", f"not held: {run.outcome}"))
+            return grasp._replace(code=code, reason=reason)
         half = _run(load(content, {"solver.step": scene.step / 2}))
         simulation = _held_until(scene)
         forces = _segment_forces(simulation, self.side, content["objects"][0]["name"])
@@ -295,28 +347,28 @@ class Planner:
         grasp = grasp._replace(outcome_half=half.outcome, margin_half=half.margin, forces=forces, frame=simulation.frame(), unnatural=self.unnatural(q),
                                effort=sum(force for segment, force in forces.items() if segment != "palm") / self.strength)
         if half.outcome != "held":
-            return grasp._replace(reason="uncertain: not held at half the step")
+            return grasp._replace(code="uncertain", reason="uncertain: not held at half the step")
         if min(run.margin or 0.0, half.margin or 0.0) <= abs((run.margin or 0.0) - (half.margin or 0.0)):
-            return grasp._replace(reason="uncertain: the margin is within the error of the step")
+            return grasp._replace(code="uncertain", reason="uncertain: the margin is within the error of the step")
         size = place.thickness / self.posed.length
         faults = place.type.faults(forces, size)
         if not faults:
             return grasp
         if self.free:
-            for other in self.types.values():
-                if other.opposition == place.type.opposition and not other.faults(forces, size):
+            for other in sorted(self.types.values(), key=lambda each: each.opposition != place.type.opposition):
+                if not other.faults(forces, size):
                     return grasp._replace(type=other)
-        return grasp._replace(reason=f"held, but not as {place.type.name}: {faults[0]}")
+        return grasp._replace(code="other_type", reason=f"held, but not as {place.type.name}: {faults[0]}")
 
     def weighed(self, grasp: Grasp) -> Grasp:
         """With the reason that it is too heavy, where a light object of the same shape fits."""
-        if grasp.outcome or grasp.reason == TOO_HEAVY:
+        if grasp.outcome or grasp.code == "too_heavy":
             return grasp
         try:
             load(grasp.content, {"objects.0.mass": LIGHT})
         except Error:
             return grasp
-        return grasp._replace(reason=TOO_HEAVY)
+        return grasp._replace(code=TOO_HEAVY[0], reason=TOO_HEAVY[1])
 
     def unnatural(self, q: Array) -> float:
         if self._synergies is None:

@@ -20,10 +20,10 @@ from ._study_files import number, quoted
 MOST = 99
 """Grasps of a plan."""
 PARTS = ("palm", *FINGERS)
-HEAD = ("rank,scene,type,number,held,why,outcome,margin,outcome_half_step,margin_half_step,outcome_ode,margin_ode,effort,least_effort,unnatural[deg],"
+HEAD = ("rank,scene,type,number,held,code,why,lacking,outcome,margin,outcome_half_step,margin_half_step,outcome_ode,margin_ode,effort,least_effort,unnatural[deg],"
         "thickness[mm]," + ",".join(f"{part}[N]" for part in PARTS) + ",x[m],y[m],z[m],qw,qx,qy,qz")
 SIZE = (480, 360)
-STUDY, PAGE = "who.yaml", "best.html"
+STUDY, PAGE, REFUSALS = "who.yaml", "best.html", "refusals.csv"
 PERSONS = ("small_woman", "median_woman", "small_man", "median_man", "large_woman", "large_man")
 """Of the study: from the 5th percentile of women to the 95th of men."""
 FRICTION = (0.4, 1.0)
@@ -88,7 +88,8 @@ def _row(grasp: Grasp, rank: Optional[int]) -> str:
     forces = forces_by_part(grasp) if grasp.forces else dict[str, float]()
     turn = quaternion_of(place.turn)
     return ",".join([
-        "" if rank is None else str(rank), "" if rank is None else scene_name(rank), of.name, str(of.number), str(int(grasp.held)), quoted(grasp.reason) if grasp.reason else "",
+        "" if rank is None else str(rank), "" if rank is None else scene_name(rank), of.name, str(of.number), str(int(grasp.held)), grasp.code, quoted(grasp.reason) if grasp.reason else "",
+        _cell(grasp.lacking),
         grasp.outcome, _cell(grasp.margin), grasp.outcome_half, _cell(grasp.margin_half), grasp.outcome_ode, _cell(grasp.margin_ode), _cell(grasp.effort),
         _cell(grasp.least_effort), _cell(grasp.unnatural, 180 / math.pi), _cell(place.thickness, 1e3), *(_cell(forces.get(part)) for part in PARTS),
         *(number(round(float(x), 6)) for x in (*place.position, *turn))])
@@ -100,6 +101,11 @@ def table_text(plan: Plan) -> str:
     rows = [_row(grasp, rank + 1) for rank, grasp in enumerate(plan.grasps)]
     rows += [_row(grasp, None) for grasp in plan.tried if id(grasp.place) not in places]
     return "\n".join([HEAD, *rows]) + "\n"
+
+
+def refusals_text(plan: Plan) -> str:
+    """How many places of a type are no grasp for one reason."""
+    return "type,tried,code,places,why\n" + "".join(f"{each.type},{int(each.tried)},{each.code},{each.places},{quoted(each.why)}\n" for each in plan.refusals())
 
 
 def sheet(plan: Plan, title: str) -> "np.ndarray[Any, np.dtype[np.uint8]]":
@@ -122,22 +128,23 @@ def screen_text(plan: Plan) -> str:
 
 def no_grasp_text(plan: Plan) -> str:
     nearest = plan.nearest()
-    told = ""
-    if nearest is not None and nearest.margin is not None:
-        told = f"; nearest: {nearest.type.name}, {nearest.reason}, {-100 * nearest.margin:.0f} % beyond the limit" if nearest.margin < 0 else (
-            f"; nearest: {nearest.type.name}, {nearest.reason}")
+    told = "" if nearest is None else f"; nearest: {nearest.type.name}, {nearest.reason}"
+    if nearest is not None and nearest.margin is not None and nearest.margin < 0:
+        told += f", {-100 * nearest.margin:.0f} % beyond the limit"
+    if nearest is not None and nearest.lacking is not None:
+        told += f", which need {nearest.lacking:.2g} times its force"
     return f"no grasp of {plan.object.name} by a hand of {1e3 * plan.hand_length:.0f} mm and {plan.grip_strength:.0f} N{told}\n"
 
 
 def folder_of(out: PathText, inputs: Sequence[PathText]) -> OutputFolder:
     """Of a plan, before it is made. :raises Error: of kind input where it cannot be written"""
-    return OutputFolder(out, "grasps.csv", HEAD.encode(), ["contact_sheet.png", STUDY, PAGE, *(scene_name(rank) for rank in range(1, MOST + 1))], inputs)
+    return OutputFolder(out, "grasps.csv", HEAD.encode(), ["contact_sheet.png", STUDY, PAGE, REFUSALS, *(scene_name(rank) for rank in range(1, MOST + 1))], inputs)
 
 
 def write(plan: Plan, folder: OutputFolder, report: bool) -> list[str]:
     """Writes the files of a plan. :param report: the page of the best grasp, too. :returns: what could not be made"""
     missing = list[str]()
-    files = {"grasps.csv": table_text(plan).encode()}
+    files = {"grasps.csv": table_text(plan).encode(), REFUSALS: refusals_text(plan).encode()}
     files.update({scene_name(rank + 1): scene_text(grasp.content, folder.path).encode() for rank, grasp in enumerate(plan.grasps)})
     if plan.grasps:
         files[STUDY] = study_text(plan, folder.path).encode()

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import handsim as hs
+from handsim._grasp_plan import Planner
+from handsim._grasp_plan import object_file as object_file_of
 from handsim._grasp_places import Posed, Search, Solid
 from handsim._grasp_types import FINGERS, read_types
 from handsim._objects import of_scene
@@ -187,8 +189,48 @@ def test_what_cannot_be_held_says_why(tmp_path):
     heavy = object_file(tmp_path, "heavy", shape="sphere", radius=0.0215, mass=30)
     done = plan(heavy, "--type", "tripod", "palmar_pinch", "--count", 1, "--out", tmp_path / "heavy_out")
     assert done.returncode == 1 and "no grasp of heavy.yaml by a hand of 193 mm" in done.stdout and "too heavy" in done.stdout
+    rows = rows_of(tmp_path / "heavy_out")
+    assert {row["code"] for row in rows} <= {"too_heavy", "out_of_reach", "no_opposition"} and all(row["why"] for row in rows)
+    # Of 3 kg, which weigh 88 N in the shake, some places are balanced, too weak, and the nearest is that which lacks least.
+    done = plan(object_file(tmp_path, "weight", shape="sphere", radius=0.0215, mass=3), "--type", "tripod", "palmar_pinch", "--count", 1, "--out", tmp_path / "out")
+    lacking = [float(row["lacking"]) for row in rows_of(tmp_path / "out") if row["lacking"]]
+    assert lacking and min(lacking) > 1 and f"which need {min(lacking):.2g} times its force" in done.stdout
     large = hs.grasps(object_file(tmp_path, "large", shape="sphere", radius=0.2, mass=0.1), count=1)
     assert not large.grasps and any("too thick" in why for why in large.why())
+    assert {each.code for each in large.refusals()} >= {"too_large", "other_shape"}
+
+
+# Oracle: the codes of both tables, counted.
+def test_refusals_are_those_of_all_places(ball):
+    out, _ = ball
+    with open(out / "refusals.csv", newline="") as file:
+        refusals = list(csv.DictReader(file))
+    failed = [row for row in rows_of(out) if row["held"] == "0"]
+    assert failed and all(row["code"] for row in failed) and not any(row["code"] for row in rows_of(out) if row["held"] == "1")
+    for code in {row["code"] for row in failed}:
+        assert sum(int(row["places"]) for row in refusals if row["tried"] == "1" and row["code"] == code) == sum(row["code"] == code for row in failed)
+    assert {row["code"] for row in refusals if row["tried"] == "0"} <= {"too_large", "too_small", "other_shape", "nothing_there", "hand_in_way"}
+
+
+# Oracle: the simulation. What the fit's own forces let slip is never held worse, and some of it better, by a hand that presses harder.
+def test_what_slips_is_pressed_harder():
+    planner = Planner(object_file_of("mustard_bottle"), "small_woman", "right", read_types(), True, 1)
+    grasps = [planner.pressed(place, 1.0) for place in planner.queue()[:30] if place.type.opposition == "palm"]
+    slipped = [grasp for grasp in grasps if grasp.code == "moved"]
+    harder = [planner.judged(grasp.place) for grasp in slipped]
+    assert slipped and all(after.margin >= before.margin for before, after in zip(slipped, harder))
+    assert any(after.held or after.margin > before.margin + 0.1 for before, after in zip(slipped, harder))
+    assert any("reserve" in after.content["grasps"][0]["grip"] for after in harder)
+
+
+# Oracle: what weighs twice as much. With a reserve of 2 the fit presses as hard as for that, and nearly twice as hard as without.
+def test_a_reserve_presses_as_for_a_heavier_object():
+    def pressed(mass, reserve):
+        scene = hs.load("grasp_tripod", {"solver": {"engine": "articulated", "step": "1 ms"}, "objects.0.mass": mass, "grasps.0.grip.reserve": reserve,
+                                         "grasps.0.hold": "0.6 s", "grasps.0.shake.levels": [{"acceleration": "19.6 m/s2", "frequency": "5 Hz"}]})
+        return scene.run(frames=0, progress=False).figures["normal_force"]
+
+    assert pressed(0.4, 2) == pytest.approx(pressed(0.8, 1), rel=0.1) and pressed(0.4, 2) > 1.5 * pressed(0.4, 1)
 
 
 @pytest.mark.parametrize("words, told", [

@@ -62,7 +62,47 @@ void add_edges(ConvexMesh& mesh) {
   }
 }
 
+void add_rims(ConvexMesh& mesh) {
+  mesh.rims.resize(mesh.loops.size());
+  for (int f = 0; f < mesh.face_count(); ++f) {
+    const auto corners = mesh.corners(f);
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      const Vec3& from = mesh.vertex(corners[i]);
+      const Vec3& to = mesh.vertex(corners[(i + 1) % corners.size()]);
+      const Vec3 out = (to - from).cross(mesh.normal(f)).normalized();
+      mesh.rims[as_index(mesh.loop_starts[as_index(f)]) + 1 + i] << out, out.dot(from);
+    }
+  }
+}
+
+void add_pierced(ConvexMesh& mesh) {
+  constexpr int kCells = ConvexMesh::kCells;
+  for (int side = 0; side < 6; ++side)
+    for (int row = 0; row < kCells; ++row)
+      for (int column = 0; column < kCells; ++column) {
+        Vec3 way;
+        way[side / 2] = side % 2 == 0 ? 1 : -1;
+        way[(side / 2 + 1) % 3] = (2 * row + 1) / static_cast<double>(kCells) - 1;
+        way[(side / 2 + 2) % 3] = (2 * column + 1) / static_cast<double>(kCells) - 1;
+        const auto first = std::ranges::max_element(mesh.planes, {}, [&](const Eigen::Vector4d& plane) {
+          return plane.head<3>().dot(way) / plane.w();
+        });
+        mesh.pierced.push_back(static_cast<int>(first - mesh.planes.begin()));
+      }
+}
+
 }  // namespace
+
+int ConvexMesh::face_towards(const Vec3& point) const {
+  const Vec3 size = point.cwiseAbs();
+  const int axis = size.x() > size.y() ? (size.x() > size.z() ? 0 : 2) : (size.y() > size.z() ? 1 : 2);
+  const double scale = size[axis] > 0 ? 0.5 * kCells / size[axis] : 0;
+  const auto cell = [&](int other) {
+    return std::min(static_cast<int>(0.5 * kCells + scale * point[other]), kCells - 1);
+  };
+  const int row = cell(axis == 2 ? 0 : axis + 1), column = cell(axis == 0 ? 2 : axis - 1);
+  return pierced[as_index(((2 * axis + (point[axis] < 0 ? 1 : 0)) * kCells + row) * kCells + column)];
+}
 
 double ConvexMesh::support(const Vec3& n) const {
   double most = -std::numeric_limits<double>::infinity();
@@ -97,6 +137,8 @@ ConvexMesh make_convex_mesh(std::vector<Vec3> vertices, const std::vector<std::v
     for (const int corner : corners) mesh.loops.push_back(static_cast<unsigned>(corner));
   }
   add_edges(mesh);
+  add_rims(mesh);
+  add_pierced(mesh);
   mesh.inner = std::ranges::min(mesh.planes, {}, [](const auto& plane) { return plane.w(); }).w();
   for (const Vec3& vertex : mesh.vertices) mesh.reach = std::max(mesh.reach, vertex.norm());
   return mesh;

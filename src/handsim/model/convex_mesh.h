@@ -26,6 +26,11 @@ struct ConvexMesh {
   /// As `loops`, of the edge from each corner to the next one of its face: the face, and where the face
   /// beside it has the same edge; -1 where none has.
   std::vector<int> owners, twins;
+  /// Of the same edges the side plane of the face: unit n in its plane, out of it, and d of n . x = d [m].
+  std::vector<Eigen::Vector4d> rims;
+  static constexpr int kCells = 8;  ///< Along the edges of the cube of `pierced`.
+  /// The face that a ray from the centroid leaves by, for the middles of the cells on the sides of a cube.
+  std::vector<int> pierced;
   double volume = 0;                 ///< [m^3]
   Mat3 unit_inertia = Mat3::Zero();  ///< about the centroid, per mass [m^2]
   double reach = 0;                  ///< largest distance of a vertex from the centroid [m]
@@ -42,6 +47,8 @@ struct ConvexMesh {
     return {&loops[start + 1], loops[start]};
   }
   const Vec3& vertex(unsigned index) const { return vertices[index]; }
+  /// A face about where the ray from the centroid to a point leaves the solid.
+  int face_towards(const Vec3& point) const;
   /// Largest n . x over the solid [m].
   double support(const Vec3& n) const;
 };

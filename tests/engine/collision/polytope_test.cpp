@@ -105,7 +105,7 @@ TEST(CapsuleOnMesh, IsTheCapsuleOnTheBoxOfTheSameForm) {
   EXPECT_GT(touching, 200);
 }
 
-/// Hulls of 8 to 400 corners: round, flat and long ones, with faces of many corners and of few.
+/// Hulls of 8 to 432 corners: round, flat and long ones, with faces of many corners and of few.
 std::vector<ConvexMesh> some_hulls(std::mt19937& random) {
   std::vector<ConvexMesh> out = {icosahedron(0.03), model::box_polyhedron({0.05, 0.03, 0.02})};
   for (const Vec3& size : {Vec3(0.03, 0.03, 0.03), Vec3(0.05, 0.04, 0.004), Vec3(0.004, 0.004, 0.06)})
@@ -115,7 +115,7 @@ std::vector<ConvexMesh> some_hulls(std::mt19937& random) {
         points.emplace_back(test::random_vector(random).normalized().cwiseProduct(size));
       out.push_back(mesh_of(points));
     }
-  for (const int around : {5, 48}) {
+  for (const int around : {5, 48, 216}) {
     std::vector<Vec3> points;
     for (int i = 0; i < around; ++i)
       for (const double z : {-0.04, 0.04})

@@ -20,8 +20,8 @@ constexpr double kSearchEnd = 1e-12;  ///< share of the segment
 constexpr double kGolden = 0.6180339887498949;
 /// Squares of distances that differ by this factor do so by more than rounding.
 constexpr double kSurelyApart = 1 + 1e-9;
-/// How far within the next cell its foot is sought, as a share of the segment.
-constexpr double kNextCell = 1e-9;
+/// By how much a segment in a solid is moved out of it, as a share of the solid's reach.
+constexpr double kOutside = 1e-9;
 
 /// Distance of a point from a solid's surface [m], negative inside, and the direction out of the solid.
 struct Distance {
@@ -90,6 +90,8 @@ double zero_of(const Function& f, double low, double high) {
 
 struct Box {
   Vec3 half;
+  /// A minimum at a bend is the bend itself, to which a search comes within this share of the radius.
+  static constexpr double kBendNear = 1e-6;
 
   /// Whether a segment's bounding box is further off than a radius, by more than rounding.
   bool apart(const Vec3& a, const Vec3& along, double radius) const {
@@ -112,6 +114,8 @@ struct Box {
     out.normal = (away / out.value).cwiseProduct(p.cwiseSign());
     return out;
   }
+
+  static bool beyond(double) { return false; }
 
   double distance(const Vec3& p) const {
     const Vec3 beyond = p.cwiseAbs() - half;
@@ -149,6 +153,7 @@ struct Box {
 struct Cylinder {
   double radius;
   double half;
+  static constexpr double kBendNear = Box::kBendNear;
 
   /// True if distances from the axis and along it show that a segment is further off than `within`.
   bool apart(const Vec3& a, const Vec3& along, double within) const {
@@ -174,6 +179,8 @@ struct Cylinder {
     const double value = std::hypot(out_side, out_end);
     return {value, (out_side * side + out_end * end) / value};
   }
+
+  static bool beyond(double) { return false; }
 
   double distance(const Vec3& p) const {
     const double out_side = std::sqrt(p.x() * p.x() + p.y() * p.y()) - radius;
@@ -226,22 +233,34 @@ struct Cylinder {
   }
 };
 
-/// Bends are those where a sphere of radius `within` that touches leaves a face below it for its rim.
+/// Bends are the outermost where a sphere of radius `within` that touches leaves a face below it for its rim.
 struct Polyhedron {
   const model::ConvexMesh& mesh;
   double within;
+  static constexpr double kBendNear = 0;  ///< The least is exact, and bends on both sides of it are as deep.
   double least_at = 0;   ///< where on the segment the distance is least
   mutable int near = 0;  ///< the face last met
+  mutable std::array<bool, 2> off = {};  ///< the ends that are further off than `within`
 
   /// Finds where the distance is least.
   bool apart(const Vec3& a, const Vec3& along, double radius) {
     const double t = along.squaredNorm() > 0 ? std::clamp(-a.dot(along) / along.squaredNorm(), 0.0, 1.0) : 0;
+    near = mesh.face_towards(a + t * along);
     const Distance middle = from(a + t * along);
     const double slope = middle.normal.dot(along);
     // A convex function is nowhere below its tangent.
     if (middle.value - std::max(slope * t, slope * (t - 1)) > radius) return true;
-    const auto rise = [&](double at) { return from(a + at * along).normal.dot(along); };
-    least_at = slope < 0 ? zero_of(rise, t, 1) : zero_of(rise, 0, t);
+    // The feature that is nearest where the distance is least says where that is.
+    std::optional<double> exact;
+    const auto rise = [&](double at) {
+      if (exact) return 0.0;
+      const Foot foot = nearest_foot(mesh, a + at * along, near);
+      near = foot.face;
+      exact = least_in_cell(mesh, foot, a, along);
+      return exact ? 0.0 : foot.normal.dot(along);
+    };
+    const double found = slope < 0 ? zero_of(rise, t, 1) : zero_of(rise, 0, t);
+    least_at = exact ? std::clamp(*exact, 0.0, 1.0) : found;
     return distance(a + least_at * along) > radius;
   }
 
@@ -254,34 +273,21 @@ struct Polyhedron {
   std::optional<double> least(const Vec3&, const Vec3&, double low, double high) const {
     return std::clamp(least_at, low, high);
   }
+  /// Whether an end is known to be further off than `within`.
+  bool beyond(double t) const { return (t == 0 && off[0]) || (t == 1 && off[1]); }
 
-  /// Of those where the sphere touches, the nearest to the least and the outermost on either side.
   Places bends(Vec3 a, const Vec3& along) const {
     Places places;
     Foot lowest = nearest_foot(mesh, a + least_at * along, near);
     // A segment that is in the solid is first moved out of it.
-    const double lift = std::max(0.0, kNextCell * mesh.reach - lowest.distance);
+    const double lift = std::max(0.0, kOutside * mesh.reach - lowest.distance);
     a += lift * lowest.normal;
     if (lift > 0) lowest = nearest_foot(mesh, a + least_at * along, lowest.face);
     for (const bool forward : {false, true}) {
-      Foot foot = lowest;
-      double t = least_at, into = kNextCell;
-      std::optional<double> outermost;
-      while (forward ? t < 1 : t > 0) {
-        const auto [low, high] = cell_of(mesh, foot, a, along);
-        const double exit = forward ? std::max(high, t) : std::min(low, t);
-        // Where rounding leaves it in the same cell, further.
-        into = exit == t ? 4 * into : kNextCell;
-        t = forward ? exit + into : exit - into;
-        const Foot next = nearest_foot(mesh, a + t * along, foot.face);
-        if (next.distance > within + lift) break;
-        if (std::min(foot.edge, next.edge) < 0 && (foot.edge != next.edge || foot.face != next.face)) {
-          if (!outermost) places.add(exit);
-          outermost = exit;
-        }
-        foot = next;
-      }
-      if (outermost) places.add(*outermost);
+      const Bends found = bends_from(mesh, a, along, {least_at, lowest}, within + lift, forward);
+      off[forward ? 1 : 0] = found.end_off;
+      if (found.inner) places.add(*found.inner);
+      if (found.outer) places.add(*found.outer);
     }
     places.sort();
     return places;
@@ -323,7 +329,7 @@ Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
   std::array<double, Places::kMost> found;
   int nearest = 0;
   for (int i = 0; i < places.count(); ++i) {
-    found[static_cast<std::size_t>(i)] = distance(places[i]);
+    found[static_cast<std::size_t>(i)] = solid.beyond(places[i]) ? 2 * capsule.radius : distance(places[i]);
     if (found[static_cast<std::size_t>(i)] < found[static_cast<std::size_t>(nearest)]) nearest = i;
   }
   const double low = places[std::max(nearest - 1, 0)];
@@ -334,9 +340,9 @@ Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
   double best_distance = found[static_cast<std::size_t>(nearest)];
   const auto refine = [&](double from, double to) {
     const std::optional<double> known = solid.least(start, axis, from, to);
+    if (known && (*known == from || *known == to)) return;  // found already
     const double t = known ? *known : search(distance, from, to);
-    // A minimum at a bend is the bend itself: the search only comes near it.
-    if (const double value = distance(t); value < best_distance - 1e-6 * capsule.radius) {
+    if (const double value = distance(t); value < best_distance - Solid::kBendNear * capsule.radius) {
       best = t;
       best_distance = value;
     }

@@ -54,13 +54,18 @@ Manifold midway(Manifold manifold, const Vec3& outward) {
   return manifold;
 }
 
-/// The other solid's mesh in the frame of the first.
+/// The other solid's mesh in the frame of the first, without what walks over a surface need.
 ConvexMesh seen_from(const ConvexMesh& mesh, const Pose& pose) {
-  ConvexMesh out = mesh;
-  for (Vec3& vertex : out.vertices) vertex = pose * vertex;
-  for (Eigen::Vector4d& plane : out.planes) {
+  ConvexMesh out;
+  out.loops = mesh.loops;
+  out.loop_starts = mesh.loop_starts;
+  out.edges = mesh.edges;
+  out.reach = mesh.reach;
+  out.inner = mesh.inner;
+  for (const Vec3& vertex : mesh.vertices) out.vertices.emplace_back(pose * vertex);
+  for (const Eigen::Vector4d& plane : mesh.planes) {
     const Vec3 n = pose.q * Vec3(plane.head<3>());
-    plane = {n.x(), n.y(), n.z(), plane.w() + n.dot(pose.p)};
+    out.planes.emplace_back(n.x(), n.y(), n.z(), plane.w() + n.dot(pose.p));
   }
   return out;
 }

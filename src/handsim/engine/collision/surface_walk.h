@@ -6,6 +6,7 @@
 // cell of planar sides for each feature (face, edge, corner) in which the nearest point lies on it.
 #pragma once
 
+#include <optional>
 #include <utility>
 
 #include "handsim/model/convex_mesh.h"
@@ -21,11 +22,32 @@ struct Foot {
   bool corner = false;          ///< the edge's start
 };
 
-/// @param hint any face; one near the foot saves steps. Inside: a loop over all faces.
+/// @param hint any face; one near the foot may save steps. Inside: a loop over all faces.
 Foot nearest_foot(const model::ConvexMesh& mesh, const Vec3& p, int hint);
+
+/// Where on a line a foot's feature is nearest, if that lies in its cell: share of the line's length.
+std::optional<double> least_in_cell(const model::ConvexMesh& mesh, const Foot& foot, const Vec3& start,
+                                    const Vec3& along);
 
 /// The part of a line that lies in the cell of a foot's feature: shares of its length, 0 to 1.
 std::pair<double, double> cell_of(const model::ConvexMesh& mesh, const Foot& foot, const Vec3& start,
                                   const Vec3& along);
+
+/// A place on a line, as share of its length, and its foot.
+struct LineFoot {
+  double t = 0;
+  Foot foot;
+};
+
+/// Edges of cells at which the foot leaves a face or comes to one, as shares of a line's length.
+struct Bends {
+  std::optional<double> inner;  ///< that of the nearest place's cell, if it is one
+  std::optional<double> outer;  ///< the outermost within reach
+  bool end_off = false;         ///< the line's end is further off than the reach
+};
+
+/// From the place where a line is nearest to its end (0 or 1). @param reach largest distance [m]
+Bends bends_from(const model::ConvexMesh& mesh, const Vec3& start, const Vec3& along, const LineFoot& nearest,
+                 double reach, bool forward);
 
 }  // namespace handsim::engine

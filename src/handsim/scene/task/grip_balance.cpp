@@ -163,6 +163,7 @@ GripSpec read_grip(MapReader reader) {
     out.strength = hand::read_grip_table(*table, reader.path_of("strength"), reader.diagnostics());
   out.squeeze = reader.number("squeeze", kSpan, out.squeeze);
   out.friction = reader.maybe_number("friction", {Dimension::none, 1e-3, 100});
+  out.reserve = reader.number("reserve", {Dimension::none, 1, 10}, out.reserve);
   out.search = reader.number("search", {Dimension::none, 0, 0.5}, out.search);
   reader.finish();
   return out;

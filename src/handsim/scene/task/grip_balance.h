@@ -22,6 +22,7 @@ struct GripSpec {
   double squeeze = 0.3;      ///< time from touching to pressing [s]
   /// Coefficient that the hand reckons with; absent: that of the surfaces that touch.
   std::optional<double> friction;
+  double reserve = 1;   ///< forces are raised to what holds so many times the weight and shake
   double search = 0.2;  ///< the object may lie so far from its named place in the hand [hand lengths]
 };
 

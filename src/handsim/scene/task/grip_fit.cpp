@@ -321,7 +321,7 @@ class Fit {
     const double asked_strength = strength_;
     double wanted = strength_;
     for (int round = 0; round < kRaises && balances() && !slips_; ++round) {
-      wanted = std::max(asked_strength, strength_ * use() / kUse);
+      wanted = std::max(asked_strength, strength_ * spec_.reserve * use() / kUse);
       const double factor = std::min(wanted / strength_, 1 / (worst_torque().first + 1e-9));
       if (std::abs(factor - 1) < kEnough) break;
       press_with(factor);
