@@ -238,9 +238,9 @@ struct Polyhedron {
   const model::ConvexMesh& mesh;
   double within;
   static constexpr double kBendNear = 0;  ///< The least is exact, and bends on both sides of it are as deep.
-  double least_at = 0;   ///< where on the segment the distance is least
-  mutable int near = 0;  ///< the face last met
-  mutable std::array<bool, 2> off = {};  ///< the ends that are further off than `within`
+  double least_at = 0;                    ///< where on the segment the distance is least
+  mutable int near = 0;                   ///< the face last met
+  mutable std::array<bool, 2> off = {};   ///< the ends that are further off than `within`
 
   /// Finds where the distance is least.
   bool apart(const Vec3& a, const Vec3& along, double radius) {
