@@ -98,7 +98,8 @@ int ConvexMesh::face_towards(const Vec3& point) const {
   const int axis = size.x() > size.y() ? (size.x() > size.z() ? 0 : 2) : (size.y() > size.z() ? 1 : 2);
   const double scale = size[axis] > 0 ? 0.5 * kCells / size[axis] : 0;
   const auto cell = [&](int other) {
-    return std::min(static_cast<int>(0.5 * kCells + scale * point[other]), kCells - 1);
+    const double at = 0.5 * kCells + scale * point[other];
+    return at > 0 ? std::min(static_cast<int>(at), kCells - 1) : 0;  // also what is no number
   };
   const int row = cell(axis == 2 ? 0 : axis + 1), column = cell(axis == 0 ? 2 : axis - 1);
   return pierced[as_index(((2 * axis + (point[axis] < 0 ? 1 : 0)) * kCells + row) * kCells + column)];
