@@ -320,9 +320,9 @@ def smooth_rows(values: Array, width: int) -> Array:
     if width < 2 or not values.size:
         return values
     known = np.isfinite(values)
-    kernel = np.ones(width)
-    total = np.apply_along_axis(np.convolve, 0, np.where(known, values, 0.0), kernel, "same") if len(values) >= width else values
-    count = np.apply_along_axis(np.convolve, 0, known.astype(float), kernel, "same") if len(values) >= width else known.astype(float)
+    kernel = np.ones(min(width, 2 * len(values) - 1))
+    middle = slice(len(kernel) // 2, len(kernel) // 2 + len(values))
+    total, count = (np.apply_along_axis(np.convolve, 0, each, kernel)[middle] for each in (np.where(known, values, 0.0), known.astype(float)))
     return np.asarray(np.where(known, total / np.maximum(count, 1), np.nan))
 
 

@@ -1,7 +1,8 @@
 """Whether found forces hold the object: each lift of a recording as a scene in which the object is free and driven hands press as hard as was found.
 
-Targets of the joints lie beyond the surface by torque over stiffness, and ahead by damping over stiffness times the rate. Before, hands are moved within
-their noise: pads that press are as deep in the object as their load asks, and others are not inside it.
+A hand that holds is steady, seen from the object, and it is moved within its noise: pads that press are as deep in the object as their load asks, and
+others are not inside it. Targets of the joints lie beyond the surface by torque over stiffness, and ahead by damping over stiffness times the rate. Then
+the object is carried along the recording in a simulation, and what the hands press too little or too hard there is added to the targets in the same way.
 """
 from __future__ import annotations
 
@@ -17,11 +18,13 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error
-from ._forces import BEGINS, FURTHEST, NEAR, WINDOW, Result, Solver, smooth_rows
-from ._model import compose, inverse
+from ._carried import Pressed, carried
+from ._forces import BEGINS, FURTHEST, MARGIN, NEAR, SPIN, Result, Solver, smooth_rows
+from ._model import compose, inverse, matrices, turned
 from ._objects import Thing, hull_text, of_hulls
 from ._progress import Told
 from ._scene import load
+from ._sharing import Places, share
 from ._shipped import data_path
 from ._simulation import Simulation
 from ._study_files import number
@@ -40,6 +43,14 @@ LEVER = 0.04
 PASSES = 3
 STOP = 1e-3
 """How far within its stops a joint starts [rad]."""
+STILL = 0.5
+"""Over which a hand that holds an object is steady, seen from it [s]: chosen."""
+ROUNDS = 2
+"""In which targets are corrected by what the hands press in a simulation."""
+SETTLED = 3
+"""Frames of such a simulation in which the angles of the start are looked for."""
+SLIDE = 1e-3
+"""How far a centre of pressure in a simulation is moved by a change of its force, at most [m]: chosen."""
 LOST = 0.1
 """Share of its force below which a finger has lost the object."""
 KINDS = ("forces", "angles")
@@ -52,6 +63,20 @@ class Lift(NamedTuple):
     """From which the object is lifted."""
     last: int
     """Beyond it it is not."""
+
+
+class Drive(NamedTuple):
+    """How a hand is driven in a lift."""
+
+    hand: int
+    rows: NDArray[np.intp]
+    """Of the recording, in which it is tracked."""
+    start: Array
+    """Its angles at the start [rad]."""
+    targets: Array
+    """Of the joints [rad], a row for each of the rows."""
+    wrist: Array
+    """Poses of the hand frame."""
 
 
 class Replayed(NamedTuple):
@@ -97,10 +122,19 @@ def pad_stiffness() -> float:
     return float(parser().safe_load((data_path() / "handmodels/finger_pad.yaml").read_text(encoding="utf-8"))["stiffness"])
 
 
-def moved(of: Solver, found: Result, surfaces: Sequence[Surface], k: int, row: int, pad: float) -> tuple[Array, Array]:
+def steadied(of: Solver, k: int, rows: NDArray[np.intp], width: int) -> tuple[Array, Array]:
+    """Angles and wrist of a hand that holds the object: seen from it they are moving means, as pads that bear it do not slide to and fro."""
+    motion, poses = of.motions[k], of.of.motion.poses[rows]
+    wrist = compose(inverse(poses), motion.wrist[rows])
+    wrist[:, 3:] *= np.where((wrist[:, 3:] * wrist[0, 3:]).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    wrist = smooth_rows(wrist, width)
+    wrist[:, 3:] /= np.linalg.norm(wrist[:, 3:], axis=1, keepdims=True)
+    return smooth_rows(motion.q[rows], width), compose(poses, wrist)
+
+
+def moved(of: Solver, found: Result, surfaces: Sequence[Surface], k: int, row: int, pad: float, q: Array, wrist: Array) -> tuple[Array, Array]:
     """Angles and wrist place by which a hand is moved within its noise, for pads to be as deep as their load asks."""
     motion, shapes = of.motions[k], of.hands.shapes[k]
-    q, wrist = motion.q[row].copy(), motion.wrist[row].copy()
     count, noise = len(q), max(of.noises[k], 1e-4)
     turn = np.array([0.0 if name.startswith("wrist") else 1.0 for name in motion.hand.coordinates])
     prior = np.concatenate([np.full(count, LEVER / noise), np.full(3, 1 / noise)])
@@ -130,47 +164,56 @@ class Writer:
     def __init__(self, thing: Thing, of: Solver, found: Result, model: Path, folder: Path) -> None:
         self.thing, self.of, self.found, self.model, self.folder = thing, of, found, model, folder
         self.pad = pad_stiffness()
+        self.width = max(1, int(round(STILL / of.interval)) | 1)
         self.meshes = thing.file.suffix.lower() == ".urdf"
         # Meshes are simulated as their convex hulls: the hands are moved to these.
         self.surfaces = [Surface(of_hulls(link)) for link in thing.links] if self.meshes else of.surfaces
 
-    def _hand(self, k: int, lift: Lift, kind: str, name: str) -> tuple[Optional[str], str]:
-        """Tables, and the text of the hand; None where it was not tracked in the lift."""
+    def drives(self, lift: Lift, kind: str) -> list[Drive]:
+        """Of the hands that were tracked in the lift."""
+        return [drive for k in range(len(self.of.motions)) if (drive := self._drive(k, lift, kind)) is not None]
+
+    def _drive(self, k: int, lift: Lift, kind: str) -> Optional[Drive]:
         motion, of = self.of.motions[k], self.of
         rows = np.flatnonzero(of.hands.tracked[k][lift.first:lift.last]) + lift.first
         if len(rows) < 2:
-            return None, ""
-        joints = list(motion.hand.coordinates)
-        gains, lags = stiffness(joints)
+            return None
+        gains, lags = stiffness(list(motion.hand.coordinates))
+        gains = gains + of.hands.stiffness[k]  # Tissue is compensated at the targets: its stiffness adds to the controller's.
         q, wrist = of.hands.smooth[k][rows].copy(), motion.wrist[rows].copy()
         targets = q + lags * of.hands.rates[k][rows]
         if kind == "forces":
-            changes = [moved(of, self.found, self.surfaces, k, int(row), self.pad) for row in rows]
-            width = max(1, int(round(WINDOW / of.interval)) | 1)
-            angles, places = (smooth_rows(np.array([each[part] for each in changes]), width) for part in (0, 1))
-            pressing = self.found.pressing[rows, int(of.hands.starts[k]):int(of.hands.starts[k + 1])]
+            q, wrist = steadied(of, k, rows, self.width)
+            changes = [moved(of, self.found, self.surfaces, k, int(row), self.pad, *each) for row, *each in zip(rows, q, wrist)]
+            angles, places = (smooth_rows(np.array([each[part] for each in changes]), self.width) for part in (0, 1))
             q += angles
-            targets += angles + np.where(np.isfinite(gains), pressing / gains, 0)
+            targets = q + lags * np.gradient(q, of.interval, axis=0) + self.found.pressing[rows, int(of.hands.starts[k]):int(of.hands.starts[k + 1])] / gains
             wrist[:, :3] += places
-        times = of.times[rows] - of.times[lift.first]
-        driven = [i for i, gain in enumerate(gains) if math.isfinite(gain)]
+        return Drive(k, rows, q[0], targets, wrist)
+
+    def _hand(self, drive: Drive, lift: Lift, name: str) -> tuple[str, str]:
+        """Name of the tables, which are written, and the text of the hand."""
+        motion, of = self.of.motions[drive.hand], self.of
+        joints = list(motion.hand.coordinates)
+        times = of.times[drive.rows] - of.times[lift.first]
+        driven = [i for i, gain in enumerate(stiffness(joints)[0]) if math.isfinite(gain)]
         stem = f"{name}_{motion.name}"
         head = "\t".join(["time", *(f"{motion.name}.{joints[i]}" for i in driven)])
-        lines = [f"{motion.name} hand, targets\nversion=1\nnRows={len(rows)}\nnColumns={len(driven) + 1}\ninDegrees=yes\nendheader", head]
-        lines += ["\t".join([f"{time:.9g}", *map(number, row)]) for time, row in zip(times, np.degrees(targets[:, driven]).tolist())]
+        lines = [f"{motion.name} hand, targets\nversion=1\nnRows={len(times)}\nnColumns={len(driven) + 1}\ninDegrees=yes\nendheader", head]
+        lines += ["\t".join([f"{time:.9g}", *map(number, row)]) for time, row in zip(times, np.degrees(drive.targets[:, driven]).tolist())]
         _core.write_file(self.folder / f"{stem}.mot", ("\n".join(lines) + "\n").encode())
         lines = [",".join(["time[s]", *(f"{motion.name}.wrist.{part}" for part in ("x[m]", "y[m]", "z[m]", "qw", "qx", "qy", "qz"))])]
-        lines += [",".join([f"{time:.9g}", *map(number, row)]) for time, row in zip(times, wrist.tolist())]
+        lines += [",".join([f"{time:.9g}", *map(number, row)]) for time, row in zip(times, drive.wrist.tolist())]
         _core.write_file(self.folder / f"{stem}_wrist.csv", ("\n".join(lines) + "\n").encode())
         pose: dict[str, list[str]] = {}
         stops = motion.hand.joints
-        inside = np.clip(q[0], np.asarray(stops["low"]) + STOP, np.asarray(stops["high"]) - STOP)
+        inside = np.clip(drive.start, np.asarray(stops["low"]) + STOP, np.asarray(stops["high"]) - STOP)
         for joint, angle in zip(joints, inside):
             if not joint.startswith("wrist"):
                 pose.setdefault(joint.partition(".")[0], []).append(f"{angle:.9g}")
-        angles_ = ", ".join(f"{joint}: [{', '.join(each)}]" for joint, each in pose.items())
+        angles = ", ".join(f"{joint}: [{', '.join(each)}]" for joint, each in pose.items())
         return stem, (f'  - model: "{os.path.abspath(self.model)}"\n    person: ../person.yaml\n    side: {motion.name}\n'
-                      f"    wrist: {{mount: driven, motion: {{table: {stem}_wrist.csv}}}}\n    pose: {{{angles_}}}\n")
+                      f"    wrist: {{mount: driven, motion: {{table: {stem}_wrist.csv}}}}\n    pose: {{{angles}}}\n")
 
     def _object(self, lift: Lift) -> str:
         """Free, with the place and the velocity that it had; a hinge is stuck at the angle of the middle of the lift."""
@@ -192,12 +235,8 @@ class Writer:
                         f"rotation: {rotation(own[3:])}}}\n")
         return out
 
-    def write(self, lift: Lift, name: str, kind: str) -> Optional[Path]:
-        """None without a hand."""
-        hands = [self._hand(k, lift, kind, name) for k in range(len(self.of.motions))]
-        seen = [(stem, text, motion) for (stem, text), motion in zip(hands, self.of.motions) if stem]
-        if not seen:
-            return None
+    def write(self, lift: Lift, name: str, kind: str, drives: Sequence[Drive]) -> Path:
+        seen = [(*self._hand(drive, lift, f"{name}_{kind}"), self.of.motions[drive.hand]) for drive in drives]
         programs = ", ".join(f"{motion.name}: {stem}.mot" for stem, _, motion in seen)
         ground = self.found.ground
         floor = "" if math.isnan(ground) else f"ground: {{height: {ground:.9g}}}\n"
@@ -208,11 +247,53 @@ class Writer:
                 f'contacts:\n  materials: [{{name: pad, file: "{data_path() / "handmodels/finger_pad.yaml"}", friction: {self.of.asked.friction:g}}}]\n'
                 f"  rules: [{rules}]\n"
                 f"effects: [gravity, object_contact, {'' if not floor else 'ground_contact, '}friction, joint_stops, passive_tissue, actuation, wrist_motion]\n"
-                'solver: {engine: ode, method: world_step, step: "1 ms", erp: 0.2, cfm: 1e-8}\n'
+                'solver: {engine: articulated, step: "1 ms"}\n'
                 f'duration: {number(max(0.01, float(self.of.times[lift.last - 1] - self.of.times[lift.first])))}\nrecord: {{every: "10 ms"}}\n')
         path = self.folder / f"{name}_{kind}.yaml"
         _core.write_file(path, text.encode())
         return path
+
+    def pressed(self, path: Path, lift: Lift, drives: Sequence[Drive]) -> list[Drive]:
+        """With targets by which pads press as was found where they touch in the simulation, while the object is carried along the recording."""
+        scene, of = load(path), self.of
+        at = carried(scene, self.thing.name, of.segments, of.times[lift.first:lift.last] - of.times[lift.first], of.of.motion.poses[lift.first:lift.last])
+        changes = [np.zeros_like(drive.targets) for drive in drives]
+        gains = [stiffness(list(of.motions[drive.hand].hand.coordinates))[0] + of.hands.stiffness[drive.hand] for drive in drives]
+        angles = [at.q[:, [scene.coordinates.index(f"{of.motions[drive.hand].name}.{name}") for name in of.motions[drive.hand].hand.coordinates]]
+                  for drive in drives]
+        for row in range(lift.last - lift.first):
+            wanted = self._wanted(lift.first + row, at, row)
+            for drive, change, stiff, q in zip(drives, changes, gains, angles):
+                own = np.flatnonzero(drive.rows == lift.first + row)
+                if not len(own):
+                    continue
+                shapes = of.hands.shapes[drive.hand]
+                bodies = shapes.bodies(q[row], drive.wrist[own[0]])
+                for i, (hand, name) in enumerate(of.bones):
+                    missing = wanted[i] - at.force[row, i]
+                    place = at.place[row, i] if at.touching[row, i] else self.found.centre[lift.first + row, i]
+                    if hand != drive.hand or not missing.any() or not np.isfinite(place).all():
+                        continue
+                    body = shapes.place(name)
+                    offset = turned(bodies[body, 3:] * [1, -1, -1, -1], place - bodies[body, :3])
+                    jacobian = _core.hand_jacobian(shapes.hand.scene._core, q[row], body, offset)[:3]
+                    change[own[0]] += (matrices(drive.wrist[own[0]])[:3, :3] @ jacobian).T @ missing / stiff
+        # A hand starts where it comes to rest on the object.
+        return [drive._replace(start=q[drive.rows[0] - lift.first:][1:1 + SETTLED].mean(axis=0), targets=drive.targets + smooth_rows(change, self.width))
+                for drive, change, q in zip(drives, changes, angles)]
+
+    def _wanted(self, row: int, at: Pressed, own: int) -> Array:
+        """Forces on the object by segment, of the places that touch in the simulation: as found, and such that they give the wrench it needs."""
+        of, found = self.of, self.found
+        out = np.where(at.touching[own][:, None], 0.0, found.force[row])
+        on = np.flatnonzero(at.touching[own])
+        rest = of.of.wrench[row] - np.concatenate([out.sum(axis=0), np.cross(np.nan_to_num(found.centre[row]) - of.of.centre[row], out).sum(axis=0)])
+        normal = found.normal[row, on]
+        places = Places(at.place[own, on], at.outward[own, on], np.ones(len(on)), np.full(len(on), -1), np.ones(len(on)), 0.0, SLIDE)
+        friction = of.asked.friction / MARGIN
+        shared = share(places, rest, of.of.centre[row], of.weight, friction, SPIN * friction, float(normal.sum()), normal, routines=of.lapack)
+        out[on] = shared.force
+        return out
 
     def run(self, path: Path, lift: Lift) -> tuple[float, str, str]:
         """For how long the object stays with the recording, the finger that lost it, and what ended the simulation."""
@@ -270,8 +351,15 @@ def replay(thing: Thing, of: Solver, found: Result, model: Path, folder: Path, t
         held, lost, problem = {}, {}, {}
         for j, kind in enumerate(KINDS):
             try:
-                path = writer.write(lift, f"lift_{i + 1}", kind)
-                held[kind], lost[kind], problem[kind] = (0.0, "", "no hand is tracked") if path is None else writer.run(path, lift)
+                drives = writer.drives(lift, kind)
+                if not drives:
+                    held[kind], lost[kind], problem[kind] = 0.0, "", "no hand is tracked"
+                    continue
+                path = writer.write(lift, f"lift_{i + 1}", kind, drives)
+                for _ in range(ROUNDS if kind == "forces" else 0):
+                    drives = writer.pressed(path, lift, drives)
+                    path = writer.write(lift, f"lift_{i + 1}", kind, drives)
+                held[kind], lost[kind], problem[kind] = writer.run(path, lift)
             except Error as error:
                 held[kind], lost[kind], problem[kind] = 0.0, "", str(error).splitlines()[0]
             if told is not None:

@@ -71,17 +71,18 @@ class Places(NamedTuple):
     shares: Array
     """Of each place's finger in the grip of its hand, over the index finger's."""
     noise: float = 0.0
-    """Standard deviation of a coordinate of a place [m]: it is moved by up to twice that, beside PAD."""
+    """Standard deviation of a coordinate of a place [m]: it is moved by up to twice that, beside `pad`."""
+    pad: float = PAD
 
     @property
     def rim(self) -> float:
         """How far a centre of pressure is moved, at most [m]."""
-        return PAD + 2 * self.noise
+        return self.pad + 2 * self.noise
 
     @property
     def unsure(self) -> float:
         """Standard deviation of a centre of pressure along a tangent [m]."""
-        return float(np.hypot(PAD / 2, self.noise))
+        return float(np.hypot(self.pad / 2, self.noise))
 
 
 class Muscles(NamedTuple):

@@ -21,6 +21,8 @@ SECOND = 1e-3
 """How much wider the gap at a second place of a shape may be, for two places to touch [m]."""
 CORNER, TIE = 6, 3e-4
 """Points of a surface that are looked at, and how much further one may be to count as near as the nearest [m]."""
+BESIDE = 1e-3
+"""Between points of a surface and the foot of the perpendicular of a place, at most, for the plane of the point to count [m]."""
 APART = 6e-3
 """Between two places of one shape that touch, at least [m]."""
 
@@ -74,6 +76,10 @@ class HandShapes:
         self.shape, self.body = np.array(of).T
         self.first = np.flatnonzero(np.diff(self.shape, prepend=-1))
 
+    def place(self, name: str) -> int:
+        """Of a body among those of the hand."""
+        return list(self.hand.bodies).index(name)
+
     def bodies(self, q: Array, wrist: Array) -> Array:
         """Poses of the bodies in the world, shape (bodies, 7)."""
         position, quaternion = _core.hand_poses(self.hand.scene._core, q)
@@ -97,16 +103,23 @@ class Surface:
         self.tree: Any = cKDTree(link.points)
         self.low, self.high = link.points.min(axis=0), link.points.max(axis=0)
 
-    def distances(self, places: Array, reach: float) -> tuple[Array, NDArray[np.intp]]:
-        """Signed distances of places in the link's frame from its surface [m], inf beyond reach, and the nearest points of it."""
+    def distances(self, places: Array, reach: float, radii: Array) -> tuple[Array, NDArray[np.intp]]:
+        """Signed distances of balls' centres in the link's frame from its surface [m], inf where a ball is farther than reach, and the nearest points of it."""
         out = np.full(len(places), np.inf)
         nearest = np.zeros(len(places), dtype=np.intp)
-        near = np.flatnonzero(((places > self.low - reach) & (places < self.high + reach)).all(axis=1))
+        bounds = (reach + radii)[:, None]
+        near = np.flatnonzero(((places > self.low - bounds) & (places < self.high + bounds)).all(axis=1))
         if not len(near):
             return out, nearest
-        away, at = self.tree.query(places[near], k=CORNER, distance_upper_bound=reach)
-        found = np.isfinite(away[:, 0])
+        # The nearest point alone says which balls are too far: one that is inside by it is looked at in any case.
+        away, at = self.tree.query(places[near], distance_upper_bound=reach + float(radii.max()))
+        found = np.isfinite(away)
         near, at, away = near[found], at[found], away[found]
+        inside = ((places[near] - self.link.points[at]) * self.link.normals[at]).sum(axis=1) < 0
+        near = near[inside | (away < reach + radii[near] + BESIDE)]
+        if not len(near):
+            return out, nearest
+        away, at = self.tree.query(places[near], k=CORNER)
         # At an edge several points are as near, of different faces: a place is outside where it is outside of one of them.
         alike = away < away[:, :1] + TIE
         at = np.where(alike, at, at[:, :1])
@@ -117,7 +130,7 @@ class Surface:
         height, distance = heights[rows, best], away[:, 0]
         # A place within the spacing of the foot of the perpendicular: the plane there is nearer than the point.
         beside = np.sqrt(np.maximum(distance**2 - height**2, 0))
-        out[near] = np.where(beside < 1e-3, height, np.copysign(distance, height))
+        out[near] = np.where(beside < BESIDE, height, np.copysign(distance, height))
         nearest[near] = at[rows, best]
         return out, nearest
 
@@ -130,10 +143,9 @@ def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Sur
     """
     balls = shapes.balls(bodies)
     out: list[Touch] = []
-    widest = float(shapes.radii.max())
     for k, surface in enumerate(surfaces):
         back = inverse(places[k])
-        distance, nearest = surface.distances(turned(back[3:], balls) + back[:3], reach + widest)
+        distance, nearest = surface.distances(turned(back[3:], balls) + back[:3], reach + SECOND, shapes.radii)
         gaps = distance - shapes.radii
         every: list[tuple[int, int, int]] = []
         least = np.minimum.reduceat(gaps, shapes.first)

@@ -188,22 +188,23 @@ def simulate(name: str, person: str, margin: float, case: Case) -> Recorded:
     for frame in range(count):
         target = frame / RATE
         steps = max(1, int(round((target - simulation.time) / step))) if frame else 1
-        action: dict[str, Any] = {}
-        if simulation.time >= plan - 0.02 and extra:
+        if simulation.time < plan - 0.02 or not extra:
+            simulation.step(substeps=steps)
+        else:
             bodies = simulation.bodies
-            palm = np.concatenate([bodies.position[wrist_body], bodies.quaternion[wrist_body]])
             if held_from is None:
-                held_from, clock = compose(palm, hand.wrist), simulation.time
+                held_from, clock = compose(np.concatenate([bodies.position[wrist_body], bodies.quaternion[wrist_body]]), hand.wrist), simulation.time
                 start = bodies.position[body].copy()
-            since = target - clock
-            moved = held_from.copy()
-            if case.turn:
-                by = turn_of(np.array([1.0, 0, 0]) * math.radians(case.turn) * minimum_jerk(since / 1.0))
-                moved = np.concatenate([start + turned(by, held_from[:3] - start), product(by, held_from[3:])])
-            if case.down:
-                moved[2] -= 0.2 * minimum_jerk(since / 0.9)
-            action["wrists"] = moved[None]
-        simulation.step(substeps=steps, **action)
+            # Step by step: at a constant velocity between frames, jerks at their ends would accelerate the object, and forces between show none of it.
+            for _ in range(steps):
+                since = simulation.time + step - clock
+                moved = held_from.copy()
+                if case.turn:
+                    by = turn_of(np.array([1.0, 0, 0]) * math.radians(case.turn) * minimum_jerk(since / 1.0))
+                    moved = np.concatenate([start + turned(by, held_from[:3] - start), product(by, held_from[3:])])
+                if case.down:
+                    moved[2] -= 0.2 * minimum_jerk(since / 0.9)
+                simulation.step(wrists=moved[None])
         bodies = simulation.bodies
         poses = np.concatenate([bodies.position, bodies.quaternion], axis=1)
         row: dict[str, Any] = {"time": simulation.time, "object": poses[body]}
@@ -341,7 +342,7 @@ def run(name: str, person: str, out: Path, seed: int, draws: int, more: tuple[st
         return None
     path = write_recording(recorded, folder, seed)
     words = [sys.executable, "-m", "handsim", "track", str(path), "--object", f"thing={folder / 'thing.yaml'}", "--person", person, "--support",
-             "table" if CASES[name].press else "post", "--replay", "--uncertain", str(draws), "--out", str(folder / "tracked"), *more]
+             "table" if CASES[name].press else "post", "--replay", "--out", str(folder / "tracked"), *(("--uncertain", str(draws)) if draws else ()), *more]
     begin = time.time()
     done = subprocess.run(words, capture_output=True, text=True)
     if done.returncode != 0:
@@ -367,7 +368,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/forces"))
     parser.add_argument("--cases", nargs="*", default=list(CASES))
     parser.add_argument("--persons", nargs="*", default=list(PERSONS))
-    parser.add_argument("--draws", type=int, default=20)
+    parser.add_argument("--draws", type=int, default=20, help="for the bands; 0: none")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--measured-friction", action="store_true", help="the friction of each recording is stated")
     parser.add_argument("--bound", action="store_true", help="prints what the best of all rules reaches, and ends")
@@ -375,10 +376,11 @@ def main() -> None:
     if asked.bound:
         print(bound())
         return
-    pairs = [(name, person) for name in asked.cases for person in asked.persons]
+    every_pair = [(name, person) for name in CASES for person in PERSONS]
+    pairs = [(name, person) for name, person in every_pair if name in asked.cases and person in asked.persons]
     print(f"{'recording':<24} {'frames':>6} {'fingers, worst':>14} {'RMS of them':>12} {'wrench':>8} {'friction':>9} {'in bands':>9} {'residual':>9} {'replay':>7} {'angles':>7}")
     with ThreadPoolExecutor(asked.jobs) as pool:
-        found = pool.map(lambda each: run(*each, asked.out, 100 + pairs.index(each), asked.draws,
+        found = pool.map(lambda each: run(*each, asked.out, 100 + every_pair.index(each), asked.draws,
                                           ("--friction", str(CASES[each[0]].friction)) if asked.measured_friction else ()), pairs)
         every: dict[str, list[Found]] = {}
         for (name, person), one in zip(pairs, found):
