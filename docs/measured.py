@@ -179,6 +179,7 @@ def agreement_differences():
 STEP_SETS = {"draws": "random grasps of a box", "shipped": "shipped grasps", "climbs": "climbs", "interlace": "two hands interlace", "drop": "a dropped hand",
              "suite": "the suite's grasps"}
 STEP_ENGINES = {"articulated": "articulated", "ode": "ODE", "mujoco4": "MuJoCo 4.0", "drake": "Drake 1.51"}
+STEP_TERMS = {"": "max(c, h k)", "servos": "c + h k of servos", "pads and servos": "c + h k of pads and servos"}
 
 
 def pair_of(median, most, scale):
@@ -188,7 +189,7 @@ def pair_of(median, most, scale):
 def contact_step():
     """Not of finest steps, which everything is compared with."""
     rows = []
-    found = study_json("contact_step", "run", "contact_step.json")["summary"]
+    found = [each for each in study_json("contact_step", "run", "contact_step.json")["summary"] if not each["term"]]
     for each in found:
         if each["step_ms"] == min(other["step_ms"] for other in found if (other["set"], other["engine"]) == (each["set"], each["engine"])):
             continue
@@ -196,6 +197,12 @@ def contact_step():
                      pair_of(each["margin_off_median"], each["margin_off_most"], 100), pair_of(each["force_off_median"], each["force_off_most"], 100),
                      pair_of(each["place_off_median"], each["place_off_most"], 1e3), number(each["cost"]) if each["cost"] else ""])
     return table(["scenes", "engine", "step, ms", "right verdicts", "margin off, points", "force off, %", "place off, mm", "cost"], rows)
+
+
+def contact_step_terms():
+    rows = [[STEP_TERMS[each["term"]], f"{each['step_ms']:g}", f"{each['right']} of {each['of']}", number(100 * each["margin_off"]), number(100 * each["force_off"]),
+             number(1e3 * each["place_off"])] for each in study_json("contact_step", "run", "contact_step.json")["terms"]]
+    return table(["damping in a step", "step, ms", "right verdicts", "margin off, points", "force off, %", "place off, mm"], rows)
 
 
 def climb():
@@ -940,6 +947,7 @@ def day_at_the_bench():
 TABLES = {"tests-longest": ("tests", longest_tests), "skin": ("skin", skin), "validate": ("validate", validation), "clinic": ("clinic", clinic), "learning": ("learning", learning), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "handle": ("handle", handle), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "formats": ("formats", formats), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb), "contact-step": ("contact_step", contact_step),
+          "contact-step-terms": ("contact_step", contact_step_terms),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
           "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "effects-muscles": ("effects", lambda: effects("muscles")), "contacts": ("contacts", contacts),

@@ -21,6 +21,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 import handsim as hs
 from handsim import _suite, _suite_cases
@@ -31,6 +32,9 @@ CONFIG = ROOT / "config"
 STEPS = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0)  # [ms]
 ODE_STEPS = SUITE_STEPS = STEPS[2:]
 """Of what takes longer: ODE, and the suite's cases in all engines."""
+TERMS = {"": (False, False), "servos": (False, True), "pads and servos": (True, True)}
+"""Damping that a spring evaluated at the step's end would add, of the random grasps: which part of the error it would be."""
+TERM_STEPS = (1.0, 2.0, 4.0)
 SHIPPED = tuple(_suite_cases.GRASPS)
 CLIMBS = ("half_crimp", "open_hand", "jug")
 SHORT = {"grasps.0.hold": "1 s", "grasps.0.shake.levels": [{"acceleration": "19.6 m/s2", "frequency": "5 Hz"}], "record.every": "20 ms"}
@@ -86,27 +90,44 @@ def motion(scene, settings):
 
 
 def scenes_of(options):
-    """Name of a set, name of a scene, and the function of engine and step [s] that runs it."""
+    """Name of a set, name of a scene, and the function of engine, step [s] and changes that runs it."""
     out = []
     base = {"record.every": "20 ms"}
 
-    def with_engine(settings, engine, step):
-        return {**settings, "solver.engine": engine, "solver.step": step}
+    def with_engine(settings, engine, step, changes):
+        return {**settings, **changes, "solver.engine": engine, "solver.step": step}
 
     if "draws" in options.only:
         draws, _ = agreement.draws_of(agreement.BOX, base, options.draws, options.seed)
         for k, draw in enumerate(draws):
             settings = agreement.overrides_of(draw, base)
-            out.append(("draws", f"draw_{k}", lambda engine, step, settings=settings, draw=draw: grasp(
-                agreement.BOX, with_engine(settings, engine, step), draw["friction"])))
+            out.append(("draws", f"draw_{k}", lambda engine, step, changes, settings=settings, draw=draw: grasp(
+                agreement.BOX, with_engine(settings, engine, step, changes), draw["friction"])))
     if "shipped" in options.only:
         for name in SHIPPED:
-            out.append(("shipped", name, lambda engine, step, name=name: grasp(CONFIG / f"grasp_{name}.yaml", with_engine(SHORT, engine, step))))
+            out.append(("shipped", name, lambda engine, step, changes, name=name: grasp(CONFIG / f"grasp_{name}.yaml", with_engine(SHORT, engine, step, changes))))
     if "others" in options.only:
         for name in CLIMBS:
-            out.append(("climbs", name, lambda engine, step, name=name: grasp(CONFIG / f"climb_{name}.yaml", with_engine(base, engine, step))))
+            out.append(("climbs", name, lambda engine, step, changes, name=name: grasp(CONFIG / f"climb_{name}.yaml", with_engine(base, engine, step, changes))))
         for kind, name in (("interlace", "two_hands_contact"), ("drop", "dropped_hand")):
-            out.append((kind, name, lambda engine, step, name=name: motion(CONFIG / f"{name}.yaml", with_engine(base, engine, step))))
+            out.append((kind, name, lambda engine, step, changes, name=name: motion(CONFIG / f"{name}.yaml", with_engine(base, engine, step, changes))))
+    return out
+
+
+def damped(folder, step, pads, servos):
+    """Changes of a scene whose pads and servos have so much more damping as a spring at a step's [s] end adds, stiffness times step."""
+    out = {}
+    if pads:
+        pad = yaml.safe_load((ROOT / "handmodels" / "finger_pad.yaml").read_text())
+        out["contacts.materials.0.damping"] = pad["damping"] + step * pad["stiffness"]
+    if servos:
+        controller = yaml.safe_load((ROOT / "controllers" / "grasp.yaml").read_text())
+        for row in controller["gains"]:
+            if "proportional" in row:
+                row["derivative"] = row["derivative"] + step * row["proportional"]
+        path = folder / f"servos_{1e3 * step:g}.yaml"
+        path.write_text(yaml.safe_dump(controller))
+        out["control.controller"] = str(path.resolve())
     return out
 
 
@@ -115,17 +136,18 @@ def run_scenes(options, rows, write):
     engines = {"articulated": [(kind, name, run) for kind, name, run in scenes]}
     # ODE takes a hundred times as long with contact: the first random grasps.
     engines["ode"] = [each for each in scenes if each[0] == "draws"][:options.ode]
-    done = {(row["set"], row["scene"], row["engine"], row["step_ms"]) for row in rows}
+    done = {(row["set"], row["scene"], row["engine"], row["term"], row["step_ms"]) for row in rows}
     for engine, of_engine in engines.items():
         for kind, name, run in of_engine:
-            for step in STEPS if engine == "articulated" else ODE_STEPS:
-                if (kind, name, engine, step) in done:
-                    continue
-                try:
-                    found = run(engine, 1e-3 * step)
-                except hs.Error as error:
-                    found = {"verdict": f"error: {error}", "margin": None, "force": None, "place": None, "simulated": 0.0, "cpu": 0.0}
-                rows.append({"set": kind, "scene": name, "engine": engine, "step_ms": step, **found})
+            for term, (pads, servos) in TERMS.items():
+                for step in (STEPS if engine == "articulated" else ODE_STEPS) if not term else TERM_STEPS if engine == "articulated" and kind == "draws" else ():
+                    if (kind, name, engine, term, step) in done:
+                        continue
+                    try:
+                        found = run(engine, 1e-3 * step, damped(options.out, 1e-3 * step, pads, servos))
+                    except hs.Error as error:
+                        found = {"verdict": f"error: {error}", "margin": None, "force": None, "place": None, "simulated": 0.0, "cpu": 0.0}
+                    rows.append({"set": kind, "scene": name, "engine": engine, "term": term, "step_ms": step, **found})
             write()
 
 
@@ -173,7 +195,7 @@ def run_peers(options, rows, write):
                 used = [figures.get(name) for name in ("shift", "turn", "shaken")]
                 limits = (2e-3, math.radians(2), 5e-3)
                 margin = None if None in used else 1 - max(x / y for x, y in zip(used, limits))
-                rows.append({"set": "suite", "scene": case["case"], "engine": engine, "step_ms": step, "verdict": case["verdict"], "margin": margin,
+                rows.append({"set": "suite", "scene": case["case"], "engine": engine, "term": "", "step_ms": step, "verdict": case["verdict"], "margin": margin,
                              "force": figures.get("grip"), "place": end_of(results / engine / f"{case['case']}.csv"), "simulated": None, "cpu": case["cpu_s"]})
             write()
 
@@ -185,6 +207,8 @@ def compared(rows):
     finest = {}
     for row in rows:
         key = (row["set"], row["scene"], row["engine"])
+        if row["term"]:
+            continue
         if key not in finest or row["step_ms"] < finest[key]["step_ms"]:
             finest[key] = row
     out = []
@@ -205,18 +229,33 @@ def summary(rows):
     out, every = [], compared(rows)
     for kind in dict.fromkeys(row["set"] for row in every):
         own = [row for row in every if row["set"] == kind]
-        for engine in dict.fromkeys(row["engine"] for row in own):
-            of_engine = [row for row in own if row["engine"] == engine]
+        for engine, term in dict.fromkeys((row["engine"], row["term"]) for row in own):
+            of_engine = [row for row in own if (row["engine"], row["term"]) == (engine, term)]
             for step in sorted({row["step_ms"] for row in of_engine}):
                 at = [row for row in of_engine if row["step_ms"] == step]
                 scenes = {row["scene"] for row in at}
-                unit = sum(row["cpu"] for row in own if row["engine"] == "articulated" and row["step_ms"] == 1 and row["scene"] in scenes)
+                unit = sum(row["cpu"] for row in own if row["engine"] == "articulated" and not row["term"] and row["step_ms"] == 1 and row["scene"] in scenes)
                 each = lambda name: [row[name] for row in at if row[name] is not None]
-                out.append({"set": kind, "engine": engine, "step_ms": step, "right": sum(row["right"] for row in at), "of": len(at),
+                out.append({"set": kind, "engine": engine, "term": term, "step_ms": step, "right": sum(row["right"] for row in at), "of": len(at),
                             "wrong": [row["scene"] for row in at if not row["right"]],
                             **{f"{name}_{word}": (of(each(name)) if each(name) else None) for name in ("margin_off", "force_off", "place_off")
                                for word, of in (("median", statistics.median), ("most", max))},
                             "cpu_s": sum(row["cpu"] for row in at), "cost": sum(row["cpu"] for row in at) / unit if unit else None})
+    return out
+
+
+def terms_of(rows):
+    """What is off with and without the damping of springs at the step's end, of the random grasps that ran with both."""
+    every = [row for row in compared(rows) if row["set"] == "draws" and row["engine"] == "articulated"]
+    at = {(row["scene"], row["term"], row["step_ms"]): row for row in every}
+    scenes = [name for name in dict.fromkeys(row["scene"] for row in every) if all((name, term, step) in at for term in TERMS for step in TERM_STEPS)]
+    out = []
+    for term in TERMS if scenes else ():
+        for step in TERM_STEPS:
+            own = [at[name, term, step] for name in scenes]
+            off = {name: [row[name] for row in own if row[name] is not None] for name in ("margin_off", "force_off", "place_off")}
+            out.append({"term": term, "step_ms": step, "right": sum(row["right"] for row in own), "of": len(own),
+                        **{name: statistics.median(values) for name, values in off.items()}})
     return out
 
 
@@ -232,7 +271,7 @@ def picture(found):
     """Share of right verdicts over cost: a panel for the random grasps, one for the suite's."""
     panels = []
     for kind, title in (("draws", "random grasps of a box"), ("suite", "the suite's ten grasps of the median man")):
-        own = [each for each in found if each["set"] == kind and each["cost"]]
+        own = [each for each in found if each["set"] == kind and each["cost"] and not each["term"]]
         if not own:
             continue
         costs = [each["cost"] for each in own]
@@ -269,12 +308,12 @@ def picture(found):
 
 def write_files(rows, out):
     found = summary(rows)
-    orders = {f"{kind} {engine} {name}": order_of([each for each in found if each["set"] == kind and each["engine"] == engine], f"{name}_median")
+    orders = {f"{kind} {engine} {name}": order_of([each for each in found if each["set"] == kind and each["engine"] == engine and not each["term"]], f"{name}_median")
               for kind, engine in dict.fromkeys((each["set"], each["engine"]) for each in found) for name in ("margin_off", "force_off", "place_off")}
-    (out / "contact_step.json").write_text(json.dumps({"versions": {"handsim": hs.__version__}, "summary": found, "orders": orders, "rows": rows}, indent=1) + "\n")
+    (out / "contact_step.json").write_text(json.dumps({"versions": {"handsim": hs.__version__}, "summary": found, "orders": orders, "terms": terms_of(rows), "rows": rows}, indent=1) + "\n")
     with open(out / "contact_step.csv", "w", newline="") as file:
         table = csv.writer(file)
-        names = ("set", "scene", "engine", "step_ms", "verdict", "right", "margin", "margin_off", "force", "force_off", "place_off", "simulated", "cpu")
+        names = ("set", "scene", "engine", "term", "step_ms", "verdict", "right", "margin", "margin_off", "force", "force_off", "place_off", "simulated", "cpu")
         table.writerow(names)
         table.writerows([row[name] for name in names] for row in compared(rows))
     (out / "contact_step.svg").write_text(picture(found))
@@ -283,9 +322,9 @@ def write_files(rows, out):
 
 def printed(found, orders):
     show = lambda value, scale=1.0: "-" if value is None else f"{scale * value:.2g}"
-    lines = [f"{'set':10} {'engine':12} {'step':>7} {'right':>9} {'margin, points':>16} {'force, %':>14} {'place, mm':>16} {'cost':>7}"]
+    lines = [f"{'set':10} {'engine, or more':15} {'step':>7} {'right':>9} {'margin, points':>16} {'force, %':>14} {'place, mm':>16} {'cost':>7}"]
     for each in found:
-        lines.append(f"{each['set']:10} {each['engine']:12} {each['step_ms']:7g} {each['right']:4} of {each['of']:2}"
+        lines.append(f"{each['set']:10} {each['engine'] if not each['term'] else each['term']:15} {each['step_ms']:7g} {each['right']:4} of {each['of']:2}"
                      f" {show(each['margin_off_median'], 100):>8}{show(each['margin_off_most'], 100):>8} {show(each['force_off_median'], 100):>7}{show(each['force_off_most'], 100):>7}"
                      f" {show(each['place_off_median'], 1e3):>8}{show(each['place_off_most'], 1e3):>8} {show(each['cost']):>7}")
     return "\n".join([*lines, *(f"order {name}: {value:.2f}" for name, value in orders.items() if value is not None)])

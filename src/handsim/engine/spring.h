@@ -22,9 +22,10 @@ inline SoftRow soft_row(double stiffness, double damping, double step) {
   return {step * stiffness / sum, 1.0 / sum};
 }
 
-/// Damping of a spring beside what its step adds. Evaluated at a step's end, a spring damps by h k more than its
-/// damper does, with all that moves slowly by that much too late. A damper of h k alone makes the step stable, for
-/// any mass: where c is more than that, the spring needs no more. Together they damp by max(c, h k).
+/// Damping of a spring beside what its step adds. Evaluated at a step's end, a spring damps by h k more than
+/// its damper does, with all that moves slowly by that much too late. A damper of h k alone makes the step
+/// stable, for any mass: where c is more than that, the spring needs no more. Together they damp by max(c, h
+/// k).
 /// @param stiffness k, @param damping c, >= 0; @param step h [s]
 inline double damping_beside(double stiffness, double damping, double step) {
   return std::max(damping - step * stiffness, 0.0);

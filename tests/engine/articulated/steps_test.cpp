@@ -1,6 +1,7 @@
 // Stops, servos and tissue solved within the articulated engine's step; what it refuses and how it fails.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "engine/contact_scenes.h"
@@ -33,8 +34,9 @@ model::Model hinge(std::optional<model::Stop> stop = std::nullopt) {
   return model;
 }
 
-// Oracle: the recurrence of a spring at the step's start whose damping, at its end, is the damper's, or h k where
-// that is more: I (v+ - v) = h (k (target - x) - max(c, h k) v+), x+ = x + h v+. 1e-12: rounding of 500 steps.
+// Oracle: the recurrence of a spring at the step's start whose damping, at its end, is the damper's, or h k
+// where that is more: I (v+ - v) = h (k (target - x) - max(c, h k) v+), x+ = x + h v+. 1e-12: rounding of 500
+// steps.
 TEST(ArticulatedServo, FollowsTheImplicitRecurrence) {
   const double w = 2 * M_PI * 8, k = kInertia * w * w;
   for (const double c : {2 * kInertia * w, 0.02 * kInertia * w})

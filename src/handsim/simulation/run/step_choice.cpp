@@ -66,8 +66,8 @@ std::string doubtful(const std::array<std::vector<Verdict>, 3>& runs) {
 
 scene::Scene with_chosen_step(scene::Scene scene, const std::function<void()>& poll) {
   if (!scene::asks_for_step(scene.resolved)) return scene;
-  std::array<std::vector<Verdict>, 3> runs = {judged(scene, kSteps[0], poll),
-                                              judged(scene, kSteps[1], poll), {}};
+  std::array<std::vector<Verdict>, 3> runs = {
+      judged(scene, kSteps[0], poll), judged(scene, kSteps[1], poll), {}};
   std::string why;
   for (std::size_t i = 2; i < kSteps.size(); ++i) {
     runs[2] = judged(scene, kSteps[i], poll);

@@ -96,7 +96,8 @@ class Mechanism {
   /// Plain joint torques, size model.dof_count() or empty.
   void set_torques(std::span<const double> torques);
   /// Servo drives, size model.dof_count() or empty; true where all are sound, otherwise nothing is promised.
-  /// @param step of one that is implicit [s]; nothing: servos keep their targets in the middle of a step, too.
+  /// @param step of one that is implicit [s]; nothing: servos keep their targets in the middle of a step,
+  /// too.
   bool set_servos(std::span<const model::Servo> servos, std::optional<double> step);
   /// Stops in force.
   int stops_in_force() const;
