@@ -89,7 +89,7 @@ def test_ctrl_c_ends_long_work(what, tmp_path):
         "study": lambda: hs.study.grasps("grasp_power_can", {"grasps.0.hold": "900 s"}, out=tmp_path),
         "step": lambda: hs.load("two_hands", {"duration": "100000 s", "record.every": "100 s", "solver.engine": "articulated", "solver.step": "auto"})
         .run(frames=0),
-        "step of a study": lambda: hs.study.grasps("grasp_power_can", {"grasps.0.hold": "90000 s", "solver.engine": "articulated", "solver.step": "auto"},
+        "step of a study": lambda: hs.study.grasps("grasp_power_can", {"grasps.0.hold": "900 s", "solver.engine": "articulated", "solver.step": "auto"},
                                                    out=tmp_path),
         "study in threads": lambda: hs.study.rollouts("rollouts_free_fall", count=10_000_000, out=tmp_path),
     }
