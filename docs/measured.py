@@ -179,7 +179,7 @@ def agreement_differences():
 STEP_SETS = {"draws": "random grasps of a box", "shipped": "shipped grasps", "climbs": "climbs", "interlace": "two hands interlace", "drop": "a dropped hand",
              "suite": "the suite's grasps"}
 STEP_ENGINES = {"articulated": "articulated", "ode": "ODE", "mujoco4": "MuJoCo 4.0", "drake": "Drake 1.51"}
-STEP_TERMS = {"": "as it is", "pads": "less that of the pads", "pads and servos": "less that of pads and servos"}
+STEP_TERMS = {"": "max(c, h k)", "servos": "c + h k of servos", "pads and servos": "c + h k of pads and servos"}
 
 
 def pair_of(median, most, scale):
@@ -202,7 +202,7 @@ def contact_step():
 def contact_step_terms():
     rows = [[STEP_TERMS[each["term"]], f"{each['step_ms']:g}", f"{each['right']} of {each['of']}", number(100 * each["margin_off"]), number(100 * each["force_off"]),
              number(1e3 * each["place_off"])] for each in study_json("contact_step", "run", "contact_step.json")["terms"]]
-    return table(["damping that the step adds", "step, ms", "right verdicts", "margin off, points", "force off, %", "place off, mm"], rows)
+    return table(["damping in a step", "step, ms", "right verdicts", "margin off, points", "force off, %", "place off, mm"], rows)
 
 
 def climb():

@@ -108,7 +108,7 @@ STUDIES = {
     "tracking": Study("20 s", tracking_runs()),
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
     "agreement": Study("45 min", {"run": None}),
-    "contact_step": Study("20 min", {"run": None}, {"run/contact_step.svg": "contact_step.svg"}),
+    "contact_step": Study("30 min", {"run": None}, {"run/contact_step.svg": "contact_step.svg"}),
     "climb": Study("1 min", climb_runs()),
     "contacts": Study("1.5 min", {"contacts": None},
                       {"contacts/contacts_cost.png": "contacts_cost.png"}),
@@ -174,7 +174,7 @@ def command_of(name, label, build):
     if name == "agreement":
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
     if name == "contact_step":
-        return [python_of(build), "tests/study/contact_step.py", "--draws", "24", "--seed", "6301", "--packages", str(ROOT / "build" / "peers" / "suite"),
+        return [python_of(build), "tests/study/contact_step.py", "--draws", "24", "--seed", "6301", "--ode", "6", "--packages", str(ROOT / "build" / "peers" / "suite"),
                 "--out", str(OUT / name / label)]
     if name == "formats":
         return [python_of(build), "-c", "import json; from handsim._formats import FORMATS; "

@@ -77,7 +77,7 @@ def interrupted(call):
 
 
 # Oracle: the call would take minutes to hours; the test has a time limit. The latencies are printed (pytest -s).
-@pytest.mark.parametrize("what", ["run", "run with files", "simulation", "batch", "draw", "study", "study in threads"])
+@pytest.mark.parametrize("what", ["run", "run with files", "simulation", "batch", "draw", "study", "study in threads", "step", "step of a study"])
 def test_ctrl_c_ends_long_work(what, tmp_path):
     scene = hs.load("two_hands", {"duration": "100000 s", "record.every": "100 s"})
     calls = {
@@ -87,6 +87,10 @@ def test_ctrl_c_ends_long_work(what, tmp_path):
         "batch": lambda: hs.Batch(scene, 8).step(substeps=100_000_000),
         "draw": lambda: scene.draw(100_000),
         "study": lambda: hs.study.grasps("grasp_power_can", {"grasps.0.hold": "900 s"}, out=tmp_path),
+        "step": lambda: hs.load("two_hands", {"duration": "100000 s", "record.every": "100 s", "solver.engine": "articulated", "solver.step": "auto"})
+        .run(frames=0),
+        "step of a study": lambda: hs.study.grasps("grasp_power_can", {"grasps.0.hold": "900 s", "solver.engine": "articulated", "solver.step": "auto"},
+                                                   out=tmp_path),
         "study in threads": lambda: hs.study.rollouts("rollouts_free_fall", count=10_000_000, out=tmp_path),
     }
     print(f"\n{what}: {interrupted(calls[what]):.3f} s")

@@ -32,8 +32,8 @@ CONFIG = ROOT / "config"
 STEPS = (0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0)  # [ms]
 ODE_STEPS = SUITE_STEPS = STEPS[2:]
 """Of what takes longer: ODE, and the suite's cases in all engines."""
-TERMS = {"": (False, False), "pads": (True, False), "pads and servos": (True, True)}
-"""Damping that a step adds and that is taken away again, of the random grasps: which part of the error is its."""
+TERMS = {"": (False, False), "servos": (False, True), "pads and servos": (True, True)}
+"""Damping that a spring evaluated at the step's end would add, of the random grasps: which part of the error it would be."""
 TERM_STEPS = (1.0, 2.0, 4.0)
 SHIPPED = tuple(_suite_cases.GRASPS)
 CLIMBS = ("half_crimp", "open_hand", "jug")
@@ -115,16 +115,16 @@ def scenes_of(options):
 
 
 def damped(folder, step, pads, servos):
-    """Changes of a scene whose pads and servos have so much less damping as an implicit step [s] adds, stiffness times step, down to none."""
+    """Changes of a scene whose pads and servos have so much more damping as a spring at a step's [s] end adds, stiffness times step."""
     out = {}
     if pads:
         pad = yaml.safe_load((ROOT / "handmodels" / "finger_pad.yaml").read_text())
-        out["contacts.materials.0.damping"] = max(pad["damping"] - step * pad["stiffness"], 0.0)
+        out["contacts.materials.0.damping"] = pad["damping"] + step * pad["stiffness"]
     if servos:
         controller = yaml.safe_load((ROOT / "controllers" / "grasp.yaml").read_text())
         for row in controller["gains"]:
             if "proportional" in row:
-                row["derivative"] = max(row["derivative"] - step * row["proportional"], 0.0)
+                row["derivative"] = row["derivative"] + step * row["proportional"]
         path = folder / f"servos_{1e3 * step:g}.yaml"
         path.write_text(yaml.safe_dump(controller))
         out["control.controller"] = str(path.resolve())
@@ -134,7 +134,7 @@ def damped(folder, step, pads, servos):
 def run_scenes(options, rows, write):
     scenes = scenes_of(options)
     engines = {"articulated": [(kind, name, run) for kind, name, run in scenes]}
-    # ODE takes a hundred times as long with contact: a few of the random grasps.
+    # ODE takes a hundred times as long with contact: the first random grasps.
     engines["ode"] = [each for each in scenes if each[0] == "draws"][:options.ode]
     done = {(row["set"], row["scene"], row["engine"], row["term"], row["step_ms"]) for row in rows}
     for engine, of_engine in engines.items():
@@ -245,7 +245,7 @@ def summary(rows):
 
 
 def terms_of(rows):
-    """What is off with and without the damping that a step adds, of the random grasps that ran with both."""
+    """What is off with and without the damping of springs at the step's end, of the random grasps that ran with both."""
     every = [row for row in compared(rows) if row["set"] == "draws" and row["engine"] == "articulated"]
     at = {(row["scene"], row["term"], row["step_ms"]): row for row in every}
     scenes = [name for name in dict.fromkeys(row["scene"] for row in every) if all((name, term, step) in at for term in TERMS for step in TERM_STEPS)]
@@ -322,7 +322,7 @@ def write_files(rows, out):
 
 def printed(found, orders):
     show = lambda value, scale=1.0: "-" if value is None else f"{scale * value:.2g}"
-    lines = [f"{'set':10} {'engine, or less':15} {'step':>7} {'right':>9} {'margin, points':>16} {'force, %':>14} {'place, mm':>16} {'cost':>7}"]
+    lines = [f"{'set':10} {'engine, or more':15} {'step':>7} {'right':>9} {'margin, points':>16} {'force, %':>14} {'place, mm':>16} {'cost':>7}"]
     for each in found:
         lines.append(f"{each['set']:10} {each['engine'] if not each['term'] else each['term']:15} {each['step_ms']:7g} {each['right']:4} of {each['of']:2}"
                      f" {show(each['margin_off_median'], 100):>8}{show(each['margin_off_most'], 100):>8} {show(each['force_off_median'], 100):>7}{show(each['force_off_most'], 100):>7}"

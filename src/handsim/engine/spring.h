@@ -1,6 +1,8 @@
 // The one place where a stiffness and a damping become ODE's ERP and CFM. No ODE types.
 #pragma once
 
+#include <algorithm>
+
 namespace handsim::engine {
 
 /// Softness of a constraint row.
@@ -18,6 +20,15 @@ struct SoftRow {
 inline SoftRow soft_row(double stiffness, double damping, double step) {
   const double sum = step * stiffness + damping;
   return {step * stiffness / sum, 1.0 / sum};
+}
+
+/// Damping of a spring beside what its step adds. Evaluated at a step's end, a spring damps by h k more than
+/// its damper does, with all that moves slowly by that much too late. A damper of h k alone makes the step
+/// stable, for any mass: where c is more than that, the spring needs no more. Together they damp by max(c, h
+/// k).
+/// @param stiffness k, @param damping c, >= 0; @param step h [s]
+inline double damping_beside(double stiffness, double damping, double step) {
+  return std::max(damping - step * stiffness, 0.0);
 }
 
 }  // namespace handsim::engine

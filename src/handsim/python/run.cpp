@@ -109,15 +109,15 @@ py::dict result_dict(const simulation::RunResult& result) {
 }
 
 /// The scene itself, if it names its step.
-ScenePtr at_its_step(const ScenePtr& scene) {
+ScenePtr at_its_step(const ScenePtr& scene, Signals& signals) {
   if (!scene::asks_for_step(scene->resolved)) return scene;
-  return std::make_shared<const scene::Scene>(simulation::with_chosen_step(*scene));
+  return std::make_shared<const scene::Scene>(simulation::with_chosen_step(*scene, [&] { signals.poll(0); }));
 }
 
 py::dict run_scene(const SceneHandle& of, int frames, bool stop_lost, const py::object& progress) {
   Signals signals(progress);
   const Finished run =
-      without_gil([&] { return MemoryRun(at_its_step(of.scene), frames, stop_lost).run(signals); });
+      without_gil([&] { return MemoryRun(at_its_step(of.scene, signals), frames, stop_lost).run(signals); });
   py::dict out = result_dict(run.result);
   const std::vector<std::string> columns = output::trajectory_columns(of.scene->model);
   out["columns"] = columns;
@@ -144,7 +144,7 @@ py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folde
   options.stop_lost = stop_lost;
   options.progress = [&signals](double share) { signals.poll(share); };
   return result_dict(without_gil([&] {
-    const ScenePtr own = at_its_step(of.scene);
+    const ScenePtr own = at_its_step(of.scene, signals);
     if (!report) return simulation::run(*own, options);
     output::require_three();
     scene::Scene scene = *own;

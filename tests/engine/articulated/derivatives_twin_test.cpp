@@ -2,6 +2,7 @@
 // here from the laws alone, in dual numbers that go through a Newton iteration of its own.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -95,7 +96,7 @@ Values residual(const Case& of, const Values& x, const Values& q, const Values& 
   for (std::size_t k = 0; k < 2; ++k) {
     const model::Servo servo = servos_of(of)[k];
     const Dual pull = Dual(servo.feed + servo.stiffness * servo.error) -
-                      Dual(kStep * servo.stiffness + servo.damping) * end[k];
+                      Dual(std::max(kStep * servo.stiffness, servo.damping)) * end[k];
     out[k] = out[k] - h * (torque[k] + within(servo.limit, pull));
   }
   out[0] = out[0] + h * (Dual(kTissue.stiffness) * (q[0] + h * end[0] - kTissue.rest) +
@@ -113,9 +114,9 @@ Values residual(const Case& of, const Values& x, const Values& q, const Values& 
   const Vec2 by[] = {turned(point), turned(point - knuckle), turned(ball - point), {-1, 0}, {0, -1}};
   Vec2 v;
   for (std::size_t k = 0; k < kCoordinates; ++k) v = v + end[k] * by[k];
-  // A spring and damper at the step's end; surfaces keep a layer of 10 um.
+  // A spring at the step's start, damped by h k at least; surfaces keep a layer of 10 um.
   const Dual depth = Dual(kRadius + kBall - 1e-5) - distance, away = dot(v, normal), slip = dot(v, across);
-  const Dual push = h * (Dual(kStiffness) * (depth - h * away) - Dual(kDamping) * away);
+  const Dual push = h * (Dual(kStiffness) * depth - Dual(std::max(kStep * kStiffness, kDamping)) * away);
   out[5] = of.sticks ? slip : x[5] + Dual(std::copysign(of.friction, slip.value)) * push;
   for (std::size_t k = 0; k < kCoordinates; ++k) out[k] = out[k] - dot(by[k], push * normal + x[5] * across);
   if (of.lands) out[1] = end[1] - Dual(1 / kStep) * (Dual(of.low) - q[1]);

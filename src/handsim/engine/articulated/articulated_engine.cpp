@@ -186,7 +186,7 @@ void ArticulatedEngine::check_input(const StepInput& input) {
 
 void ArticulatedEngine::accept(const StepInput& input) {
   mechanism_.set_torques(muscles_ ? muscles_->begin_step(input) : input.torques);
-  mechanism_.set_servos(input.servos, smooth(settings_));
+  mechanism_.set_servos(input.servos, smooth_ ? std::nullopt : std::optional(settings_.step));
 }
 
 /// Accelerations of a step with stops and torque limits that agree. Returns 1 where none were found.

@@ -25,12 +25,15 @@ void set_step(scene::Scene& scene, double step) {
 }
 
 /// Figures with a limit, of a run to its end; none of a run that diverges.
-std::vector<Verdict> judged(scene::Scene scene, double step) {
+std::vector<Verdict> judged(scene::Scene scene, double step, const std::function<void()>& poll) {
   set_step(scene, step);
   Simulation simulation(std::make_shared<const scene::Scene>(std::move(scene)), standard_watchers);
   const long steps = simulation.step_count();
   try {
-    while (simulation.steps() < steps && !over(simulation, true)) simulation.step();
+    while (simulation.steps() < steps && !over(simulation, true)) {
+      simulation.step();
+      if (poll) poll();
+    }
   } catch (const Error& error) {
     if (!error.fault()) throw;
     return {};
@@ -61,12 +64,13 @@ std::string doubtful(const std::array<std::vector<Verdict>, 3>& runs) {
 
 }  // namespace
 
-scene::Scene with_chosen_step(scene::Scene scene) {
+scene::Scene with_chosen_step(scene::Scene scene, const std::function<void()>& poll) {
   if (!scene::asks_for_step(scene.resolved)) return scene;
-  std::array<std::vector<Verdict>, 3> runs = {judged(scene, kSteps[0]), judged(scene, kSteps[1]), {}};
+  std::array<std::vector<Verdict>, 3> runs = {
+      judged(scene, kSteps[0], poll), judged(scene, kSteps[1], poll), {}};
   std::string why;
   for (std::size_t i = 2; i < kSteps.size(); ++i) {
-    runs[2] = judged(scene, kSteps[i]);
+    runs[2] = judged(scene, kSteps[i], poll);
     if (std::ranges::all_of(runs, [](const auto& run) { return run.empty(); }))
       throw input_error("solver.step", "auto in a scene that no figure judges, or that diverges",
                         "a step, or criteria, by which a step can be judged");

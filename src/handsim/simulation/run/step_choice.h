@@ -2,6 +2,8 @@
 // step's.
 #pragma once
 
+#include <functional>
+
 #include "handsim/scene/compile/scene.h"
 
 namespace handsim::simulation {
@@ -12,7 +14,8 @@ namespace handsim::simulation {
 /// each verdict is the same in the three runs and its figure farther from its limit than that; where none is
 /// left, the smallest is taken. The spec and the resolved text have the step, SceneSpec::step_choice the
 /// reason. A scene that names its step is returned as it is.
+/// @param poll called after each step of the runs; what it throws ends them.
 /// @throws Error (input) for a scene without limits, by which a step could be judged
-scene::Scene with_chosen_step(scene::Scene scene);
+scene::Scene with_chosen_step(scene::Scene scene, const std::function<void()>& poll = {});
 
 }  // namespace handsim::simulation

@@ -109,7 +109,9 @@ std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refus
                               "names of their own, by which the runs' folders are called");
           Work work{name, side, file, overrides, scene::load_scene(file, overrides)};
           if (study.friction) set_friction(work.scene, *study.friction);
-          work.scene = simulation::with_chosen_step(std::move(work.scene));
+          work.scene = simulation::with_chosen_step(std::move(work.scene), [&] {
+            if (study.progress) study.progress(0);
+          });
           if (const std::string why = person ? blocked(work.scene) : ""; !why.empty())
             refused.push_back({name, side, why});
           else

@@ -59,7 +59,8 @@ double ContactDynamics::set_compliance(ContactRows& rows, const Contact& contact
   const model::Compliance& pad = *surface.compliance;
   const double depth = depth_in_pad(contact);
   if (!pad.law) {
-    const SoftRow spring = soft_row(share * pad.stiffness, share * pad.damping, step);
+    const SoftRow spring =
+        soft_row(share * pad.stiffness, share * damping_beside(pad.stiffness, pad.damping, step), step);
     rows.regularization = spring.cfm / step;
     return spring.erp * depth / step;
   }

@@ -289,7 +289,8 @@ void ContactSlopes::compute_target(Point& point, const Touch& touch, double step
     return;
   }
   if (surface.compliance) {
-    const SoftRow spring = soft_row(surface.compliance->stiffness, surface.compliance->damping, step);
+    const model::Compliance& pad = *surface.compliance;
+    const SoftRow spring = soft_row(pad.stiffness, damping_beside(pad.stiffness, pad.damping, step), step);
     point.by_depth = depth < 0 || inside > 0 ? spring.erp / step : 0;
     target = spring.erp * (depth < 0 ? depth : inside) / step;
   } else {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -98,8 +99,9 @@ class Mechanism {
   /// Plain joint torques, size model.dof_count() or empty.
   void set_torques(std::span<const double> torques);
   /// Servo drives, size model.dof_count() or empty; true where all are sound, otherwise nothing is promised.
-  /// @param absolute servos keep their targets in the middle of the step, too.
-  bool set_servos(std::span<const model::Servo> servos, bool absolute);
+  /// @param step of one that is implicit [s]; nothing: servos keep their targets in the middle of a step,
+  /// too.
+  bool set_servos(std::span<const model::Servo> servos, std::optional<double> step);
   /// Stops in force.
   int stops_in_force() const;
   /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every

@@ -5,6 +5,7 @@
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 #include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
 #include "handsim/engine/articulated/dynamics/spin.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
 
@@ -36,7 +37,7 @@ void Mechanism::set_torques(std::span<const double> torques) {
   });
 }
 
-bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) {
+bool Mechanism::set_servos(std::span<const model::Servo> servos, std::optional<double> step) {
   if (servos.empty() && servos_at_rest_) return true;
   servos_at_rest_ = servos.empty();
   return in_lanes([&](const auto& in) {
@@ -48,12 +49,13 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
       const model::Servo servo = servos.empty() ? model::Servo{} : servos[slot.dof];
       const bool on = servo.limit != 0;
       a.servo_stiffness[lane] = on ? servo.stiffness : 0;
-      a.servo_damping[lane] = on ? servo.damping : 0;
+      a.servo_damping[lane] =
+          on && step ? damping_beside(servo.stiffness, servo.damping, *step) : (on ? servo.damping : 0);
       a.servo_error[lane] = on ? servo.error : 0;
       a.servo_feed[lane] = on ? servo.feed : 0;
       a.servo_limit[lane] = servo.limit;
       if (!on) a.saturated[lane] = 0;
-      if (absolute && on) a.servo_error[lane] += tree_->q[slot.q];
+      if (!step && on) a.servo_error[lane] += tree_->q[slot.q];
       const double sum = servo.stiffness + servo.damping;
       // Written so that NaN fails.
       sound = sound && (!on || (servo.stiffness >= 0 && servo.damping >= 0 && sum > 0 && servo.limit > 0 &&
