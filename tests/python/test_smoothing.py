@@ -101,7 +101,7 @@ def test_smoothed_derivatives_are_those_of_the_mean(tip, gap, speed):
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
     assert (np.abs(np.mean(found, axis=0) - [by_joint, by_target]) < 4 * error).all()
     if speed:  # their mean alone does not know of the jump
-        assert abs(mean(slopes)) < abs(by_joint) / 3
+        assert abs(mean(slopes)) < abs(by_joint) / 2
     assert (error < 0.05 * np.abs([by_joint, by_target])).all()
 
 
@@ -110,7 +110,7 @@ def test_smoothed_derivatives_become_the_exact_ones_by_the_second_order():
     sim.step(substeps=2500)
     exact = sim.derivatives()
     errors = []
-    for deviation in (1e-6, 5e-7):
+    for deviation in (2e-7, 1e-7):  # a contact that slides slowly sticks when it is turned by some 3e-6 rad
         smooth = sim.derivatives(smoothing=deviation)
         errors.append([np.abs(getattr(smooth, name) - getattr(exact, name)).max() for name in ("state", "targets", "gravity")])
     np.testing.assert_allclose(np.divide(*errors), 4, rtol=0.05)

@@ -6,6 +6,8 @@ namespace handsim::model {
 /// A spring-damper drive on one joint coordinate, evaluated at the end of a step of length h:
 ///   torque = stiffness (error - h qdot(t + h)) - damping qdot(t + h) + feed,  clamped to +-limit.
 /// With error = target - q(t): stiffness (target - q(t + h)) - damping qdot(t + h) + feed, stable at any h.
+/// Implicit steps of the articulated engine give it less damping, so that step and damper have max(damping,
+/// h stiffness) together (engine/spring.h).
 /// V: a number, or the numbers of several coordinates in lanes.
 template <class V>
 struct ServoOf {
