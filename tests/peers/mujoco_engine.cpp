@@ -190,7 +190,7 @@ class MujocoEngine final : public OtherEngine {
     m->actuator_gainprm[mjNGAIN * i] = on ? servo.stiffness : 0;
     bias[0] = on ? servo.feed : 0;
     bias[1] = on ? -servo.stiffness : 0;
-    bias[2] = on ? -servo.damping - settings_.step * servo.stiffness : 0;
+    bias[2] = on ? -std::max(servo.damping, settings_.step * servo.stiffness) : 0;
     m->actuator_forcerange[2 * i] = -servo.limit;
     m->actuator_forcerange[2 * i + 1] = servo.limit;
     data_->ctrl[i] = data_->qpos[m->jnt_qposadr[joint]] + servo.error;

@@ -57,7 +57,7 @@ TEST(MujocoEngine, HasTheSameServos) {
       engine->step({.servos = servos});
     }
   EXPECT_GT(farthest(ours->state(), model::initial_state(scene.model)), 1e-3);
-  // Theirs has the spring at the step's end to first order.
+  // Theirs has damper and step together damp as ours, in its own integrator.
   EXPECT_LT(farthest(ours->state(), theirs->state()), 1e-4);
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <ranges>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -242,8 +241,8 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   add_contact_rules(model_, site.scene.contacts, groups, touch, nullptr);
   axes_ = control::hand_axes(model_, model_.hands.front());
   parts_.assign(model_.bodies.size(), model::Part::palm);
-  for (const model::Shape& shape : model_.shapes | std::views::reverse)
-    parts_[as_index(shape.body)] = shape.part;
+  for (auto shape = model_.shapes.rbegin(); shape != model_.shapes.rend(); ++shape)
+    parts_[as_index(shape->body)] = shape->part;
   collider_ = std::make_unique<engine::Collider>(model_, model::Effects{}, false);
   q_.assign(as_index(model_.dof_count()), 0.0);
   state_ = model::state_at(model_, q_);
