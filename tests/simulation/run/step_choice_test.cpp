@@ -50,7 +50,7 @@ double depth_at(double step) {
 TEST(StepChoice, IsTheLargestStepWhoseErrorIsLessThanWhatIsLeftToTheLimit) {
   const double exact = depth_at(1e-3 / 64);
   std::vector<double> chosen;
-  for (const double share : {0.9, 0.99, 1.01, 1.1, 1.5}) {
+  for (const double share : {0.9, 0.999, 1.001, 1.1, 1.5}) {
     const double limit = share * exact;
     double expected = 1.25e-4;
     for (const double step : {5e-4, 1e-3, 2e-3, 4e-3}) {
