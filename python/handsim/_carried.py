@@ -6,7 +6,8 @@ from typing import NamedTuple, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ._model import compose, inverse, matrices, product
+from ._derivatives import rotation_vector
+from ._model import compose, inverse, matrices
 from ._scene import Scene
 from ._simulation import Simulation
 
@@ -29,14 +30,6 @@ class Pressed(NamedTuple):
     """Force and moment about the centre of mass that carry the object beside them, shape (frames, 6) [N], [N m]."""
     q: Array
     """Of the scene's coordinates, shape (frames, coordinates)."""
-
-
-def rotation_vector(goal: Array, quaternion: Array) -> Array:
-    """From an attitude to another, world axes [rad]."""
-    turn = product(goal, quaternion * [1, -1, -1, -1])
-    turn = turn if turn[0] >= 0 else -turn
-    long = float(np.linalg.norm(turn[1:]))
-    return np.asarray(turn[1:] * (2 * np.arctan2(long, turn[0]) / long if long > 1e-12 else 2.0))
 
 
 def between(places: Array, rates: Array, part: float, span: float) -> tuple[Array, Array]:
@@ -73,7 +66,8 @@ def carried(scene: Scene, name: str, segments: Sequence[str], times: Array, pose
             part, now = (simulation.time + scene.step - float(times[row])) / span, simulation.bodies
             goal, velocity = between(goals[row:row + 2, :3], rates[row:row + 2], part, span)
             attitude = (1 - part) * goals[row, 3:] + part * turn
-            off = rotation_vector(attitude / np.linalg.norm(attitude), now.quaternion[body])
+            attitude *= np.sign(attitude @ now.quaternion[body]) / np.linalg.norm(attitude)
+            off = rotation_vector(attitude, now.quaternion[body])
             axes = matrices(np.concatenate([np.zeros(3), now.quaternion[body]]))[:3, :3]
             push = CARRY**2 * (goal - now.position[body]) + 2 * CARRY * (velocity - now.velocity[body])
             twist = CARRY**2 * off + 2 * CARRY * (turning - now.angular_velocity[body])

@@ -262,13 +262,18 @@ def test_live_measures_and_says_what_track_does(keypoints, tmp_path, convention)
     assert said[0] == said[1] and bool(said[0]) == (convention is None)
 
 
+def captured_script():
+    spec = importlib.util.spec_from_file_location("captured", ROOT / "tests/study/track/captured.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    return script
+
+
 @pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
 @pytest.mark.parametrize("name", ["s5_box_grab_01", "s6_phone_grab_01"])
 def test_captured_hands_of_people_who_are_not_in_the_convention_are_people(name, tmp_path):
     """Oracle: the survey, and rigid bones of one person. Goals of hand size and RMS distance."""
-    spec = importlib.util.spec_from_file_location("captured", ROOT / "tests/study/track/captured.py")
-    captured = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(captured)
+    captured = captured_script()
     file = tmp_path / "keypoints.json"
     file.write_text(json.dumps(captured.recording(Path(os.environ["HANDSIM_RECORDINGS"]) / f"{name}.npz")))
     study = hs.study.track(file, points="mano")
@@ -284,9 +289,7 @@ def test_captured_hands_of_people_who_are_not_in_the_convention_are_people(name,
 @pytest.mark.skipif("HANDSIM_RECORDINGS" not in os.environ, reason="HANDSIM_RECORDINGS names no folder of captured sequences")
 @pytest.mark.parametrize("person", ["s2", "s5"])
 def test_captured_hands_of_one_person_have_one_length(person, tmp_path):
-    spec = importlib.util.spec_from_file_location("captured", ROOT / "tests/study/track/captured.py")
-    captured = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(captured)
+    captured = captured_script()
     lengths = []
     for source in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob(f"{person}_*.npz")):
         (tmp_path / "a.json").write_text(json.dumps(captured.recording(source)))

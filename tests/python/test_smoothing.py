@@ -61,7 +61,7 @@ def test_a_tip_just_above_a_ball_moves_it_in_the_mean_only(tip):
     assert sim.derivatives(smoothing=DEVIATION / 10).targets[tip.rate, tip.target] == 0
 
 
-@pytest.mark.parametrize("gap, speed", [(2e-4, 0), (-5e-5, 0), (1e-4, 1)])
+@pytest.mark.parametrize("gap, speed", [(2e-4, 0), (-5e-5, 0), (2e-4, 2)])
 def test_smoothed_derivatives_are_those_of_the_mean(tip, gap, speed):
     """Of one disturbed angle, the mean is a sum over steps; with a speed the ball's rate jumps where they meet."""
     sim = tip.above(gap)
@@ -101,7 +101,7 @@ def test_smoothed_derivatives_are_those_of_the_mean(tip, gap, speed):
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
     assert (np.abs(np.mean(found, axis=0) - [by_joint, by_target]) < 4 * error).all()
     if speed:  # their mean alone does not know of the jump
-        assert abs(mean(slopes)) < abs(by_joint) / 2
+        assert abs(mean(slopes)) < abs(by_joint) / 3
     assert (error < 0.05 * np.abs([by_joint, by_target])).all()
 
 
