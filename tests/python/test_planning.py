@@ -212,6 +212,15 @@ def test_refusals_are_those_of_all_places(ball):
     assert {row["code"] for row in refusals if row["tried"] == "0"} <= {"too_large", "too_small", "other_shape", "nothing_there", "hand_in_way"}
 
 
+# Oracle: of twice the places that were tried twice as many are refused, in the same order.
+def test_refusals_count_places(tmp_path):
+    heavy = hs.grasps(object_file(tmp_path, "weight", shape="sphere", radius=0.0215, mass=3), types=["tripod", "palmar_pinch"], count=1)
+    once = [each for each in heavy.refusals() if each.tried]
+    twice = [each for each in heavy._replace(tried=heavy.tried * 2).refusals() if each.tried]
+    assert once and twice == [each._replace(places=2 * each.places) for each in once]
+    assert sum(each.places for each in once) == len(heavy.tried)
+
+
 # Oracle: the simulation. What the fit's own forces let slip is never held worse, and some of it better, by a hand that presses harder.
 def test_what_slips_is_pressed_harder():
     planner = Planner(object_file_of("mustard_bottle"), "small_woman", "right", read_types(), True, 1)
