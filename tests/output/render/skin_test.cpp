@@ -179,6 +179,35 @@ TEST(Skin, HasNoInvertedTriangleInAnyPose) {
   }
 }
 
+// Oracle: the skin of the hand with the pad on its palm, at zero angles, where both hands have the same
+// shapes. 0.2 mm: a smooth union depends a little on its order.
+TEST(Skin, OfAThumbThatCarriesItsPadHasTheFormOfTheRigidPalm) {
+  HANDSIM_SKIP_WITH_SANITIZER("two skins; other tests make skins");
+  const test::TemporaryFolder folder;
+  const std::filesystem::path rigid = test::source("handmodels/anatomical.yaml"),
+                              carried = folder.path() / "hand.yaml";
+  std::ofstream(carried) << "title: a thumb that carries its thenar pad\nbased_on: " << rigid.string()
+                         << "\nsegments:\n  - {name: thumb_metacarpal, of_palm: [thenar]}\n";
+  std::vector<Skin> skins;
+  for (const std::filesystem::path& model : {rigid, carried}) {
+    const scene::Scene scene = test::shipped_scene("every_pose", {"hands.0.model=" + model.string()});
+    skins.push_back(make_skin(scene.model, scene.model.hands.front()));
+    expect_closed(skins.back(), model.string());
+  }
+  const double volume = volume_beyond(skins[0], skins[0].points, 0);
+  EXPECT_NEAR(volume_beyond(skins[1], skins[1].points, 0) / volume, 1, 1e-3);
+  double farthest = 0;
+  const std::vector<Vec3> normals = normals_of(skins[0], skins[0].points);
+  for (const Vec3& point : skins[1].points) {
+    std::size_t near = 0;
+    for (std::size_t i = 1; i < skins[0].points.size(); ++i)
+      if ((skins[0].points[i] - point).squaredNorm() < (skins[0].points[near] - point).squaredNorm())
+        near = i;
+    farthest = std::max(farthest, std::abs(normals[near].dot(point - skins[0].points[near])));
+  }
+  EXPECT_LT(farthest, 2e-4);
+}
+
 // Oracle: a rigid motion of all bodies moves the skin rigidly; weights sum to 1.
 TEST(Skin, MovesRigidlyWithTheWholeHand) {
   const scene::Scene scene = hands_of("median_man");

@@ -357,6 +357,9 @@ void put_on(const Skin& skin, const model::Model& model, const model::State& sta
     if (!covered(drawn) && model.shapes[as_index(drawn.shape)].part == model::Part::palm) drawn.colour = tone;
     if (!covered(drawn)) continue;
     if (!drawn.mark) drawn.skin = meshes[as_index(drawn.shape)];
+    // A pad of the palm that a finger carries may come through the skin between them.
+    const model::Shape& shape = model.shapes[as_index(drawn.shape)];
+    if (shape.part == model::Part::palm && shape.body != skin.bodies[0]) drawn.shades = false;
     const bool of_finger = model.shapes[as_index(drawn.shape)].part != model::Part::palm;
     drawn.finger = coloured && of_finger ? drawn.colour : tone;
     if (!coloured || !drawn.mark) drawn.colour = drawn.mark ? mixed(tone, {1, 1, 1}, kNailShare) : tone;

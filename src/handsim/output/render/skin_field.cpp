@@ -35,6 +35,10 @@ constexpr double kShare = 0.7;
 /// the skin; and where the thumb, whose muscles are in the palm, moves it alone.
 constexpr double kFree = -1.2, kThumbFree = 1.2;
 
+/// By how much farther the rest of the palm is than a pad that a finger moves, over the pad's radius, where
+/// the pad moves the skin alone.
+constexpr double kPadFree = 1.5;
+
 /// Rises from 0 at `from` to 1 at `to`, with a slope of at most 1.25 / (to - from).
 double ramp(double x, double from, double to) {
   const double t = std::clamp((x - from) / (to - from), 0.0, 1.0);
@@ -92,7 +96,10 @@ double Flesh::distance(const Vec3& x) const {
 SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
     : x_HW_((model.bodies[as_index(hand.palm)].zero_pose * hand.wrist_frame).inverse()) {
   add_palm(model, hand);
+  const std::size_t roots = bodies.size();
   add_rays(model, hand);
+  for (const Flesh& each : palm_) scale_ += each.near;
+  scale_ /= static_cast<double>(palm_.size());
   spread();
   shape_rays();
   for (const Ray& ray : rays_)
@@ -104,6 +111,7 @@ SkinField::SkinField(const model::Model& model, const model::HandIndex& hand)
     each.size = each.half.norm() + std::max(each.near, each.far);
   };
   for (std::vector<Flesh>* flesh : {&palm_, &web_}) std::ranges::for_each(*flesh, finish);
+  for (const Flesh& each : palm_) (as_index(each.body) < roots ? rigid_ : pads_).push_back(each);
   finish(stump_);
   all_ = palm_;
   all_.push_back(stump_);
@@ -129,13 +137,12 @@ void SkinField::add_palm(const model::Model& model, const model::HandIndex& hand
     const auto body = static_cast<int>(found - bodies.begin());
     palm_.push_back(flesh_of(model, static_cast<int>(i), body, rest[as_index(body)]));
     if (palm_.back().half.x() > 0) palm_.back().taper = kPalmTaper;
-    scale_ += palm_.back().near;
   }
   if (palm_.empty()) throw input_error(hand.name, "a palm without shapes", "one or more, for a skin");
-  scale_ /= static_cast<double>(palm_.size());
 }
 
-/// Joints come after those of their parents.
+/// Joints come after those of their parents. A pad of the palm that a finger moves gives skin the form that
+/// it has where it is rigid.
 void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand) {
   const std::size_t roots = bodies.size();
   std::vector<std::pair<int, std::size_t>> ray_of;  // bodies of rays, with those that have no shape
@@ -155,7 +162,9 @@ void SkinField::add_rays(const model::Model& model, const model::HandIndex& hand
     const std::size_t before = flesh.size();
     for (std::size_t i = 0; i < model.shapes.size(); ++i) {
       if (model.shapes[i].body != joint.child) continue;
-      flesh.push_back(flesh_of(model, static_cast<int>(i), body, x_HB));
+      const bool pad = model.shapes[i].part == model::Part::palm;
+      (pad ? palm_ : flesh).push_back(flesh_of(model, static_cast<int>(i), body, x_HB));
+      if (pad) continue;
       rays_[ray].thumb |= model.shapes[i].part == model::Part::thumb;
     }
     if (flesh.size() == before) continue;
@@ -178,6 +187,8 @@ void SkinField::spread() {
     const Pose turned = {centre - turn * centre, turn};
     for (Flesh& each : fingers[i]->flesh) each.pose = turned * each.pose;
     for (Hinge& hinge : fingers[i]->hinges) {
+      for (Flesh& pad : palm_)
+        if (pad.body == hinge.body) pad.pose = turned * pad.pose;
       hinge.centre = turned * hinge.centre;
       rest[as_index(hinge.body)] = turned * rest[as_index(hinge.body)];
     }
@@ -330,7 +341,7 @@ Eigen::RowVectorXf SkinField::shares(const Eigen::VectorXd& distances) const {
 
 Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& shares) const {
   Eigen::RowVectorXd out = Eigen::RowVectorXd::Zero(static_cast<long>(bodies.size()));
-  const int palm_body = nearest(palm_, x).body;
+  const int palm_body = nearest(rigid_, x).body;
   out[palm_body] = 1;
   for (std::size_t i = 0; i < rays_.size(); ++i) {
     auto share = static_cast<double>(shares[static_cast<long>(i)]);
@@ -341,6 +352,12 @@ Eigen::RowVectorXf SkinField::weights(const Vec3& x, const Eigen::RowVectorXf& s
       out[from] -= share;
       from = hinge.body;
     }
+  }
+  const double to_rigid = pads_.empty() ? 0 : nearest(rigid_, x).distance(x);
+  for (const Flesh& pad : pads_) {
+    const double share = out[palm_body] * ramp(to_rigid - pad.distance(x), 0, kPadFree * pad.near);
+    out[pad.body] += share;
+    out[palm_body] -= share;
   }
   return (out.cwiseMax(0) / out.cwiseMax(0).sum()).cast<float>();
 }

@@ -86,7 +86,8 @@ class SkinField {
 
   Pose x_HW_;  ///< with all coordinates at zero
   std::vector<Flesh> palm_, web_, all_;
-  Flesh stump_;  ///< of the arm
+  std::vector<Flesh> rigid_, pads_;  ///< of the palm: without pads that fingers move, and these
+  Flesh stump_;                      ///< of the arm
   std::vector<Ray> rays_;
   double scale_ = 0;  ///< half the palm's thickness [m]
   double cut_ = 0;    ///< y of the plane that ends the wrist [m]
