@@ -139,6 +139,19 @@ TEST_P(GripForEverybody, IsHeldOrRefusedWithTheReason) {
   EXPECT_TRUE(figures.held) << figures.told();
 }
 
+// Oracle: the limits of a held grasp. The thumb that closes carries a pad that the box lies on: where the pad
+// is pressed by another part than the thumb, it is 9 mm deep and the plan is refused.
+TEST(GripOfACarriedPad, HoldsABoxThatLiesOnIt) {
+  const test::TemporaryFolder folder;
+  const std::string model = (folder.path() / "carried_pad.yaml").string();
+  std::ofstream(model) << "title: a thumb that carries its thenar pad\nbased_on: "
+                       << test::in_source("handmodels/anatomical.yaml")
+                       << "\nsegments:\n  - {name: thumb_metacarpal, of_palm: [thenar]}\n";
+  const GraspFigures figures = run(
+      test::shipped_scene("agreement/box", {"hands.0.model=" + model, kArticulated, "grasps.0.hold=0.6 s"}));
+  EXPECT_TRUE(figures.held) << figures.told();
+}
+
 class ForceOf : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Persons, ForceOf,
                          testing::Values(Case{"grasp_sphere_35mm", "child"},

@@ -1,6 +1,7 @@
 #include "handsim/scene/task/closing.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 
@@ -179,24 +180,25 @@ std::vector<double> Closing::close(const std::vector<double>& depth) {
 void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& contacts, const Vec3& moved,
                     const std::vector<double>& from, std::vector<double>& q) {
   // By body, how much deeper it goes, and the stiffness of its pads on that way: what an error of the depth
-  // costs.
-  std::vector<PadMove> moves(chain.bodies.size());
+  // costs. A pad of the palm that a segment carries is a part of its own.
+  std::vector<std::array<PadMove, 2>> moves(chain.bodies.size());
   double stiffest = 0;
-  for (std::size_t k = 0; k < moves.size(); ++k) {
-    std::vector<TouchPoint> own;
-    std::ranges::copy_if(contacts, std::back_inserter(own), [&](const TouchPoint& contact) {
-      return contact.body == chain.bodies[k] && !contact.of_palm;
-    });
-    moves[k] = pad_move(own);
-    stiffest = std::max(stiffest, moves[k].stiffness);
-  }
+  for (std::size_t k = 0; k < moves.size(); ++k)
+    for (const bool of_palm : {false, true}) {
+      std::vector<TouchPoint> own;
+      std::ranges::copy_if(contacts, std::back_inserter(own), [&](const TouchPoint& contact) {
+        return contact.body == chain.bodies[k] && contact.of_palm == of_palm;
+      });
+      moves[k][of_palm] = pad_move(own);
+      stiffest = std::max(stiffest, moves[k][of_palm].stiffness);
+    }
   const auto n = static_cast<Eigen::Index>(chain.axes.size());
   Eigen::MatrixXd a = kRidge * kRidge * Eigen::MatrixXd::Identity(n, n);
   Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
   for (const TouchPoint& contact : contacts) {
     const auto body = std::ranges::find(chain.bodies, contact.body) - chain.bodies.begin();
-    if (as_index(body) == chain.bodies.size() || contact.of_palm) continue;
-    const PadMove& move = moves[as_index(body)];
+    if (as_index(body) == chain.bodies.size()) continue;
+    const PadMove& move = moves[as_index(body)][contact.of_palm];
     const Eigen::MatrixXd rows =
         hand_.jacobian(from, contact.body, contact.point)(Eigen::seqN(0, 3), chain.axes);
     const Mat3 into = contact.normal * contact.normal.transpose();

@@ -103,7 +103,7 @@ class Fit {
     x_HO_ = {p, place_.at.q};
     closing_.oppose(place.turn);
     depth_.assign(depth_.size(), kTouchDepth);
-    if (place_.on_palm) put_on_palm(-kFar, closing_.open());
+    if (place_.on_palm) put_on_palm(-kFar, closing_.open(), false);
     opens_ = closing_.open_clear(x_HO_, place_.from);
     out_.x_HO = x_HO_;
     q_ = touch_ = closing_.close(depth_);
@@ -199,12 +199,24 @@ class Fit {
     grasp_at(best_);
   }
 
-  /// @param from where it does not touch the palm or its pads, or not so deep, along z. @param q angles
-  void put_on_palm(double from, const std::vector<double>& q) {
+  /// True of a body that no finger that closes moves: a pad that it carries is pressed by that finger.
+  bool rests(int body) const {
+    return std::ranges::none_of(closing_.chains(), [&](const FingerChain& chain) {
+      return closing_.moves(chain) && std::ranges::find(chain.bodies, body) != chain.bodies.end();
+    });
+  }
+
+  /// @param from where it does not touch the palm or its pads, or not so deep, along z. @param q angles.
+  /// @param rigid without pads that closing fingers carry
+  void put_on_palm(double from, const std::vector<double>& q, bool rigid) {
     const auto depth_at = [&](double z) {
       x_HO_.p.z() = z;
       hand_.place(x_HO_);
-      return std::ranges::max(hand_.depths(q, palm_));
+      const std::vector<double>& depths = hand_.depths(q, palm_);
+      double most = 0;
+      for (std::size_t body = 0; body < depths.size(); ++body)
+        if (depths[body] > most && (!rigid || rests(static_cast<int>(body)))) most = depths[body];
+      return most;
     };
     const double wanted = depth_[as_index(hand_.palm())];
     double z = from;
@@ -282,8 +294,10 @@ class Fit {
       double& depth = depth_[as_index(hand_.palm())];
       std::vector<TouchPoint> own;
       std::ranges::copy_if(contacts_, std::back_inserter(own), &TouchPoint::of_palm);
+      const bool rigid = std::ranges::any_of(own, [&](const TouchPoint& touch) { return rests(touch.body); });
+      if (rigid) std::erase_if(own, [&](const TouchPoint& touch) { return !rests(touch.body); });
       depth = std::max(kTouchDepth, depth + pad_move(own).deeper);
-      put_on_palm(x_HO_.p.z() - 2 * kNearer, q_);
+      put_on_palm(x_HO_.p.z() - 2 * kNearer, q_, rigid);
     }
     hand_.place(x_HO_);
     q_ = closing_.press(q_, contacts_, x_HO_.p - before);
