@@ -28,7 +28,7 @@ FITTING = {
     "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "gelatin_box card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
     "tripod_variation": "coin large_marker", "parallel_extension": "gelatin_box card", "adduction_grip": "large_marker coin", "tip_pinch": "coin", "lateral_tripod": "coin large_marker",
     "sphere_4_finger": "baseball", "quadpod": "golf_ball", "sphere_3_finger": "racquetball", "stick": "large_marker", "palmar": "gelatin_box", "ring": "spray_can",
-    "ventral": "large_marker", "inferior_pincer": "strawberry"}
+    "ventral": "strawberry key", "inferior_pincer": "strawberry"}
 """By type, what people hold so."""
 OTHERS = ("golf_ball", "large_marker", "card", "screwdriver", "tennis_ball")
 """Then these."""
