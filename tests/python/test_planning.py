@@ -51,6 +51,7 @@ def test_contacts_are_of_the_type_that_they_look_like():
     # A part that leans against the object with a twentieth of the force changes nothing.
     assert not types["tripod"].faults({**tripod, "palm": 0.8})
     assert not types["medium_wrap"].faults(wrap, 0.25) and types["medium_wrap"].faults(wrap, 0.5) == ["0.50 hand lengths across"]
+    assert "palm bears 26%" in types["ventral"].faults(wrap) and "palm bears 26%" in types["writing_tripod"].faults(wrap)
     assert types["fixed_hook"].faults(wrap)[0].startswith("thumb bears") and types["large_diameter"].faults({}) == ["nothing touches"]
 
 
@@ -183,6 +184,25 @@ def test_a_card_is_pinched_and_a_left_hand_does_it_as_a_right_one(tmp_path):
 def test_a_mug_is_held(tmp_path):
     found = hs.grasps("mug", "median_man", types=["large_diameter", "power_sphere", "ring"], count=1)
     assert found.grasps and found.grasps[0].held and found.grasps[0].margin > 0
+
+
+# Oracle: what the type is. On the handle of a knife the index lies along it, beyond its first joint; palm, middle and ring hold it.
+def test_a_knife_is_held_with_the_index_along_it(tmp_path):
+    knife = object_file(tmp_path, "knife", shape="box", edges=[0.018, 0.028, 0.2], mass=0.09)
+    forces = hs.grasps(knife, "median_man", types=["index_finger_extension"], count=1).grasps[0].forces
+    total = sum(forces.values())
+    assert forces.get("index_middle", 0) + forces.get("index_distal", 0) > 0.02 * total and min(forces["palm"], forces["ring_distal"]) > 0.1 * total
+
+
+def test_a_strawberry_is_held_on_the_bent_index_off_the_palm():
+    found = hs.grasps("strawberry", "median_man", types=["ventral"], count=1)
+    assert found.grasps and {segment.partition("_")[0] for segment in found.grasps[0].forces} == {"thumb", "index"}
+
+
+# A can of 102 mm is 0.604 lengths of her hand: how thick a wrap may be is for the fit to say.
+def test_a_small_woman_holds_a_large_can():
+    found = hs.grasps("master_chef_can", "small_woman", types=["large_diameter"], count=1)
+    assert found.grasps and found.grasps[0].place.thickness > 0.6 * found.hand_length and found.grasps[0].margin > 0.2
 
 
 def test_what_cannot_be_held_says_why(tmp_path):

@@ -5,12 +5,17 @@
     python3 tests/study/planning.py types --out out/planning                                       # an object for each type: types.csv, a sheet
     python3 tests/study/planning.py checks --out out/planning                                      # grasps of `objects` at 1/4 step; --ode: on ODE
     python3 tests/study/planning.py tests --persons median_man --out out/planning                  # all grips that fit, held by our limits and by others': tests.csv
+    python3 tests/study/planning.py mug --out out/planning                                         # ten grasps of a mug, with their time: mug.csv
+    python3 tests/study/planning.py handle --out out/planning                                      # a handle from an STL to a page: handle.csv
+    python3 tests/study/planning.py tables --out out/planning                                      # tables.md of docs/planning.md, of what was measured
     python3 tests/study/planning.py stl --out out/planning                                         # stl/handle.stl, and the meshes
 
 The meshes need trimesh, CoACD and fast-simplification, as `handsim object` does.
 """
 import argparse
 import csv
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -28,7 +33,7 @@ FITTING = {
     "lateral": "key card", "index_finger_extension": "screwdriver", "extension_type": "gelatin_box card", "distal_type": "scissors_half large_marker", "writing_tripod": "large_marker",
     "tripod_variation": "coin large_marker", "parallel_extension": "gelatin_box card", "adduction_grip": "large_marker coin", "tip_pinch": "coin", "lateral_tripod": "coin large_marker",
     "sphere_4_finger": "baseball", "quadpod": "golf_ball", "sphere_3_finger": "racquetball", "stick": "large_marker", "palmar": "gelatin_box", "ring": "spray_can",
-    "ventral": "large_marker", "inferior_pincer": "strawberry"}
+    "ventral": "strawberry key", "inferior_pincer": "strawberry"}
 """By type, what people hold so."""
 OTHERS = ("golf_ball", "large_marker", "card", "screwdriver", "tennis_ball")
 """Then these."""
@@ -36,6 +41,7 @@ TESTED = ("mug", "tomato_soup_can", "sugar_box", "banana", "baseball", "tuna_fis
 TRIED = 40
 FAR, TURNED = 0.05, np.radians(15)
 """Limits of the tests of planners for robots' hands: the object may move so far in the hand [m], [rad]."""
+SIZES = (0.6, 0.8, 1.25, 1.5)
 STATIC = ("edge_10mm", "edge_15mm", "edge_20mm", "jug", "sloper", "pinch_block")
 
 
@@ -141,10 +147,7 @@ def object_files(out):
 
 def objects(out, persons, only):
     """Goes on from the rows of objects.csv."""
-    rows = []
-    if (out / "objects.csv").exists():
-        with open(out / "objects.csv", newline="") as file:
-            rows = list(csv.DictReader(file))
+    rows = read(out / "objects.csv") if (out / "objects.csv").exists() else []
     for name, path in object_files(out).items():
         if only and name not in only:
             continue
@@ -207,6 +210,86 @@ def checks(out, persons, ode):
     print(f"{key}: {sum(row[key] == 'held' for row in rows)} of {len(rows)} held")
 
 
+def mug(out):
+    """Ten verified grasps, with the wall time of the command itself."""
+    start = time.monotonic()
+    command(["grasp", "plan", "mug", "--count", "10", "--out", str(out / "mug")])
+    seconds = time.monotonic() - start
+    held = sum(row["held"] == "1" and row["outcome_half_step"] == "held" and row["rank"] != "" for row in read(out / "mug/grasps.csv"))
+    write(out / "mug.csv", [{"grasps": held, "seconds": f"{seconds:.0f}"}])
+    print(f"{held} grasps of a mug in {seconds:.0f} s")
+
+
+def handle(out):
+    """The three commands of docs/planning.md, from the STL file to the page; means by thickness and part."""
+    stl(out)
+    start = time.monotonic()
+    folder = out / "handle"
+    folder.mkdir(exist_ok=True)
+    sizes = {f"handle_{round(100 * factor):03d}": factor for factor in SIZES}
+    command(["object", str(out / "stl/handle.stl"), "--unit", "mm", "--mass", "200g", "--sizes", *map(str, SIZES), "--out", str(folder / "handle.yaml")])
+    command(["grasp", "plan", str(folder / "handle.yaml"), "--type", "medium_wrap", "--count", "1", "--others", *(str(folder / f"{name}.yaml") for name in sizes), "--out",
+             str(folder / "plan")])
+    command(["rollouts", str(folder / "plan/who.yaml"), "--count", "1", "--report", "--out", str(folder / "who")])
+    rows = read(folder / "who/rollouts.csv")
+    figures = ["margin", *(f"force.{part}[N]" for part in ("thumb", "index", "middle", "ring", "little", "palm"))]
+    table = []
+    for name, factor in sorted({"handle": 1.0, **sizes}.items(), key=lambda each: each[1]):
+        own = [row for row in rows if Path(row["objects.0.file"]).stem == name]
+        held = [row for row in own if row["held"] == "1"]
+        means = {key: f"{np.mean([float(row[key]) for row in held]):.3g}" if held else "" for key in figures}
+        table.append({"thickness[mm]": f"{34 * factor:.0f}", "held": len(held), "of": len(own), **means})
+        print(table[-1])
+    write(out / "handle.csv", table)
+    print(f"{time.monotonic() - start:.0f} s; {folder / 'who/report.html'}")
+
+
+def tables(out):
+    """Markdown of all tables whose files are there."""
+    def line(what, rows, name="object"):
+        lost = [row[name] for row in rows if row["held"] != "1"]
+        return f"| {what} | {len(rows) - len(lost)} of {len(rows)}{'; not: ' + ', '.join(lost) if lost else ''} |"
+
+    lines = ["| | held |", "| --- | --- |"]
+    if (out / "objects.csv").exists():
+        rows = read(out / "objects.csv")
+        for person in dict.fromkeys(row["person"] for row in rows):
+            for what, ten in (("shipped objects", False), ("ten meshes", True)):
+                lines.append(line(f"{what}, {person}", [row for row in rows if row["person"] == person and (row["object"] in meshes()) == ten]))
+    if (out / "types.csv").exists():
+        lines.append(line("types, median_man", [{**row, "held": str(int(bool(row["object"])))} for row in read(out / "types.csv")], "type"))
+    for name, what, key in (("checks.csv", "of their grasps at a quarter of the step", "quarter_step"), ("ode.csv", "of those by pads and sides on ODE", "ode")):
+        if (out / name).exists():
+            lines.append(line(what, [{**row, "held": str(int(row[key] == "held"))} for row in read(out / name)], "scene"))
+    if (out / "tests.csv").exists():
+        rows = read(out / "tests.csv")
+        for key in ("held", "held_by_5cm_15deg", "force_closure"):
+            lines.append(f"| grips that fit: {key} | {sum(row[key] == '1' for row in rows)} of {len(rows)} |")
+    if (out / "mug.csv").exists():
+        lines += [f"| grasps of a mug, in {row['seconds']} s | {row['grasps']} |" for row in read(out / "mug.csv")]
+    if (out / "handle.csv").exists():
+        rows = read(out / "handle.csv")
+        lines += ["", f"| {' | '.join(rows[0])} |", f"| {' | '.join('---' for _ in rows[0])} |", *(f"| {' | '.join(row.values())} |" for row in rows)]
+    if (out / "objects.csv").exists():
+        lines += ["", "| object | person | type | margin | least effort | s |", "| --- | --- | --- | --- | --- | --- |"]
+        lines += [f"| {row['object']} | {row['person']} | {row['type'] or '-'} | {row['margin'] or '-'} | {row['least_effort'] or '-'} | {row['seconds']} |"
+                  for row in read(out / "objects.csv")]
+    (out / "tables.md").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+
+
+def command(words):
+    """Runs the program as people do; a plan that is not held by all is no failure of the study."""
+    done = subprocess.run([sys.executable, "-m", "handsim", *words], stdout=subprocess.DEVNULL)
+    if done.returncode > 1:
+        sys.exit(f"handsim {' '.join(words)}: exit status {done.returncode}")
+
+
+def read(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
 def write(path, rows):
     with open(path, "w", newline="") as file:
         table = csv.DictWriter(file, list(rows[0]))
@@ -216,7 +299,7 @@ def write(path, rows):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=("objects", "types", "checks", "tests", "stl"))
+    parser.add_argument("what", choices=("objects", "types", "checks", "tests", "mug", "handle", "tables", "stl"))
     parser.add_argument("--persons", nargs="+", default=["median_man", "small_woman"])
     parser.add_argument("--only", nargs="+", default=[])
     parser.add_argument("--ode", action="store_true", help="of checks: on ODE in place of a quarter of the step")
@@ -226,4 +309,5 @@ if __name__ == "__main__":
     THREADS = asked.threads
     asked.out.mkdir(parents=True, exist_ok=True)
     {"objects": lambda: objects(asked.out, asked.persons, asked.only), "types": lambda: types(asked.out, asked.only), "checks": lambda: checks(asked.out, asked.persons, asked.ode),
-     "tests": lambda: tests(asked.out, asked.persons, asked.only), "stl": lambda: stl(asked.out)}[asked.what]()
+     "tests": lambda: tests(asked.out, asked.persons, asked.only), "stl": lambda: stl(asked.out),
+     "mug": lambda: mug(asked.out), "handle": lambda: handle(asked.out), "tables": lambda: tables(asked.out)}[asked.what]()
