@@ -76,6 +76,46 @@ TEST_P(Friction, IsMuTimesTheNormalForceInEveryDirection) {
     }
 }
 
+/// Velocity [m/s] of pulled_block() as it slides under a pull [N], after a time [s], by the midpoint rule: M
+/// v' = pull - mu m g v / |v|. Along x both rails move with it, along y one.
+Vec3 coulomb_slide(Vec3 v, const Vec3& pull, double time) {
+  constexpr int kSteps = 20000;
+  const double h = time / kSteps;
+  const Vec3 mobility = Vec3(1 / (kMass + 2e-3), 1 / (kMass + 1e-3), 0);
+  const auto acceleration = [&](const Vec3& at) -> Vec3 {
+    return mobility.cwiseProduct(pull - kMu * kMass * test::kG * at.normalized());
+  };
+  for (int i = 0; i < kSteps; ++i) v += h * acceleration(v + h / 2 * acceleration(v));
+  return v;
+}
+
+// Oracle: Coulomb's law: friction turns with the slip of a block that is pulled across its way. The error of
+// a step's friction, which is that of its end, is of first order.
+TEST_P(Friction, TurnsWithTheSlip) {
+  const model::Model model = pulled_block();
+  const double limit = kMu * kMass * test::kG, time = 0.1;
+  double coarse = 0;
+  for (const double step : {1e-3, 5e-4}) {
+    Settings settings = how(GetParam());
+    settings.step = step;
+    const auto engine = make_engine(model, settings);
+    const auto steps = [&](double seconds) { return static_cast<int>(std::lround(seconds / step)); };
+    test::run(*engine, steps(0.2));
+    for (int i = 0; i < steps(0.05); ++i) engine->step({std::vector<double>{3 * limit, 0, 0}});
+    const Vec3 start = engine->state().bodies[3].v, pull(0, 1.2 * limit, 0);
+    ASSERT_GT(start.norm(), 0.4);
+    for (int i = 0; i < steps(time); ++i) engine->step({std::vector<double>{0, pull.y(), 0}});
+    const Vec3 expected = coulomb_slide({start.x(), start.y(), 0}, pull, time);
+    ASSERT_GT(expected.y(), 0.2);  // it has turned
+    const double error = (engine->state().bodies[3].v - expected).norm();
+    EXPECT_LT(error, 5 * step * expected.norm());
+    if (coarse > 0) {
+      EXPECT_LT(error, 0.6 * coarse);
+    }
+    coarse = error;
+  }
+}
+
 /// A brake shoe: a lever hinged to the world at a height over a sled, its ball on the sled at a distance.
 model::Model shoe_brake(double reach, double height) {
   model::Model model = model::make_model();

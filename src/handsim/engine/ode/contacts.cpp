@@ -18,13 +18,14 @@ std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
 /// Velocity of a body's point.
 Vec3 velocity(const model::BodyState& body, const Vec3& at) { return body.v + body.w.cross(at - body.p); }
 
-constexpr double kStill = 1e-9;        ///< Slower sliding has no direction that outlasts rounding [m/s].
 constexpr double kLeastMoment = 1e-9;  ///< Moment per normal force that stands for none [m].
 /// Normal force that stands for none where friction's limits are set [N].
 constexpr double kLeastForce = 1e-9;
 /// Least limit of the second friction row, as a share of the first: together they exceed the cone by 8e-4.
 constexpr double kLeastAcross = 0.04;
-/// Share of its limit below which friction is taken to stick in the next solution.
+/// Distance of the two points of a row without limits, along the row [m]: their place between has no effect.
+constexpr double kRowLength = 0.1;
+/// Share of its limit below which friction is taken to stick in the next solution, and above which to slide.
 constexpr double kSticking = 0.99;
 /// Share of the mass by which slip turns the direction of friction. With 0.1 hands of 17 points overshoot.
 constexpr double kDirectionShare = 0.03;
@@ -73,6 +74,7 @@ void Contacts::recall(const model::State& state) {
 void Contacts::join(const model::State& state, bool rigid_limits) {
   contact_joints_.clear();
   const std::vector<Contact>& found = collider_.contacts();
+  applied_.assign(found.size(), Vec3::Zero());
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
     Known known;
@@ -86,24 +88,26 @@ void Contacts::join(const model::State& state, bool rigid_limits) {
       // Friction of their own normal forces would wedge bodies that lie across each other.
       const bool limited = known.pad || (rigid_limits && crossed_.inverse_mass(found[i]) == 0);
       if (friction_ && !iterative_ && limited && limits_.force(i)) known.force = &*limits_.force(i);
-      known.sticks = stuck_[i] != 0;
-      add_contact(found[i], touch, known, state);
+      known.guess = guesses_[i].guess;
+      add_contact(i, touch, known, state);
     }
   }
   if (!measures_forces_) return;
-  feedback_.resize(found.size());
-  for (std::size_t i = 0; i < found.size(); ++i) dJointSetFeedback(contact_joints_[i], &feedback_[i]);
+  feedback_.resize(contact_joints_.size());
+  for (std::size_t k = 0; k < feedback_.size(); ++k) dJointSetFeedback(contact_joints_[k].id, &feedback_[k]);
 }
 
 void Contacts::read_forces() {
   if (!measures_forces_) return;
   std::vector<Contact>& found = collider_.contacts();
-  forces_.resize(found.size());
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    const dReal* f = feedback_[i].f1;
-    forces_[i] = side(found[i]) * Vec3(f[0], f[1], f[2]);
-    if (with_forces_) found[i].force = forces_[i];
+  forces_ = applied_;
+  for (std::size_t k = 0; k < feedback_.size(); ++k) {
+    const dReal* f = feedback_[k].f1;
+    const std::size_t i = contact_joints_[k].contact;
+    forces_[i] += side(found[i]) * Vec3(f[0], f[1], f[2]);
   }
+  if (!with_forces_) return;
+  for (std::size_t i = 0; i < found.size(); ++i) found[i].force = forces_[i];
 }
 
 void Contacts::update_memory(const model::State& before) {
@@ -113,20 +117,48 @@ void Contacts::update_memory(const model::State& before) {
                  [&](std::size_t i) { return depth_after(collider_.contacts()[i], before); });
 }
 
-void Contacts::stick() {
-  stuck_.assign(collider_.contacts().size(), false);
+void Contacts::guess(const model::State& state) {
+  guesses_.assign(collider_.contacts().size(), {});
   if (!friction_ || iterative_) return;
   for (const Touch& touch : collider_.touches())
     for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
       const model::Material& between = touch.surface;
       const Contact& contact = collider_.contacts()[i];
-      if (!between.compliance || !limits_.force(i) || between.rolling_friction > 0 ||
-          between.spinning(between.friction, contact.depth) > 0)
+      if (!between.compliance || !limits_.force(i) || between.restitution > 0 ||
+          between.rolling_friction > 0 || between.spinning(between.friction, contact.depth) > 0)
         continue;
       const Vec3& force = *limits_.force(i);
       const double normal = contact.normal.dot(force);
-      stuck_[i] = (force - normal * contact.normal).norm() < kSticking * between.friction * normal;
+      if (normal <= kLeastForce) continue;
+      const Vec3 friction = force - normal * contact.normal;
+      const double limit = between.friction * normal;
+      if (friction.norm() < kSticking * limit) {
+        guesses_[i].guess = Guess::sticks;
+        continue;
+      }
+      const Vec3 slip = given_way(i,
+                                  velocity(state.bodies[body_index(contact.shape_a)], contact.position) -
+                                      velocity(state.bodies[body_index(contact.shape_b)], contact.position),
+                                  force);
+      const double speed = slip.norm();
+      if (speed > kStill && slip.dot(friction) < 0)
+        guesses_[i] = {Guess::slides, slip / speed, speed, limit};
+      else
+        guesses_[i].guess = Guess::sticks;
     }
+}
+
+/// Tangential velocity of a's surface against b's beyond what rows of the world's CFM give way by.
+Vec3 Contacts::given_way(std::size_t index, const Vec3& velocity, const Vec3& force) const {
+  const Vec3 slip = velocity + dWorldGetCFM(world_) * force, n = collider_.contacts()[index].normal;
+  return slip - slip.dot(n) * n;
+}
+
+bool Contacts::refutes(const model::State& before, bool mend) {
+  if (!friction_) return false;
+  for (std::size_t i = 0; i < guesses_.size(); ++i)
+    guesses_[i].slip = given_way(i, slip_after(collider_.contacts()[i], before), forces_[i]);
+  return limits_.refute(collider_, forces_, guesses_, mend);
 }
 
 /// How fast the surfaces of a contact part along its normal.
@@ -137,6 +169,11 @@ double Contacts::parting_rate(const Contact& contact, const model::State& state)
 
 /// Depth in a pad after a step, by the rates there.
 double Contacts::depth_after(const Contact& contact, const model::State& before) const {
+  return depth_in_pad(contact) - step_ * contact.normal.dot(slip_after(contact, before));
+}
+
+/// Velocity of a's surface against b's after a step, at the place of a contact before it.
+Vec3 Contacts::slip_after(const Contact& contact, const model::State& before) const {
   const auto moves = [&](int shape) -> Vec3 {
     const std::size_t body = body_index(shape);
     const OdeBody& moved = bodies_[body];
@@ -144,7 +181,7 @@ double Contacts::depth_after(const Contact& contact, const model::State& before)
     const Vec3 v(moved.v[0], moved.v[1], moved.v[2]), w(moved.w[0], moved.w[1], moved.w[2]);
     return v + w.cross(contact.position - before.bodies[body].p);
   };
-  return depth_in_pad(contact) - step_ * contact.normal.dot(moves(contact.shape_a) - moves(contact.shape_b));
+  return moves(contact.shape_a) - moves(contact.shape_b);
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
@@ -202,8 +239,9 @@ void Contacts::limit_approach(dSurfaceParameters& surface, const Contact& contac
   surface.motionN = closes * contact.depth / step_;
 }
 
-void Contacts::add_contact(const Contact& contact, const Touch& touch, const Known& known,
+void Contacts::add_contact(std::size_t index, const Touch& touch, const Known& known,
                            const model::State& state) {
+  const Contact& contact = collider_.contacts()[index];
   const model::Material& between = touch.surface;
   dContact joint{};
   for (int i = 0; i < 3; ++i) {
@@ -237,11 +275,56 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
   const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
                      between.rolling_friction == 0 && known.spinning > 0;
   if (friction_) set_friction(joint, contact, between, known, motor);
-  if (surface.mu > 0 && !known.sticks) set_friction_direction(joint, contact, known, state);
+  if (surface.mu > 0 && known.guess == Guess::limited) set_friction_direction(joint, contact, known, state);
+  if (known.guess != Guess::limited) return join_guessed(joint, index);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
   dJointAttach(id, body_of(contact.shape_a), body_of(contact.shape_b));
-  contact_joints_.push_back(id);
+  contact_joints_.push_back({id, index});
   if (motor) add_spin_row(contact, touch, known);
+}
+
+/// The contact's rows without limits, each a joint; friction at its limit as a force.
+void Contacts::join_guessed(const dContact& joint, std::size_t index) {
+  const Contact& contact = collider_.contacts()[index];
+  const dSurfaceParameters& surface = joint.surface;
+  const double inside = std::max(joint.geom.depth - kSurfaceLayer, 0.0);
+  add_row(index, contact.normal, surface.soft_erp / step_ * inside + surface.motionN, surface.soft_cfm);
+  const Guessed& guessed = guesses_[index];
+  const Vec3 n = contact.normal;
+  const double cfm = dWorldGetCFM(world_);
+  if (guessed.guess == Guess::sticks) {
+    add_row(index, n.unitOrthogonal(), 0, cfm);
+    return add_row(index, n.cross(n.unitOrthogonal()), 0, cfm);
+  }
+  // Friction turns with the slip: by limit / speed for each m/s across it.
+  add_row(index, n.cross(guessed.along), 0, cfm + guessed.speed / std::max(guessed.limit, kLeastForce));
+  applied_[index] = -guessed.limit * guessed.along;
+  const auto push = [&](int shape, const Vec3& f) {
+    const Vec3& at = contact.position;
+    if (const dBodyID id = body_of(shape))
+      dBodyAddForceAtPos(id, f.x(), f.y(), f.z(), at.x(), at.y(), at.z());
+  };
+  push(contact.shape_a, applied_[index]);
+  push(contact.shape_b, -applied_[index]);
+}
+
+/// A row without limits, v+ + CFM lambda = speed with v of a's surface against b's along the axis: ODE's
+/// joint that holds two points at a distance, points that lie on the axis. What it lacks of its distance is
+/// made good in one step.
+void Contacts::add_row(std::size_t index, const Vec3& axis, double speed, double cfm) {
+  const Contact& contact = collider_.contacts()[index];
+  const double turned = side(contact);
+  const dBodyID a = body_of(contact.shape_a), b = body_of(contact.shape_b);
+  const dJointID id = dJointCreateDBall(world_, joints_);
+  dJointAttach(id, turned < 0 ? b : a, turned < 0 ? nullptr : b);
+  const Vec3 half = turned * kRowLength / 2 * axis;
+  const Vec3 first = contact.position + half, second = contact.position - half;
+  dJointSetDBallAnchor1(id, first.x(), first.y(), first.z());
+  dJointSetDBallAnchor2(id, second.x(), second.y(), second.z());
+  dJointSetDBallDistance(id, kRowLength + step_ * speed);
+  dJointSetDBallParam(id, dParamERP, 1);
+  dJointSetDBallParam(id, dParamCFM, cfm);
+  contact_joints_.push_back({id, index});
 }
 
 /// Limits of friction's rows: shares of the normal force that ODE finds, or forces where that is known.
@@ -256,7 +339,7 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   surface.mode |= dContactAxisDep;
   // Rows with limits near 0 of rigid points that carry nothing make the solver fail.
   if (known.force != nullptr && !known.pad && normal <= kLeastForce) normal = 0;
-  surface.mu = surface.mu2 = known.sticks ? dInfinity : between.friction * normal;
+  surface.mu = surface.mu2 = between.friction * normal;
   if (normal == 0) return;
   if (spins_by_motor || (between.rolling_friction == 0 && known.spinning == 0)) return;
   surface.mode |= dContactRolling;

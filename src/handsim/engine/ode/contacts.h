@@ -28,13 +28,15 @@ class Contacts {
   void recall(const model::State& state);
   /// Makes the joints of the contacts. @param rigid_limits friction limits of rigid contacts are set, too
   void join(const model::State& state, bool rigid_limits);
-  /// Lets pads whose friction was below its limit have none in the solutions to come: ODE's solver takes each
-  /// row with limits by itself, and all rows without at once.
-  void stick();
+  /// Takes pads to do in the solutions to come what their last forces show.
+  /// @param state at which they were found
+  void guess(const model::State& state);
   /// Ends that for all.
-  void unstick() { stuck_.assign(stuck_.size(), false); }
-  /// Ends it for those that hold more than friction can in the step just made. @return whether there was one
-  bool slides() { return friction_ && limits_.release(collider_, forces_, stuck_); }
+  void guess_nothing() { guesses_.assign(guesses_.size(), {}); }
+  /// Mends the guesses that the step just made does not bear out, or ends them for these. @param before the
+  /// step's start
+  /// @return whether there was one
+  bool refutes(const model::State& before, bool mend);
   /// Reads the forces of the step just made.
   void read_forces();
   /// After a step by the direct solver: takes new friction limits from its forces. @return true if friction
@@ -67,9 +69,11 @@ class Contacts {
     PadStep step;                  ///< of the pair's law
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits
-    bool sticks = false;           ///< friction has no limits in this solution
+    Guess guess = Guess::limited;  ///< of this solution
   };
-  void add_contact(const Contact& contact, const Touch& touch, const Known& known, const model::State& state);
+  void add_contact(std::size_t index, const Touch& touch, const Known& known, const model::State& state);
+  void join_guessed(const dContact& joint, std::size_t index);
+  void add_row(std::size_t index, const Vec3& axis, double speed, double cfm);
   void set_friction(dContact& joint, const Contact& contact, const model::Material& between,
                     const Known& known, bool spins_by_motor);
   void set_friction_direction(dContact& joint, const Contact& contact, const Known& known,
@@ -81,6 +85,8 @@ class Contacts {
                const Known& known, double rate) const;
   double parting_rate(const Contact& contact, const model::State& state) const;
   double depth_after(const Contact& contact, const model::State& before) const;
+  Vec3 given_way(std::size_t index, const Vec3& velocity, const Vec3& force) const;
+  Vec3 slip_after(const Contact& contact, const model::State& before) const;
   dBodyID body_of(int shape) const;
   /// -1 where ODE turns the contact: it makes body b the first of a joint whose body a is not there.
   double side(const Contact& contact) const;
@@ -103,11 +109,17 @@ class Contacts {
   bool with_forces_;
   bool measures_forces_;  ///< for friction's limits or because the settings ask for them
   double erp_;
-  double step_;                           ///< [s]
-  Vec3 fall_;                             ///< velocity that gravity adds in one step [m/s]
-  std::vector<dJointID> contact_joints_;  ///< as the list
-  std::vector<dJointFeedback> feedback_;  ///< as the list
-  std::vector<char> stuck_;               ///< whether friction has no limits, as the list
+  double step_;  ///< [s]
+  Vec3 fall_;    ///< velocity that gravity adds in one step [m/s]
+  /// ODE's joint of a contact, or one of its joints.
+  struct ContactJoint {
+    dJointID id = nullptr;
+    std::size_t contact = 0;  ///< in the list
+  };
+  std::vector<ContactJoint> contact_joints_;
+  std::vector<dJointFeedback> feedback_;  ///< as contact_joints_
+  std::vector<Guessed> guesses_;          ///< as the list
+  std::vector<Vec3> applied_;             ///< friction of those that slide, as the list, on a's bodies [N]
   std::vector<Vec3> forces_;              ///< of the last pass, on a's bodies, as the list [N]
 };
 

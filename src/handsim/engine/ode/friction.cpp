@@ -34,7 +34,10 @@ void serialize_pair(Archive& archive, Pair& pair) {
 }
 
 constexpr double kAtLimit = 1 - 1e-6;  ///< Friction of this share of its limit is at it.
-constexpr double kSamePoint = 5e-3;    ///< A point moves by less in a step, or is another one [m]. Chosen.
+/// Slip for each newton by which the next guess weighs slip against friction [m/s/N]: the length of the step
+/// of Alart and Curnier (1991). Any value has the same solution; 1e-2 to 1e-4 take about as many.
+constexpr double kMobility = 1e-4;
+constexpr double kSamePoint = 5e-3;  ///< A point moves by less in a step, or is another one [m]. Chosen.
 /// A solution whose error is not below this share of that of the one before does not come nearer.
 constexpr double kContraction = 0.5;
 /// Least share of the change of rigid contacts' normal forces that the limits take over; factor by which the
@@ -149,23 +152,40 @@ void FrictionLimits::recall(const Collider& collider) {
   }
 }
 
-bool FrictionLimits::release(const Collider& collider, const std::vector<Vec3>& forces,
-                             std::vector<char>& stuck) {
+bool FrictionLimits::refute(const Collider& collider, const std::vector<Vec3>& forces,
+                            std::vector<Guessed>& guesses, bool mend) {
   double largest = 0;
-  beyond_.assign(forces.size(), 0);
+  for (const Touch& touch : collider.touches())
+    for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i)
+      largest = std::max(largest, touch.surface.friction * collider.contacts()[i].normal.dot(forces[i]));
+  const double slack = kFrictionError * largest;
+  bool found = false;
   for (const Touch& touch : collider.touches())
     for (std::size_t i = touch.first; i < touch.first + as_index(touch.count); ++i) {
+      Guessed& guessed = guesses[i];
+      if (guessed.guess == Guess::limited) continue;
       const Vec3& n = collider.contacts()[i].normal;
-      const double normal = n.dot(forces[i]), limit = touch.surface.friction * std::max(normal, 0.0);
-      largest = std::max(largest, limit);
-      if (stuck[i]) beyond_[i] = (forces[i] - normal * n).norm() - limit;
+      const double normal = n.dot(forces[i]), limit = touch.surface.friction * normal;
+      const Vec3 friction = forces[i] - normal * n;
+      const double speed = guessed.slip.norm();
+      const Vec3 trial = friction - guessed.slip / kMobility;
+      Guessed next = guessed;
+      bool right = guessed.guess == Guess::sticks ? friction.norm() <= limit + slack
+                   : speed > kStill               ? (friction + limit / speed * guessed.slip).norm() <= slack
+                                                  : std::abs(friction.norm() - limit) <= slack;
+      if (normal < 0) {
+        right = false;
+        next.guess = Guess::limited;
+      } else if (trial.norm() > limit) {
+        next = {Guess::slides, -trial.normalized(), kMobility * (trial.norm() - limit), limit};
+      } else {
+        next.guess = Guess::sticks;
+      }
+      if (right) continue;
+      found = true;
+      if (!mend) next.guess = Guess::limited;
+      guessed = next;
     }
-  bool found = false;
-  for (std::size_t i = 0; i < forces.size(); ++i) {
-    if (beyond_[i] <= kFrictionError * largest) continue;
-    stuck[i] = false;
-    found = true;
-  }
   return found;
 }
 

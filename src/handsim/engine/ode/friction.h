@@ -95,16 +95,41 @@ struct PointForce {
   Vec3 force = Vec3::Zero();     ///< on a's body, world [N]
 };
 
+/// Slower sliding has no direction that outlasts rounding [m/s].
+inline constexpr double kStill = 1e-9;
+
+/// What friction of a pad is taken to do in one solution. ODE's direct solver takes each row with limits by
+/// itself and factors all rows without limits at once.
+enum class Guess : char {
+  limited,  ///< nothing: the contact's rows have their limits
+  sticks,   ///< it presses, and friction is below its limit: three rows without limits
+  slides,   ///< it presses, and friction is at its limit
+};
+
+/// A contact that is guessed. Friction of one that slides is Coulomb's law along the slip, linear about a
+/// slip: a force along it, and across it a row that gives way as the friction turns with the slip.
+struct Guessed {
+  Guess guess = Guess::limited;
+  Vec3 along = Vec3::Zero();  ///< unit, world: direction in which a slides on b
+  double speed = 0;           ///< of the slip, at which friction turns with it [m/s]
+  double limit = 0;           ///< of friction [N]
+  /// Velocity of a against b after the step, tangential, beyond what rows give way by, world [m/s].
+  Vec3 slip = Vec3::Zero();
+};
+
 class FrictionLimits {
  public:
   /// Finds the forces of the last step at the contacts just found.
   void recall(const Collider& collider);
   /// Force by which the limits of a contact are set; nothing for one that is new.
   const std::optional<Vec3>& force(std::size_t contact) const { return limits_[contact]; }
-  /// Takes out of those that had no limit in the solution just made each that holds more than friction can.
-  /// @param forces of the contacts, on the bodies of shapes a [N]; @param stuck those without a limit
+  /// Changes each guess that the solution just made does not bear out: a pad that pulls, one that sticks with
+  /// more than friction can hold, one whose friction is not that of its slip.
+  /// @param forces of the contacts, on the bodies of shapes a [N]; @param mend false: such a contact gets its
+  /// limits
   /// @return whether there was one
-  bool release(const Collider& collider, const std::vector<Vec3>& forces, std::vector<char>& stuck);
+  bool refute(const Collider& collider, const std::vector<Vec3>& forces, std::vector<Guessed>& guesses,
+              bool mend);
   /// Sets the next limits from the forces of the contacts in the step just made, on the bodies of shapes a.
   /// @return true where friction is off and another solution, with limits of these forces, may come nearer
   bool update(const Collider& collider, const std::vector<Vec3>& forces);
@@ -122,8 +147,7 @@ class FrictionLimits {
  private:
   Memory memory_;
   std::vector<std::optional<Vec3>> limits_;  ///< as the contacts
-  std::vector<double> beyond_;   ///< friction beyond the limit that it had not, as the contacts [N]
-  std::vector<double> normals_;  ///< the normal forces that the limits were of, as the contacts
+  std::vector<double> normals_;              ///< the normal forces that the limits were of, as the contacts
   std::optional<double> error_;  ///< of the solution before, of what may be; nothing: it was the first
 };
 

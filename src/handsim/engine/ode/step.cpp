@@ -28,8 +28,11 @@ void timed(double* ns, Part part) {
 
 constexpr const char* kRemedy = "use a smaller step, weaker gains or torques, or a start without overlap";
 
-/// Solutions of a step that may be thrown away because a pad that was taken to stick slides.
-constexpr int kThrownAway = 3;
+/// Solutions of a step that may be thrown away because pads do not do what they were taken to do: so many
+/// whose guesses are mended (Newton's method on Coulomb's law), then, from the first guesses, as many more as
+/// this with limits where they were wrong. A solution without limits is a tenth of the work of one in which
+/// all contacts have them.
+constexpr int kMended = 8, kThrownAway = kMended + 3;
 
 /// Seed of one step (splitmix64, Steele, Lea & Flood 2014) of run's seed and step number: no state to save.
 std::uint64_t step_seed(std::uint64_t seed, long long number) {
@@ -112,8 +115,8 @@ StepReport OdeEngine::make_step(const StepInput& input, double end) {
 }
 
 /// Makes the direct solver's step again where friction's limits are of other normal forces, or something
-/// without a limit passes its own. Pads that stuck are taken to stick, as most of a held object's do; what
-/// then slides costs a solution that is thrown away.
+/// without a limit passes its own. Pads are taken to stick or to slide as they did, as most of a held
+/// object's do; one that then does not costs a solution that is thrown away.
 void OdeEngine::solve(const StepInput& input, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
   const int passes = again ? settings_.ode().friction_passes : 1;
@@ -124,13 +127,13 @@ void OdeEngine::solve(const StepInput& input, StepReport& report) {
     contacts_->release();
     for (std::size_t k = 0; k < moving_.size(); ++k) put_back(bodies_[moving_[k]], start_[k]);
   };
-  if (contacts_) contacts_->stick();
+  if (contacts_) contacts_->guess(state_);
   bool rigid_limits = true;
   int thrown_away = 0;
   for (int pass = 1;;) {
     // The last solution has all limits.
     const bool relaxed = pass < passes;
-    if (contacts_ && (!relaxed || thrown_away == kThrownAway)) contacts_->unstick();
+    if (contacts_ && (!relaxed || thrown_away == kThrownAway)) contacts_->guess_nothing();
     joints_->relax_servos(relaxed && !input.servos.empty() ? (pass > 1 ? tau_servo_ : state_.tau_servo)
                                                            : std::span<const double>());
     if (contacts_) timed(&report.collide_ns, [&] { contacts_->join(state_, rigid_limits); });
@@ -141,9 +144,10 @@ void OdeEngine::solve(const StepInput& input, StepReport& report) {
     joints_->read_torques(input.torques, tau_, tau_servo_);
     if (contacts_) contacts_->read_forces();
     if (!again) return;
-    if (contacts_->slides()) {
+    if (contacts_->refutes(state_, thrown_away < kMended)) {
       ++thrown_away;
       back();
+      if (thrown_away == kMended) contacts_->guess(state_);
       continue;
     }
     const bool revised = contacts_->update_limits();
