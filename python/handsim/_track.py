@@ -275,7 +275,7 @@ def write(asked: Asked, of: Result, out: Path) -> bool:
 
 
 def model_file(asked: Asked) -> Path:
-    return asked.model or data_path() / "handmodels/anatomical.yaml"
+    return asked.model or data_path() / "handmodels/moving_thenar.yaml"
 
 
 def _convention(asked: Asked, path: Path) -> tuple[Optional[Path], Guess]:

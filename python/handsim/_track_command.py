@@ -21,7 +21,7 @@ hand of the person (docs/motion.md). RECORDING is a file .csv, .json, .trc, or w
 
   --out DIR          out/RECORDING
   --person FILE      stature, mass and sex beside the measured hand; a file or a shipped name; the median man
-  --model FILE       hand model file, or a shipped name; the anatomical hand
+  --model FILE       hand model file, or a shipped name; moving_thenar, the anatomical hand whose thumb carries its thenar pad
   --markers FILE     marker set, for markers and sensors; else 21 keypoints
   --points FILE      convention of the tracker, where its points lie; a file or a shipped name
   --up z|y           axis of the recording that points up; as the convention or a C3D file says in POINT:Y_SCREEN, else z

@@ -118,3 +118,20 @@ def test_bad_options_are_refused(true, tmp_path, words, said):
 def test_every_kind_of_recording_is_named(tmp_path):
     (tmp_path / "a.txt").write_text("1")
     assert "need a recording: .csv, .json, .trc or .c3d" in command("track", tmp_path / "a.txt", "--out", tmp_path / "out").stderr
+
+
+# Oracle: people's thenar muscles go with the thumb, which lies beside the palm here (10 deg of flexion, -25 of abduction). The run has the hand whose pad is
+# a part of the palm, whose own depth of the thumb in it is what `--model anatomical` finds.
+def test_a_thumb_beside_the_palm_lies_on_a_pad_that_goes_with_it(tmp_path):
+    pose = {"thumb_cmc": ["10 deg", "-25 deg"], "thumb_mcp": ["10 deg"], "index_mcp": ["20 deg", 0], "index_pip": ["30 deg"]}
+    (tmp_path / "pose.yaml").write_text(json.dumps({
+        "hands": [{"model": "anatomical", "person": "median_man", "side": "right", "wrist": {"mount": "fixed"}, "pose": pose}],
+        "effects": ["gravity"], "gravity": [0, 0, 0], "duration": 0.2, "record": {"every": "10 ms", "markers": True}}))
+    assert command("run", tmp_path / "pose.yaml", "--out", tmp_path / "true", "--quiet").returncode == 0
+    depths = {}
+    for name, options in (("default", ()), ("anatomical", ("--model", "anatomical"))):
+        done = command("track", tmp_path / "true/markers.csv", "--out", tmp_path / name, "--keep-person", "--person", "median_man", "--json", *options)
+        assert done.returncode == 0, done.stderr
+        hand, = json.loads(done.stdout)["hands"]
+        depths[name] = max((pair["deepest_mm"] for pair in hand["overlaps"]["pairs"] if "thumb" in pair["where"]), default=0)
+    assert depths["anatomical"] > 8 and depths["default"] < depths["anatomical"] / 2, depths
