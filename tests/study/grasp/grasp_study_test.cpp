@@ -52,7 +52,7 @@ INSTANTIATE_TEST_SUITE_P(, ShippedGrasp, testing::ValuesIn(kScenes),
 // 0.
 TEST_P(ShippedGrasp, IsHeldWithWorldStepAndHardlySlips) {
   HANDSIM_SKIP_WITH_SANITIZER("the same grasps are held with steps of two milliseconds");
-  const simulation::GraspFigures figures = run(shortened(GetParam()));
+  const simulation::GraspFigures figures = run(shortened(GetParam(), {"solver.method=world_step"}));
   EXPECT_TRUE(figures.complete);
   EXPECT_TRUE(figures.held) << figures.shaken_shift << " m in the shake, " << figures.shift << " m after it, "
                             << figures.turn << " rad";
@@ -87,14 +87,14 @@ TEST_P(ShippedGrasp, IsHeldWithQuickStep) {
 
 TEST_P(ShippedGrasp, IsHeldAtTwoMilliseconds) {
   if (GetParam() == "grasp_cup") HANDSIM_SKIP_WITH_SANITIZER("grasps with fewer contacts run the same code");
-  EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.step=2 ms"})).held);
+  EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.method=world_step", "solver.step=2 ms"})).held);
 }
 
 // Oracle: without friction worth the name nothing that is held by friction can be held. The mug stands on the
 // little finger, and palm, thumb and fingers surround it.
 TEST_P(ShippedGrasp, IsLostWithoutFriction) {
   HANDSIM_SKIP_WITH_SANITIZER("the same grasps are held with friction");
-  scene::Scene scene = shortened(GetParam(), {kBrief});
+  scene::Scene scene = shortened(GetParam(), {kBrief, "solver.method=world_step"});
   set_friction(scene, 0.05);
   EXPECT_EQ(run(scene).held, GetParam() == "grasp_cup");
 }
