@@ -174,7 +174,7 @@ def command_of(name, label, build):
     if name == "agreement":
         return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
     if name == "contact_step":
-        return [python_of(build), "tests/study/contact_step.py", "--draws", "24", "--seed", "6301", "--ode", "6", "--packages", str(ROOT / "build" / "peers" / "suite"),
+        return [python_of(build), "tests/study/contact_step.py", "--draws", "24", "--seed", "6301", "--ode", "3", "--packages", str(ROOT / "build" / "peers" / "suite"),
                 "--out", str(OUT / name / label)]
     if name == "formats":
         return [python_of(build), "-c", "import json; from handsim._formats import FORMATS; "
