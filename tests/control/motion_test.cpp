@@ -106,7 +106,9 @@ TEST(MotionTable, ShippedNamesReachTheAxesOfTheHand) {
   const Case cases[] = {{"names_arms", "2mcp_flexion", "index_mcp.flexion", 1},
                         {"names_das", "5md_flexion", "little_dip.flexion", 1},
                         {"names_myohand", "mcp4_abduction", "ring_mcp.abduction", -1},
-                        {"names_myohand", "mp_flexion", "thumb_mcp.flexion", -1}};
+                        {"names_myohand", "mp_flexion", "thumb_mcp.flexion", -1},
+                        {"names_myosim", "mcp4_abduction_r", "ring_mcp.abduction", -1},
+                        {"names_myosim", "pm2_flexion_r", "index_pip.flexion", 1}};
   for (const Case& each : cases) {
     const Played played(std::string("time[s],") + each.column + "[deg]\n0," + (each.sign > 0 ? "8" : "-8") +
                         "\n");
