@@ -136,6 +136,18 @@ TEST(MotionTable, ShippedNamesOfBothHandsReachEach) {
       played.scene({"control.motion.names=" + test::in_source("controllers/names_myosim.yaml")});
   EXPECT_NEAR(target(scene, 0, "ring_mcp.abduction", 0), 8, 1e-12);
   EXPECT_NEAR(target(scene, 1, "index_pip.flexion", 0), 12, 1e-12);
+  Diagnostics diagnostics;
+  YamlNode one = load_yaml(test::in_source("controllers/names_myohand.yaml"));
+  YamlNode both = load_yaml(test::in_source("controllers/names_myosim.yaml"));
+  const MotionNames of_one = read_motion_names(one, "", diagnostics);
+  const MotionNames of_both = read_motion_names(both, "", diagnostics);
+  EXPECT_EQ(of_both.columns.size(), 2 * of_one.columns.size());
+  for (const auto& [column, name] : of_one.columns)
+    for (const auto& [end, side] : {std::pair("_r", "right."), std::pair("_l", "left.")}) {
+      ASSERT_TRUE(of_both.columns.contains(column + end)) << column;
+      EXPECT_EQ(of_both.columns.at(column + end).axis, side + name.axis);
+      EXPECT_EQ(of_both.columns.at(column + end).sign, name.sign);
+    }
 }
 
 // Oracle: the range of the PIP, 0 to 100 deg; seven samples are beyond it.
