@@ -92,7 +92,8 @@ PICTURES = {
     "mpc.gif": Picture("docs/optimise.md", [*MPC, "ffmpeg -y -i out/mpc/mpc.mp4 renders/mpc.gif"], time="2 min"),
     "grasp_types.png": Picture("docs/planning.md", [
         "python3 tests/study/planning.py types --out out/planning",
-        "ffmpeg -y -i out/planning/types.png -vf scale=840:-1:flags=area renders/grasp_types.png"], time="3 min"),
+        'ffmpeg -y -i out/planning/types.png -vf "scale=840:-1:flags=area,split[a][b];[a]palettegen[p];[b][p]paletteuse" '
+        "renders/grasp_types.png"], time="4 min"),
     "learn_curve.png": Picture("docs/python.md", LEARN, "out/learn/curve.png", "1 min"),
     "learn_can.png": Picture("docs/python.md", LEARN, "out/learn/film_strip.png", "1 min"),
     "learned.gif": Picture("docs/python.md", LEARN, "out/learn/learned.gif", "1 min"),
