@@ -25,7 +25,8 @@ constexpr double kLeastForce = 1e-9;
 constexpr double kLeastAcross = 0.04;
 /// Distance of the two points of a row without limits, along the row [m]: their place between has no effect.
 constexpr double kRowLength = 0.1;
-/// Share of its limit below which friction is taken to stick in the next solution. Above it slides, if it slipped.
+/// Share of its limit below which friction is taken to stick in the next solution.
+/// Above it slides, if it slipped.
 constexpr double kSticking = 0.99;
 /// Share of the mass by which slip turns the direction of friction. With 0.1 hands of 17 points overshoot.
 constexpr double kDirectionShare = 0.03;
