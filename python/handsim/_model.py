@@ -162,6 +162,8 @@ class Muscle(NamedTuple):
     """Muscles, and the share of each one's activation that this one has at least where activations are chosen."""
     elastic: bool
     """Whether its tendon is."""
+    short_range: bool
+    """Whether its fibres have a short-range stiffness."""
     isometric: float
     """Force that full activation adds at the start [N]."""
     passive: float

@@ -140,8 +140,8 @@ class Simulation:
         :param advance: makes the step; else the simulation stays
         :param smoothing: derivatives of the mean over disturbances of the state, or their deviation [m]; None: exact ones
         :raises Error: of kind input where there are no derivatives: another engine or method, closed loops, free hands,
-            elastic tendons, controllers with explicit torques or feed_forward, and a step whose contacts Newton's
-            method does not solve
+            elastic tendons, a short-range stiffness of muscles, controllers with explicit torques or feed_forward, and a
+            step whose contacts Newton's method does not solve
         """
         action = {"torques": torques, "targets": targets, "excitations": excitations, "wrists": wrists, "forces": forces}
         smooth, asked = smoothing_of(smoothing), [bodies] if isinstance(bodies, str) else bodies

@@ -351,6 +351,8 @@ def _of_model(job: Job, of: Format) -> tuple[bytes, str]:
     text: str = of.write(model)
     if of.name != "urdf" and any(muscle.elastic for muscle in model.muscles):
         _warn(["tendon_strain: elastic tendons are exported as rigid ones"])
+    if of.name != "urdf" and any(muscle.short_range for muscle in model.muscles):
+        _warn(["short_range_stiffness: muscles are exported without it"])
     return text.encode(), f"{len(model.bodies) - 1} bodies, {len(model.joints)} joints as {of.name}"
 
 

@@ -36,6 +36,7 @@ model::Model fingers_with_muscles(std::optional<double> strain) {
     muscle.slack_length = 0.2;
     muscle.length = 0.265;
     muscle.tendon_strain = strain;
+    if (i > 0) muscle.short_range = 23.4;
     model.muscles.push_back(muscle);
   }
   return model;
@@ -52,7 +53,7 @@ std::vector<std::uint64_t> all_bits(const model::State& state) {
   std::vector<std::uint64_t> out = test::bits(state);
   for (const std::vector<double>* numbers :
        {&state.q, &state.u, &state.tau, &state.tau_servo, &state.activation, &state.fibre_length,
-        &state.fibre_speed, &state.tendon_force})
+        &state.fibre_speed, &state.bridge_stretch, &state.tendon_force})
     for (const double x : *numbers) out.push_back(std::bit_cast<std::uint64_t>(x));
   return out;
 }

@@ -179,13 +179,17 @@ TEST(ElasticTendon, MovesAJointTheSameInEveryEngine) {
 }
 
 // Oracle: bits of all kernels; and fibres that carry nothing shorten by ten optimal lengths a second at most.
-TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
+class ElasticBits : public testing::TestWithParam<bool> {};
+TEST_P(ElasticBits, AreTheSameAtEveryWidth) {
+  const bool bridged = GetParam();
   std::mt19937 random(3);
   std::uniform_real_distribution<double> number(0, 1);
   const model::Model model =
       handsim::test::shipped_scene(
-          "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
-                           "effects=[muscles]", "hands.0.tendon_strain=0.049"})
+          "resting_hand",
+          {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
+           "effects=[muscles]", bridged ? "hands.0.short_range_stiffness=23.4" : "title=rigid",
+           "hands.0.tendon_strain=0.049"})
           .model;
   const Settings all = test::settings({Effect::muscles}, 1e-3, ArticulatedMethod::semi_implicit_euler);
   for (int sample = 0; sample < 20; ++sample) {
@@ -212,6 +216,7 @@ TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
       if (!first) first = state;
       EXPECT_EQ(state.fibre_length, first->fibre_length) << kernel->name;
       EXPECT_EQ(state.tendon_force, first->tendon_force) << kernel->name;
+      EXPECT_EQ(state.bridge_stretch, first->bridge_stretch) << kernel->name;
     }
     for (std::size_t m = 0; m < model.muscles.size(); ++m) {
       const Muscle& muscle = model.muscles[m];
@@ -223,12 +228,15 @@ TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
   }
 }
 
-scene::Scene muscled(const std::string& engine) {
+INSTANTIATE_TEST_SUITE_P(Bridges, ElasticBits, testing::Bool());
+
+scene::Scene muscled(const std::string& engine, bool elastic = true, bool bridged = false) {
   return handsim::test::shipped_scene(
       "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
                        "effects=[gravity, joint_stops, passive_tissue, muscles, tendon_coupling]",
-                       "hands.0.tendon_strain=0.049", "solver=" + engine,
-                       "excitations={times: [0, 0.05], FDP2: [0, 0.8], EDC2: [0.3, 0]}"});
+                       elastic ? "hands.0.tendon_strain=0.049" : "title=rigid",
+                       bridged ? "hands.0.short_range_stiffness=23.4" : "title=no bridges",
+                       "solver=" + engine, "excitations={times: [0, 0.05], FDP2: [0, 0.8], EDC2: [0.3, 0]}"});
 }
 
 class ElasticState : public testing::TestWithParam<const char*> {};
@@ -253,6 +261,22 @@ TEST_P(ElasticState, GoesOnWithTheSameBits) {
                        model::fibre_at(model.muscles[m], excursion).length - whole.state().fibre_length[m]);
   }
   EXPECT_GT(stretch, 1e-3);
+}
+
+// Oracle: bits, as above, of rigid and of elastic tendons with cross-bridges, which do stretch.
+TEST_P(ElasticState, GoesOnWithCrossBridgesWithTheSameBits) {
+  for (const bool elastic : {false, true}) {
+    const scene::Scene scene = muscled(GetParam(), elastic, true);
+    simulation::Simulation whole(scene), first(scene), second(scene);
+    for (int i = 0; i < 60; ++i) whole.step();
+    for (int i = 0; i < 33; ++i) first.step();
+    second.restore(first.snapshot());
+    for (int i = 33; i < 60; ++i) second.step();
+    EXPECT_EQ(second.state().bridge_stretch, whole.state().bridge_stretch);
+    EXPECT_EQ(second.state().q, whole.state().q);
+    EXPECT_EQ(second.state_hash(), whole.state_hash());
+    EXPECT_GT(std::abs(std::ranges::max(whole.state().bridge_stretch)), 1e-4);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(Engines, ElasticState,

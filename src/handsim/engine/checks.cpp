@@ -200,8 +200,8 @@ void require_state(const model::Model& model, const model::State& state) {
         !std::ranges::all_of(*torques, [](double tau) { return std::isfinite(tau); }))
       throw input_error("state.tau", fmt::format("{} torques, or one that is not finite", torques->size()),
                         fmt::format("{} finite ones", dofs));
-  for (const std::vector<double>* values :
-       {&state.activation, &state.fibre_length, &state.fibre_speed, &state.tendon_force})
+  for (const std::vector<double>* values : {&state.activation, &state.fibre_length, &state.fibre_speed,
+                                            &state.bridge_stretch, &state.tendon_force})
     if (values->size() != model.muscles.size() ||
         !std::ranges::all_of(*values, [](double value) { return std::isfinite(value); }))
       throw input_error("state.activation",

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "handsim/model/elastic_lanes.h"
 #include "handsim/model/muscle_curves.h"
 
 namespace handsim::engine {
@@ -21,7 +22,7 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Tend
       kernel_(kernel ? kernel : tendon_kernels().back()),
       torques_(as_index(model.dof_count())) {
   for (Start* each : {&start_, &before_})
-    for (std::vector<double>* lanes : {&each->activations, &each->fibres})
+    for (std::vector<double>* lanes : {&each->activations, &each->fibres, &each->bridges})
       lanes->resize(as_index(layout_.arrays().blocks) * kTendonLanes);
   collect_parts();
 }
@@ -59,6 +60,7 @@ void Muscles::reset(const model::State& state) {
     TendonBlock& block = all.block[place.block];
     block.activation[place.lane] = state.activation[i];
     if (block.elastic != kRigid) all.elastic[block.elastic].fibre[place.lane] = state.fibre_length[i];
+    if (block.bridges != kRigid) all.bridges[block.bridges].stretch[place.lane] = state.bridge_stretch[i];
   }
 }
 
@@ -66,6 +68,12 @@ void Muscles::reset(const model::State& state) {
 double* Muscles::fibres(int block) const {
   const int row = layout_.arrays().block[block].elastic;
   return row == kRigid ? nullptr : layout_.arrays().elastic[row].fibre;
+}
+
+/// Stretches at the start of the last step; null: none.
+double* Muscles::bridges(int block) const {
+  const int row = layout_.arrays().block[block].bridges;
+  return row == kRigid ? nullptr : layout_.arrays().bridges[row].stretch;
 }
 
 void Muscles::pull(const Start& start) {
@@ -86,9 +94,12 @@ void Muscles::begin_step(std::span<const double> q, std::span<const double> u,
   for (int i = 0; i < all.blocks; ++i)
     std::copy_n(all.block[i].activation, kTendonLanes, &start_.activations[as_index(i) * kTendonLanes]);
   pull(start_);
-  for (int i = 0; i < all.blocks; ++i)
+  for (int i = 0; i < all.blocks; ++i) {
     if (const double* lanes = fibres(i))
       std::copy_n(lanes, kTendonLanes, &start_.fibres[as_index(i) * kTendonLanes]);
+    if (const double* lanes = bridges(i))
+      std::copy_n(lanes, kTendonLanes, &start_.bridges[as_index(i) * kTendonLanes]);
+  }
   std::ranges::fill(torques_, 0.0);
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
@@ -102,6 +113,8 @@ void Muscles::restore_step() {
                 layout_.arrays().block[i].activation);
     if (double* lanes = fibres(i))
       std::copy_n(&start_.fibres[as_index(i) * kTendonLanes], kTendonLanes, lanes);
+    if (double* lanes = bridges(i))
+      std::copy_n(&start_.bridges[as_index(i) * kTendonLanes], kTendonLanes, lanes);
   }
   goes_on_ = false;
   // The step before leaves its tensions and rates again, which `store_state` and the next step ask for.
@@ -118,8 +131,8 @@ void Muscles::by_coordinate(std::span<const double> u, std::span<const double> g
     torques[i] += damping[i] * u[i] + (given.empty() ? 0 : given[i]);
 }
 
-/// What a tendon's length changes faster at the rates of a step's end than at those of its start [m/s].
-double Muscles::rate_change(const TendonLayout::Place& place, std::span<const double> u) const {
+/// Rate of a tendon's length with the arms of the start [m/s].
+double Muscles::rate_at(const TendonLayout::Place& place, std::span<const double> u) const {
   const TendonArrays& all = layout_.arrays();
   const TendonBlock& block = all.block[place.block];
   double rate = 0;
@@ -127,38 +140,50 @@ double Muscles::rate_change(const TendonLayout::Place& place, std::span<const do
     const ArmRow& arm = all.arm[block.first_arm + i];
     rate -= arm.arm[place.lane] * u[as_index(all.coordinate[arm.coordinate].dof[place.lane])];
   }
-  return rate - block.rate[place.lane];
+  return rate;
 }
 
-/// Length and speed of the fibres at the end of the step.
-void Muscles::place_fibres(std::size_t muscle, std::span<const double> q, double faster,
+/// Length and speed of the fibres, and stretch of their cross-bridges, at the end of the step, with the bits
+/// that the kernel finds before the next one. @param rate of muscle and tendon
+void Muscles::place_fibres(std::size_t muscle, std::span<const double> q, double rate,
                            model::State& state) const {
   const model::Muscle& of = muscles_[muscle];
   const TendonLayout::Place& place = layout_.muscles()[muscle];
-  const TendonBlock& block = layout_.arrays().block[place.block];
+  const auto lane = place.lane;
+  const TendonArrays& all = layout_.arrays();
+  const TendonBlock& block = all.block[place.block];
+  const BridgeRow* bridges = block.bridges == kRigid ? nullptr : all.bridges + block.bridges;
   double &length = state.fibre_length[muscle], &speed = state.fibre_speed[muscle];
-  if (!of.tendon_strain) {
+  double faster = 0;  // of the normalised fibres
+  if (of.tendon_strain) {
+    const ElasticRow& row = all.elastic[block.elastic];
+    const double more = rate - block.rate[lane];
+    const double reach = std::max(block.least[lane], row.reach[lane] + row.share[lane] * more);
+    length = std::sqrt(block.height[lane] + reach * reach);
+    speed = (length - row.fibre[lane]) / step_;
+    if (bridges)
+      faster = (reach - model::fibre_reach(model::hill_constants(of), row.fibre[lane])) * (1.0 / step_) *
+               (reach / length) * block.per_length[lane];
+  } else {
     const model::Fibre fibre = model::fibre_at(of, path_state(of.path, q).excursion);
     length = fibre.length;
-    speed = fibre.cosine * (block.rate[place.lane] + faster);
-    return;
+    speed = fibre.cosine * (block.rate[lane] + (rate - block.rate[lane]));
+    if (bridges) faster = rate * bridges->per[lane];
   }
-  // As the kernel does before the next step, with the same bits.
-  const ElasticRow& row = layout_.arrays().elastic[block.elastic];
-  const double reach =
-      std::max(block.least[place.lane], row.reach[place.lane] + row.share[place.lane] * faster);
-  length = std::sqrt(block.height[place.lane] + reach * reach);
-  speed = (length - row.fibre[place.lane]) / step_;
+  if (!bridges) return;
+  const double top = model::top_speed(model::hill_constants(of), block.activation[lane]);
+  const model::HillBridges<double> start = {bridges->softness[lane], bridges->stretch[lane], 1.0 / step_};
+  state.bridge_stretch[muscle] = model::bridge_stretch(faster, top, start, step_);
 }
 
 void Muscles::store_state(std::span<const double> q, std::span<const double> u, model::State& state) const {
   for (std::size_t i = 0; i < muscles_.size(); ++i) {
     const TendonLayout::Place& place = layout_.muscles()[i];
     const TendonBlock& block = layout_.arrays().block[place.block];
-    const double faster = rate_change(place, u);
+    const double rate = rate_at(place, u), faster = rate - block.rate[place.lane];
     state.activation[i] = block.activation[place.lane];
     state.tendon_force[i] = std::max(0.0, block.force[place.lane] + block.slope[place.lane] * faster);
-    place_fibres(i, q, faster, state);
+    place_fibres(i, q, rate, state);
   }
 }
 

@@ -55,16 +55,18 @@ class Muscles {
     const double* from = nullptr;
     std::size_t to = 0;
   };
-  /// The start of a step: arguments of `begin_step`, and by lane activations and lengths of elastic fibres.
+  /// The start of a step: arguments of `begin_step`, and by lane activations, lengths of elastic fibres and
+  /// stretches of cross-bridges.
   struct Start {
-    std::vector<double> q, u, excitations, activations, fibres;
+    std::vector<double> q, u, excitations, activations, fibres, bridges;
   };
   double* fibres(int block) const;
+  double* bridges(int block) const;
   void pull(const Start& start);
   std::size_t slot(int a, int b);
   void collect_parts();
-  double rate_change(const TendonLayout::Place& place, std::span<const double> u) const;
-  void place_fibres(std::size_t muscle, std::span<const double> q, double faster, model::State& state) const;
+  double rate_at(const TendonLayout::Place& place, std::span<const double> u) const;
+  void place_fibres(std::size_t muscle, std::span<const double> q, double rate, model::State& state) const;
 
   double step_;
   bool goes_on_ = false;  ///< `pull` was called since `reset` or `restore_step`

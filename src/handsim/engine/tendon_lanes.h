@@ -49,6 +49,15 @@ struct alignas(32) ElasticRow {
   TendonLane reach, share;
 };
 
+/// Cross-bridges of a block of muscles (model/hill_lanes.h).
+struct alignas(32) BridgeRow {
+  TendonLane softness;
+  // From step to step.
+  TendonLane stretch;  ///< at the start [optimal lengths]
+  // Set in each step: rate of the normalised fibres over that of muscle and tendon [1/m], where it is rigid.
+  TendonLane per;
+};
+
 struct alignas(32) TendonBlock {
   // Constants: muscles.
   TendonLane strength, length, per_length, height, reach, least, max_speed, drag;  ///< model::HillConstants
@@ -63,6 +72,7 @@ struct alignas(32) TendonBlock {
   int tendon[kTendonLanes];  ///< of the model: muscle or band; kNoTendon
   bool muscles;
   int elastic;  ///< in TendonArrays::elastic, or kRigid
+  int bridges;  ///< in TendonArrays::bridges, or kRigid
   int arms, first_arm;
   int products, first_product;
   /// First of its pairs of arms (1, 0), (2, 0), (2, 1), ... in TendonArrays::pair: a PairRow, or kBounded.
@@ -79,6 +89,7 @@ struct TendonArrays {
   const int* pair = nullptr;  ///< of each pair of arms of a block
   PairRow* sum = nullptr;
   ElasticRow* elastic = nullptr;
+  BridgeRow* bridges = nullptr;
 };
 
 /// Coordinates, rates and excitations at the start of a step.

@@ -87,13 +87,14 @@ TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<con
                            const Solves& solves)
     : muscles_(muscles.size()), bands_(bands.size()) {
   std::vector<Tendon> tendons;
-  for (const bool elastic : {false, true}) {
-    for (std::size_t i = 0; i < muscles.size(); ++i)
-      if (muscles[i].tendon_strain.has_value() == elastic)
-        tendons.push_back({&muscles[i].path, &muscles[i], nullptr, static_cast<int>(i), 0});
-    add_tendons(std::move(tendons), solves);
-    tendons.clear();
-  }
+  for (const bool bridged : {false, true})
+    for (const bool elastic : {false, true}) {
+      for (std::size_t i = 0; i < muscles.size(); ++i)
+        if (muscles[i].tendon_strain.has_value() == elastic && muscles[i].short_range.has_value() == bridged)
+          tendons.push_back({&muscles[i].path, &muscles[i], nullptr, static_cast<int>(i), 0});
+      add_tendons(std::move(tendons), solves);
+      tendons.clear();
+    }
   for (std::size_t i = 0; i < bands.size(); ++i)
     tendons.push_back({&bands[i].path, nullptr, &bands[i], static_cast<int>(i), 0});
   add_tendons(std::move(tendons), solves);
@@ -106,7 +107,8 @@ TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<con
              products_.data(),
              pairs_.data(),
              sums_.data(),
-             elastic_.data()};
+             elastic_.data(),
+             bridges_.data()};
 }
 
 void TendonLayout::add_tendons(std::vector<Tendon> tendons, const Solves& solves) {
@@ -168,7 +170,7 @@ void TendonLayout::add_family(const Family& family, std::vector<std::vector<Tend
 void TendonLayout::add_block(const Family& family, const std::array<Tendon, kTendonLanes>& row,
                              const Solves& solves) {
   TendonBlock& block = blocks_.emplace_back(empty_block());
-  block.elastic = kRigid;
+  block.elastic = block.bridges = kRigid;
   for (std::size_t k = 0; k < row.size(); ++k) {
     const Tendon& tendon = row[k];
     if (!tendon.path) continue;
@@ -185,6 +187,13 @@ void TendonLayout::add_block(const Family& family, const std::array<Tendon, kTen
           for (TendonLane* each : {&empty.per_stretch, &empty.fibre, &empty.reach}) fill(*each, 1);
         }
         elastic_.back().per_stretch[k] = model::per_stretch(*tendon.muscle);
+      }
+      if (tendon.muscle->short_range) {
+        if (block.bridges == kRigid) {
+          block.bridges = static_cast<int>(bridges_.size());
+          fill(bridges_.emplace_back().softness, 1);
+        }
+        bridges_.back().softness[k] = 1 / *tendon.muscle->short_range;
       }
       muscles_[as_index(tendon.index)] = place;
     } else {

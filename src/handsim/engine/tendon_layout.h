@@ -57,6 +57,7 @@ class TendonLayout {
   std::vector<PairRow> sums_;
   std::vector<std::pair<int, int>> sums_of_;
   std::vector<ElasticRow> elastic_;
+  std::vector<BridgeRow> bridges_;
   std::vector<Place> muscles_, bands_;
   TendonArrays arrays_;
 };

@@ -85,15 +85,28 @@ struct TendonOperations {
     store(b.activation + l, activation);
     return activation;
   }
-  [[gnu::always_inline]] static inline Pull pull_muscles(TendonBlock& b, const V& excursion, const V& rate,
+  [[gnu::always_inline]] static inline model::HillBridges<V> bridges_of(const BridgeRow* row, const V& step,
+                                                                        int l) {
+    if (!row) return {};
+    return {load(row->softness + l), load(row->stretch + l), V(1.0 / step)};
+  }
+  /// @param bridges null unless `kBridged`
+  template <bool kBridged>
+  [[gnu::always_inline]] static inline Pull pull_muscles(TendonBlock& b, BridgeRow* bridges,
+                                                         const V& excursion, const V& rate,
                                                          const double* excitations, const V& step, int l) {
     const V activation = activate(b, excitations, step, l), zero = 0.0;
-    const model::HillTension<V> found = model::hill_tension(hill_of(b, l), excursion, rate, activation);
+    const model::HillConstants<V> hill = hill_of(b, l);
+    const model::HillTension<V> found =
+        model::hill_tension<kBridged>(hill, excursion, rate, activation, bridges_of(bridges, step, l));
+    if constexpr (kBridged)
+      store(bridges->per + l, model::hill_fibre(hill, excursion).cosine * hill.per_length);
     return {model::greater(V(found.force + step * found.stiffness * rate), zero),
             V(step * model::greater(found.stiffness, zero) + found.damping)};
   }
-  static Pull pull_elastic(TendonBlock& b, ElasticRow& row, const V& excursion, const V& rate,
-                           const double* excitations, const V& step, int l) {
+  template <bool kBridged>
+  static Pull pull_elastic(TendonBlock& b, ElasticRow& row, const BridgeRow* bridges, const V& excursion,
+                           const V& rate, const double* excitations, const V& step, int l) {
     const V activation = activate(b, excitations, step, l);
     const model::HillConstants<V> hill = hill_of(b, l);
     const model::ElasticStep<V> of = {load(row.per_stretch + l),
@@ -101,18 +114,35 @@ struct TendonOperations {
                                       model::fibre_reach(hill, load(row.fibre + l)),
                                       step,
                                       V(1.0 / step),
-                                      activation};
-    const model::ElasticPull<V> found = model::elastic_pull(hill, of);
+                                      activation,
+                                      bridges_of(bridges, step, l)};
+    const model::ElasticPull<V> found = model::elastic_pull<kBridged>(hill, of);
     store(row.reach + l, found.reach);
     store(row.share + l, step * found.share);
     return {found.force, V(step * found.stiffness)};
   }
-  /// The rates of a step's end tell where its fibres are.
-  static void end_fibres(const TendonArrays& all, TendonBlock& b, int l) {
-    ElasticRow& row = all.elastic[b.elastic];
-    const V faster = rate_of(all, b, l) - load(b.rate + l);
-    const V reach = model::greater(V(load(row.reach + l) + load(row.share + l) * faster), load(b.least + l));
-    store(row.fibre + l, model::square_root(V(load(b.height + l) + reach * reach)));
+  /// The rates of a step's end tell where its fibres, and their cross-bridges, are.
+  template <bool kElastic, bool kBridged>
+  static void end_fibres(const TendonArrays& all, TendonBlock& b, const V& step, int l) {
+    const V speed = rate_of(all, b, l);
+    V rate = speed;
+    if constexpr (kElastic) {
+      ElasticRow& row = all.elastic[b.elastic];
+      const V faster = speed - load(b.rate + l);
+      const V reach =
+          model::greater(V(load(row.reach + l) + load(row.share + l) * faster), load(b.least + l));
+      const V length = model::square_root(V(load(b.height + l) + reach * reach));
+      if constexpr (kBridged)
+        rate = (reach - model::fibre_reach(hill_of(b, l), load(row.fibre + l))) * (1.0 / step) *
+               (reach / length) * load(b.per_length + l);
+      store(row.fibre + l, length);
+    }
+    if constexpr (kBridged) {
+      BridgeRow& row = all.bridges[b.bridges];
+      if constexpr (!kElastic) rate = rate * load(row.per + l);
+      const V top = model::top_speed(hill_of(b, l), load(b.activation + l));
+      store(row.stretch + l, model::bridge_stretch(rate, top, bridges_of(&row, step, l), step));
+    }
   }
   [[gnu::always_inline]] static inline Pull pull_bands(const TendonBlock& b, const V& excursion,
                                                        const V& rate, const V& step, int l) {
@@ -134,21 +164,23 @@ struct TendonOperations {
     return rate;
   }
 
-  /// Apart for elastic tendons, whose call would take the registers of the others.
-  template <bool kElastic>
+  /// Apart for elastic tendons and cross-bridges, whose calls would take the registers of the others.
+  template <bool kElastic, bool kBridged>
   [[gnu::noinline]] static void pull_block(const TendonArrays& all, TendonBlock& b, const double* excitations,
                                            double h, bool goes_on, int l) {
     const V step = h, zero = 0.0;
-    if constexpr (kElastic)
-      if (goes_on) end_fibres(all, b, l);
+    if constexpr (kElastic || kBridged)
+      if (goes_on) end_fibres<kElastic, kBridged>(all, b, step, l);
     const V excursion = find_arms(all, b, l);
     const ArmRow* arms = all.arm + b.first_arm;
     const V rate = rate_of(all, b, l);
     Pull pull;
+    BridgeRow* bridges = kBridged ? all.bridges + b.bridges : nullptr;
     if constexpr (kElastic)
-      pull = pull_elastic(b, all.elastic[b.elastic], excursion, rate, excitations, step, l);
+      pull =
+          pull_elastic<kBridged>(b, all.elastic[b.elastic], bridges, excursion, rate, excitations, step, l);
     else
-      pull = b.muscles ? pull_muscles(b, excursion, rate, excitations, step, l)
+      pull = b.muscles ? pull_muscles<kBridged>(b, bridges, excursion, rate, excitations, step, l)
                        : pull_bands(b, excursion, rate, step, l);
     store(b.excursion + l, excursion);
     store(b.rate + l, rate);
@@ -176,6 +208,13 @@ struct TendonOperations {
     }
   }
 
+  static void pull_bridged(const TendonArrays& all, TendonBlock& b, const TendonInput& in, int l) {
+    if (b.elastic == kRigid)
+      pull_block<false, true>(all, b, in.excitations, in.step, in.goes_on, l);
+    else
+      pull_block<true, true>(all, b, in.excitations, in.step, in.goes_on, l);
+  }
+
   static void pull(const TendonArrays& all, const TendonInput& in) {
     const V zero = 0.0;
     for (CoordinateRow* c = all.coordinate; c != all.coordinate + all.coordinates; ++c)
@@ -189,10 +228,12 @@ struct TendonOperations {
       for (int l = 0; l < kTendonLanes; l += W) store(s->sum + l, zero);
     for (TendonBlock* b = all.block; b != all.block + all.blocks; ++b)
       for (int l = 0; l < kTendonLanes; l += W)
-        if (b->elastic == kRigid)
-          pull_block<false>(all, *b, in.excitations, in.step, in.goes_on, l);
+        if (b->bridges != kRigid)
+          pull_bridged(all, *b, in, l);
+        else if (b->elastic == kRigid)
+          pull_block<false, false>(all, *b, in.excitations, in.step, in.goes_on, l);
         else
-          pull_block<true>(all, *b, in.excitations, in.step, in.goes_on, l);
+          pull_block<true, false>(all, *b, in.excitations, in.step, in.goes_on, l);
   }
 
   static constexpr TendonKernel kernel(const char* name) { return {name, pull}; }

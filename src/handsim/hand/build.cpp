@@ -210,6 +210,7 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
     muscle.name = index.name + "." + muscle.name;
     muscle.length -= place(muscle.path, hand.axes, dofs);
     if (muscle.slack_length > 0) muscle.tendon_strain = placement.tendon_strain;
+    muscle.short_range = placement.short_range;
     index.muscles.push_back(static_cast<int>(model.muscles.size()));
     model.muscles.push_back(std::move(muscle));
   }

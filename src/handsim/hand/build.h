@@ -35,6 +35,7 @@ struct Placement {
   double tissue_damping = 1;                         ///< factor on its passive damping
   /// Strain of all tendons at their muscles' largest isometric force; absent: tendons are rigid.
   std::optional<double> tendon_strain;
+  std::optional<double> short_range;  ///< model::Muscle::short_range of all muscles
 };
 
 /// Name of a rail's joint: a slider whose coordinate [m] is the distance from Placement::pose along the rail.

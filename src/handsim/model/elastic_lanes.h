@@ -41,6 +41,7 @@ struct ElasticStep {
   V step = 0.0;         ///< [s]
   V per_step = 0.0;     ///< 1 / step, or 0 at rest [1/s]
   V activation = 0.0;   ///< at the end
+  HillBridges<V> bridges = {};
 };
 
 /// Pull of fibres along the tendon at the end of a step.
@@ -51,7 +52,7 @@ struct ElasticFibres {
   V bound = 0.0;  ///< the same by the chord of the speed to rest, without a negative slope of the length
 };
 
-template <class V>
+template <bool kBridged = false, class V>
 [[gnu::always_inline]] inline ElasticFibres<V> elastic_fibres(const HillConstants<V>& m,
                                                               const ElasticStep<V>& of, const V& reach) {
   const V length = square_root(V(m.height + reach * reach)), cosine = reach / length, zero = 0.0;
@@ -59,12 +60,17 @@ template <class V>
   const V per = cosine * m.per_length, rate = (reach - of.start) * of.per_step, x = rate * per;
   const V l = length / m.length, steeper = of.per_step * per + rate * bend * m.per_length;
   const HillCurve<V> passive = hill_passive(l), active = hill_active(l);
-  const V top = (0.25 + 0.75 * of.activation) * m.max_speed;
-  const HillCurve<V> speed = hill_speed(x, top);
+  const V top = top_speed(m, of.activation), own = kBridged ? contractile_rate(x, top, of.bridges) : x;
+  HillCurve<V> speed = hill_speed(own, top);
   // On both hyperbolas the tangent is the square of the chord to rest over the slope at rest.
-  const V flat =
-      select(x < zero, V(1 / (1 + 1 / hill::kSpeedShape)), V(1 / (hill::kSteep * (hill::kLengthening - 1))));
-  const V tangent = select(x + top <= zero, zero, V(speed.slope * speed.slope * top * flat));
+  const V flat = select(own < zero, V(1 / (1 + 1 / hill::kSpeedShape)),
+                        V(1 / (hill::kSteep * (hill::kLengthening - 1))));
+  V tangent = select(own + top <= zero, zero, V(speed.slope * speed.slope * top * flat));
+  if constexpr (kBridged) {
+    const V soft = of.bridges.softness * of.bridges.per_step;
+    tangent = tangent / (1.0 + soft * tangent);
+    speed.slope = speed.slope / (1.0 + soft * speed.slope);
+  }
   const V drag = 1.0 + m.drag * x, pull = of.activation * active.value, damping = passive.value * m.drag;
   const V force = pull * speed.value + passive.value * drag;
   const V by_length = (of.activation * active.slope * speed.value + passive.slope * drag) * per;
@@ -76,13 +82,13 @@ template <class V>
 }
 
 /// @returns whether fibres pull at a reach, as elastic_fibres() finds, without its curves
-template <class V>
+template <bool kBridged = false, class V>
 [[gnu::always_inline]] inline auto fibres_pull(const HillConstants<V>& m, const ElasticStep<V>& of,
                                                const V& reach) {
   const V length = square_root(V(m.height + reach * reach)), zero = 0.0;
   const V l = length / m.length, x = (reach - of.start) * of.per_step * (reach / length) * m.per_length;
-  const V top = (0.25 + 0.75 * of.activation) * m.max_speed;
-  const auto active = of.activation > zero && l >= hill::kShortest && l <= hill::kLongest && x + top > zero;
+  const V top = top_speed(m, of.activation), own = kBridged ? contractile_rate(x, top, of.bridges) : x;
+  const auto active = of.activation > zero && l >= hill::kShortest && l <= hill::kLongest && own + top > zero;
   return active || (l > 1.0 && 1.0 + m.drag * x > zero);
 }
 
@@ -94,7 +100,7 @@ template <class V>
   const V cosine = of.start / length, l = length / m.length, per = cosine * m.per_length * of.per_step;
   const HillCurve<V> passive = hill_passive(l), active = hill_active(l);
   const HillCurve<V> tendon = tendon_curve(V((of.taut - of.start) * of.per_stretch));
-  const V top = (0.25 + 0.75 * of.activation) * m.max_speed, pull = of.activation * active.value;
+  const V top = top_speed(m, of.activation), pull = of.activation * active.value;
   // pull (top + p x) / (top + q x) + drag x = load
   const V load = tendon.value / cosine - passive.value;
   const V drag = passive.value * m.drag + (tendon.slope * of.per_stretch / cosine) / per +
@@ -118,16 +124,16 @@ struct ElasticPull {
 
 /// Newton's method within a bracket: fibres pull more than the tendon at its slack length and less where they
 /// have no reach. The same result for a lane whatever the others are.
-template <class V>
+template <bool kBridged = false, class V>
 [[gnu::always_inline]] inline ElasticPull<V> elastic_pull(const HillConstants<V>& m,
                                                           const ElasticStep<V>& of) {
   constexpr int kNewton = 20, kMost = 60;
   // Newton's method ends with a step below `near`: the error left is of the order of its square.
   const V zero = 0.0, near = 1e-8 * m.length;
   V low = m.least, high = greater(of.taut, m.least);
-  const auto slack = !fibres_pull(m, of, high) || of.taut <= m.least;
+  const auto slack = !fibres_pull<kBridged>(m, of, high) || of.taut <= m.least;
   const V cosine = of.start / square_root(V(m.height + of.start * of.start));
-  const V fastest = of.step * (0.25 + 0.75 * of.activation) * m.max_speed * m.length / cosine;
+  const V fastest = of.step * top_speed(m, of.activation) * m.length / cosine;
   const V loose = greater(high, V(of.start - fastest));
   const auto follows = slack && loose <= high;
   ElasticPull<V> out;
@@ -138,7 +144,7 @@ template <class V>
   const V guess = elastic_guess(m, of);
   V reach = select(guess > low && guess < high, guess, smaller(greater(of.start, low), high));
   for (int i = 0; i < kMost && any(!done); ++i) {
-    const ElasticFibres<V> fibres = elastic_fibres(m, of, reach);
+    const ElasticFibres<V> fibres = elastic_fibres<kBridged>(m, of, reach);
     const HillCurve<V> tendon = tendon_curve(V((of.taut - reach) * of.per_stretch));
     const V hard = m.force * of.per_stretch * tendon.slope, off = fibres.force - m.force * tendon.value;
     const auto strong = off > zero;

@@ -84,15 +84,70 @@ template <class V>
   return {above * inverse, steep * inverse};
 }
 
+/// Cross-bridges in series with the part of the fibres that contracts, which hill_speed() describes. Their
+/// stiffness is in proportion to the active force, K = gamma F / optimal length (Cui 2008, J Biomech
+/// 41:1945), so that at constant activation and length the factor of the speed is 1 + gamma s, s their
+/// stretch:
+///   hill_speed(x - ds/dt) = 1 + gamma s
+/// Small and fast changes of length meet a spring, slow ones the curve of the speed, as without
+/// cross-bridges.
+template <class V>
+struct HillBridges {
+  V softness = 0.0;  ///< 1 / gamma; 0: rigid
+  V stretch = 0.0;   ///< at the start of the step [optimal lengths]
+  V per_step = 0.0;  ///< 1 / step [1/s]
+};
+
+/// Rate at which the contractile part lengthens at the end of a step [optimal lengths/s], by backward Euler:
+/// a quadratic equation on either hyperbola. @param rate of the normalised fibres, @param top as in
+/// hill_speed()
+template <class V>
+[[gnu::always_inline]] inline V contractile_rate(const V& rate, const V& top, const HillBridges<V>& bridges) {
+  // y + soft hill_speed(y) = all; with z, y without its sign: a z^2 + p z = c.
+  const V soft = bridges.softness * bridges.per_step, zero = 0.0;
+  const V all = rate + bridges.stretch * bridges.per_step + soft, off = all - soft;
+  constexpr double kShorten = 1 / hill::kSpeedShape, kGrow = hill::kSteep * hill::kLengthening;
+  const auto shortens = off < zero;
+  const V a = select(shortens, V(kShorten), V(hill::kSteep));
+  const V p = top + select(shortens, V(soft + kShorten * all), V(kGrow * soft - hill::kSteep * all));
+  const V c = top * select(shortens, V(zero - off), off);
+  const V root = square_root(V(p * p + 4.0 * a * c));
+  const V z = select(p > zero, V(2.0 * c / (greater(p, zero) + root)), V((root - p) / (2.0 * a)));
+  return select(all + top <= zero, all, select(shortens, V(zero - z), z));
+}
+
+/// hill_speed() with cross-bridges: its slope, divided by `top` too, is still above the tangent's.
+template <class V>
+[[gnu::always_inline]] inline HillCurve<V> bridged_speed(const V& rate, const V& top,
+                                                         const HillBridges<V>& bridges) {
+  const HillCurve<V> speed = hill_speed(contractile_rate(rate, top, bridges), top);
+  return {speed.value, V(speed.slope / (1.0 + bridges.softness * bridges.per_step * speed.slope))};
+}
+
+/// Stretch of the cross-bridges at the end of a step [optimal lengths]. @param rate of its end
+template <class V>
+[[gnu::always_inline]] inline V bridge_stretch(const V& rate, const V& top, const HillBridges<V>& bridges,
+                                               const V& step) {
+  const V stretch = bridges.stretch + step * (rate - contractile_rate(rate, top, bridges));
+  return smaller(greater(stretch, V(0.0 - bridges.softness)), V((hill::kLengthening - 1) * bridges.softness));
+}
+
+/// Largest speed of fibres at an activation [optimal lengths/s].
+template <class V>
+[[gnu::always_inline]] inline V top_speed(const HillConstants<V>& m, const V& activation) {
+  return (0.25 + 0.75 * activation) * m.max_speed;
+}
+
 template <class V>
 struct HillTension {
   V force = 0.0, stiffness = 0.0, damping = 0.0;
 };
 
-/// model::tension.
-template <class V>
+/// model::tension; with cross-bridges where `kBridged`.
+template <bool kBridged = false, class V>
 [[gnu::always_inline]] inline HillTension<V> hill_tension(const HillConstants<V>& m, const V& excursion,
-                                                          const V& rate, const V& activation) {
+                                                          const V& rate, const V& activation,
+                                                          const HillBridges<V>& bridges = {}) {
   const HillFibre<V> fibre = hill_fibre(m, excursion);
   const V per = fibre.cosine * m.per_length, x = rate * per, zero = 0.0;
   // Divided: fibres at rest are exactly 1 long, where the passive part has a kink.
@@ -102,7 +157,8 @@ template <class V>
   HillCurve<V> active, speed;
   if (any(activation > zero)) {
     active = hill_active(l);
-    speed = hill_speed(x, V((0.25 + 0.75 * activation) * m.max_speed));
+    const V top = top_speed(m, activation);
+    speed = kBridged ? bridged_speed(x, top, bridges) : hill_speed(x, top);
   }
   const V pull = activation * active.value;
   const V drag = passive.value * m.drag;

@@ -49,6 +49,7 @@ State zero_state(const Model& model) {
   state.tau_servo.resize(state.tau.size());
   state.activation.resize(model.muscles.size());
   state.fibre_length.resize(model.muscles.size());
+  state.bridge_stretch.resize(model.muscles.size());
   state.fibre_speed.resize(model.muscles.size());
   state.tendon_force.resize(model.muscles.size());
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
@@ -169,6 +170,7 @@ void rest_muscles(const Model& model, State& state) {
     const auto rest = at_rest(muscle, path_state(muscle.path, state.q).excursion, state.activation[i]);
     state.fibre_length[i] = rest.fibre_length;
     state.fibre_speed[i] = 0;
+    state.bridge_stretch[i] = 0;
     state.tendon_force[i] = rest.force;
   }
 }

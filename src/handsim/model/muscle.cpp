@@ -84,4 +84,8 @@ bool any_elastic(std::span<const Muscle> muscles) {
   return std::ranges::any_of(muscles, [](const Muscle& each) { return each.tendon_strain.has_value(); });
 }
 
+bool any_short_range(std::span<const Muscle> muscles) {
+  return std::ranges::any_of(muscles, [](const Muscle& each) { return each.short_range.has_value(); });
+}
+
 }  // namespace handsim::model

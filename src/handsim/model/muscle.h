@@ -53,6 +53,9 @@ double hold(TendonPath& path, int dof, double angle);
 /// Strains of an elastic tendon at the largest isometric force.
 inline constexpr double kLeastTendonStrain = 1e-4, kMostTendonStrain = 0.5;
 
+/// Stiffness of cross-bridges over active force per optimal fibre length.
+inline constexpr double kLeastShortRange = 0.1, kMostShortRange = 1e4;
+
 /// What a voluntary effort cannot leave out: a muscle is at least as active as this share of another one.
 struct Spill {
   int from = 0;  ///< the other muscle, in Model::muscles
@@ -80,10 +83,15 @@ struct Muscle {
   std::vector<Spill> spills;
   /// Strain of the tendon at the largest isometric force; absent: the tendon is rigid.
   std::optional<double> tendon_strain;
+  /// Short-range stiffness of the fibres, over their active force per optimal length (model/hill_lanes.h);
+  /// absent: their force follows their speed at once.
+  std::optional<double> short_range;
 };
 
 /// @returns whether some muscle has an elastic tendon
 bool any_elastic(std::span<const Muscle> muscles);
+/// @returns whether some muscle has a short-range stiffness
+bool any_short_range(std::span<const Muscle> muscles);
 
 /// A band across joints: tension = stiffness (x - rest) + damping dx/dt, x = -e(q); slack ones pull only.
 struct Band {

@@ -42,6 +42,8 @@ struct State {
   std::vector<double> activation;    ///< 0..1
   std::vector<double> fibre_length;  ///< at the time [m]
   std::vector<double> fibre_speed;   ///< lengthening, at the end of the last step [m/s]
+  /// Of cross-bridges, where fibres have a short-range stiffness, else 0 [optimal fibre lengths].
+  std::vector<double> bridge_stretch;
   std::vector<double> tendon_force;  ///< tension in the last step, at its end [N]
 
   std::vector<PadState> pads;  ///< of surfaces with a law of compliance; ascending by their shapes
@@ -57,7 +59,8 @@ void serialize(Archive& archive, T& state) {
   }
   archive.each(state.tau);
   archive.each(state.tau_servo);
-  for (auto* values : {&state.activation, &state.fibre_length, &state.fibre_speed, &state.tendon_force})
+  for (auto* values : {&state.activation, &state.fibre_length, &state.fibre_speed, &state.bridge_stretch,
+                       &state.tendon_force})
     archive.each(*values);
   archive.list(state.pads, [](auto& to, auto& pad) {
     to(pad.shape_a, pad.shape_b, pad.force, pad.push);

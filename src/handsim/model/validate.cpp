@@ -278,6 +278,8 @@ class Checker {
       if (each.from < 0 || each.from >= static_cast<int>(model_.muscles.size()))
         add(muscle.name + ".spills", fmt::format("from muscle {}", each.from), "a muscle of the model");
     }
+    if (muscle.short_range)
+      check_range({muscle.name, ".short_range"}, *muscle.short_range, kLeastShortRange, kMostShortRange, "");
     if (muscle.tendon_strain) {
       check_range({muscle.name, ".tendon_strain"}, *muscle.tendon_strain, kLeastTendonStrain,
                   kMostTendonStrain, "");

@@ -18,6 +18,8 @@ void ArticulatedEngine::begin_derivatives() {
   if (momentum_.jointed()) refuse("a free hand", "hands with a fixed or driven wrist");
   if (settings_.effects.has(model::Effect::muscles) && model::any_elastic(model_.muscles))
     refuse("elastic tendons", "rigid ones");
+  if (settings_.effects.has(model::Effect::muscles) && model::any_short_range(model_.muscles))
+    refuse("muscles with a short-range stiffness", "muscles without");
   for (const Node& node : mechanism_.topology().nodes)
     if (node.kind == NodeKind::ball && node.reversed)
       refuse("a ball joint whose parent is carried by its child", "joints from the base outwards");

@@ -158,6 +158,7 @@ Json muscle_json(const model::Muscle& muscle, std::span<const double> q) {
                                return Json::array({each.from, each.share});
                              })},
           {"elastic", muscle.tendon_strain.has_value()},
+          {"short_range", muscle.short_range.has_value()},
           {"isometric", model::isometric_force(muscle, excursion)},
           {"passive", model::passive_force(muscle, excursion)}};
 }

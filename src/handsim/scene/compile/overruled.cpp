@@ -165,7 +165,7 @@ class Judge {
     const bool of_model = path[2] == "model" && path.size() > 4;
     if (path[2] == "tissue" || (of_model && path.size() > 7 && has_field<model::Tissue>(path.back())))
       return off(Effect::passive_tissue);
-    if (path[2] == "tendon_strain") return off(Effect::muscles);
+    if (path[2] == "tendon_strain" || path[2] == "short_range_stiffness") return off(Effect::muscles);
     if (path[2] == "person" && path.size() == 4 && among(path[3], kStrengthKeys))
       return unless(uses_strength(), "no grip and no climb of the scene uses the person's strength");
     if (!of_model) return std::nullopt;

@@ -226,6 +226,8 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
   tissue.finish();
   entry.placement.tendon_strain = reader.maybe_number(
       "tendon_strain", {Dimension::none, model::kLeastTendonStrain, model::kMostTendonStrain});
+  entry.placement.short_range = reader.maybe_number(
+      "short_range_stiffness", {Dimension::none, model::kLeastShortRange, model::kMostShortRange});
   reader.finish();
   if (person_known)
     for (const std::string& text : hand::doubts(*entry.model, entry.person)) reader.warning("person", text);

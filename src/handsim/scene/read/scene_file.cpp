@@ -96,9 +96,11 @@ void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are requested, but no effect of contact is on");
   for (const HandEntry& hand : scene.hands)
-    if (hand.placement.tendon_strain && !(muscles && hand.model->muscles))
-      reader.warning("hands",
-                     fmt::format("{}: tendon_strain is given, but {}", hand.placement.name,
+    for (const auto& [key, value] : {std::pair("tendon_strain", hand.placement.tendon_strain),
+                                     std::pair("short_range_stiffness", hand.placement.short_range)})
+      if (value && !(muscles && hand.model->muscles))
+        reader.warning(
+            "hands", fmt::format("{}: {} is given, but {}", hand.placement.name, key,
                                  muscles ? "the hand model has no muscles" : "the effect muscles is not on"));
 }
 

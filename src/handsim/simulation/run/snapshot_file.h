@@ -11,7 +11,7 @@
 namespace handsim::simulation {
 
 /// Version of files, the only one accepted. Increase it with any change of parts, their order or format.
-inline constexpr std::uint64_t kSnapshotVersion = 13;
+inline constexpr std::uint64_t kSnapshotVersion = 14;
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;  ///< Largest file size that is accepted.
 
 /// A snapshot file: `HANDSNAP`, version, fingerprint, time, the snapshot's bytes, and the XXH64 of these.

@@ -14,9 +14,10 @@ namespace handsim::simulation {
 static_assert(std::endian::native == std::endian::little,
               "the hash is of the numbers as they stand in memory: swap their bytes here");
 
-void StateHash::add(const model::State& state, bool fibres) {
+void StateHash::add(const model::State& state, HashedParts parts) {
   constexpr std::size_t kPerBody = 13;
-  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1) + state.activation.size() * (fibres ? 2 : 1));
+  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1) +
+                  state.activation.size() * (1U + parts.fibres + parts.bridges));
   double* to = numbers_.data();
   *to++ = state.time;
   for (std::size_t i = 1; i < state.bodies.size(); ++i) {
@@ -27,18 +28,21 @@ void StateHash::add(const model::State& state, bool fibres) {
       *to++ = value;
   }
   to = std::ranges::copy(state.activation, to).out;
-  if (fibres) std::ranges::copy(state.fibre_length, to);
+  if (parts.fibres) to = std::ranges::copy(state.fibre_length, to).out;
+  if (parts.bridges) std::ranges::copy(state.bridge_stretch, to);
   value_ =
       hash_bytes({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)}, value_);
 }
 
 RunHash::RunHash(const Watched& watched)
-    : engine_(watched.engine), fibres_(model::any_elastic(watched.scene.model.muscles)) {
-  hash_.add(engine_.state(), fibres_);
+    : engine_(watched.engine),
+      parts_{model::any_elastic(watched.scene.model.muscles),
+             model::any_short_range(watched.scene.model.muscles)} {
+  hash_.add(engine_.state(), parts_);
 }
 
 void RunHash::update(Step& step) {
-  if (++steps_ % kHashEvery == 0) hash_.add(step.engine.state(), fibres_);
+  if (++steps_ % kHashEvery == 0) hash_.add(step.engine.state(), parts_);
 }
 
 void RunHash::save(ArchiveWriter& out) const {
@@ -53,7 +57,7 @@ void RunHash::restore(ArchiveReader& in, const model::State& /*state*/) {
 
 std::uint64_t RunHash::value() const {
   StateHash all = hash_;
-  if (steps_ % kHashEvery != 0) all.add(engine_.state(), fibres_);
+  if (steps_ % kHashEvery != 0) all.add(engine_.state(), parts_);
   return all.value();
 }
 

@@ -4,8 +4,9 @@
 //   h_0 = XXH64(bytes of the start, seed 0),  h_k = XXH64(bytes of the next such state, seed h_(k-1))
 // The bytes of a state are its time and, for each body but the world in the model's order, position x y z,
 // quaternion w x y z, velocity x y z and angular velocity x y z, then the activations of the muscles in
-// effect and, where a tendon is elastic, the lengths of all fibres, as doubles with the least significant
-// byte first. The sign of zero counts.
+// effect and, where a tendon is elastic, the lengths of all fibres, where a muscle has a short-range
+// stiffness the stretches of cross-bridges, as doubles with the least significant byte first. The sign of
+// zero counts.
 #pragma once
 
 #include <cstdint>
@@ -19,10 +20,16 @@ namespace handsim::simulation {
 
 inline constexpr long kHashEvery = 8;  ///< Number of steps between two hashed states.
 
+/// What of muscles is hashed beside their activations.
+struct HashedParts {
+  bool fibres = false;   ///< lengths of fibres: some tendon is elastic
+  bool bridges = false;  ///< stretches of cross-bridges: some muscle has a short-range stiffness
+};
+
 class StateHash {
  public:
-  /// Adds the next state to the hash. @param fibres with the lengths of fibres
-  void add(const model::State& state, bool fibres = false);
+  /// Adds the next state to the hash.
+  void add(const model::State& state, HashedParts parts = {});
   std::uint64_t value() const { return value_; }
   void set(std::uint64_t value) { value_ = value; }
 
@@ -45,7 +52,7 @@ class RunHash final : public Watcher {
 
  private:
   const engine::Engine& engine_;
-  bool fibres_;  ///< some tendon is elastic
+  HashedParts parts_;
   long steps_ = 0;
   StateHash hash_;  ///< up to the last multiple of kHashEvery
 };
