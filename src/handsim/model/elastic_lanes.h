@@ -133,7 +133,7 @@ template <bool kBridged = false, class V>
   V low = m.least, high = greater(of.taut, m.least);
   const auto slack = !fibres_pull<kBridged>(m, of, high) || of.taut <= m.least;
   const V cosine = of.start / square_root(V(m.height + of.start * of.start));
-  const V fastest = of.step * top_speed(m, of.activation) * m.length / cosine;
+  const V fastest = of.step * (0.25 + 0.75 * of.activation) * m.max_speed * m.length / cosine;
   const V loose = greater(high, V(of.start - fastest));
   const auto follows = slack && loose <= high;
   ElasticPull<V> out;
