@@ -774,6 +774,7 @@ def muscles():
                  [[title, *(number(found[key][counter]) for counter in ("yardstick_us", "candidate_us", "ratio", "added_us"))]
                   for key, title in {"excited": "41 muscles and the bands, all muscles excited",
                                      "elastic": "the same, elastic tendons",
+                                     "short_range": "rigid tendons and a short-range stiffness", "short_range_elastic": "elastic tendons and a short-range stiffness",
                                      "at_rest": "rigid tendons, muscles at rest", "bands_alone": "the bands alone"}.items()])
 
 

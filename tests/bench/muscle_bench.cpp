@@ -11,11 +11,14 @@ namespace {
 
 /// Yardstick: the step of the same hand without these effects. Candidate: with them; excitations of 0 to 1
 /// that change in every step, or none.
-/// @param strain of elastic tendons
+/// @param strain of elastic tendons, @param short_range stiffness of the fibres
 void step_with_muscles(benchmark::State& state, const std::string& effects, bool excited,
-                       std::optional<double> strain = {}) {
+                       std::optional<double> strain = {}, std::optional<double> short_range = {}) {
   Load load = one_hand(false, effects);
-  for (model::Muscle& each : load.scene.model.muscles) each.tendon_strain = strain;
+  for (model::Muscle& each : load.scene.model.muscles) {
+    each.tendon_strain = strain;
+    each.short_range = short_range;
+  }
   const model::Model& model = load.scene.model;
   engine::Settings settings = load.scene.spec.solver;
   settings.use(engine::ArticulatedMethod::semi_implicit_euler);
@@ -53,6 +56,12 @@ BENCHMARK_CAPTURE(step_with_muscles, excited, ", muscles, tendon_coupling", true
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_with_muscles, elastic, ", muscles, tendon_coupling", true, 0.049)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_with_muscles, short_range, ", muscles, tendon_coupling", true, std::nullopt, 23.4)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_with_muscles, short_range_elastic, ", muscles, tendon_coupling", true, 0.049, 23.4)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_with_muscles, at_rest, ", muscles, tendon_coupling", false)

@@ -154,10 +154,10 @@ void Muscles::place_fibres(std::size_t muscle, std::span<const double> q, double
   const TendonBlock& block = all.block[place.block];
   const BridgeRow* bridges = block.bridges == kRigid ? nullptr : all.bridges + block.bridges;
   double &length = state.fibre_length[muscle], &speed = state.fibre_speed[muscle];
+  const double more = rate - block.rate[lane];
   double faster = 0;  // of the normalised fibres
   if (of.tendon_strain) {
     const ElasticRow& row = all.elastic[block.elastic];
-    const double more = rate - block.rate[lane];
     const double reach = std::max(block.least[lane], row.reach[lane] + row.share[lane] * more);
     length = std::sqrt(block.height[lane] + reach * reach);
     speed = (length - row.fibre[lane]) / step_;
@@ -167,7 +167,7 @@ void Muscles::place_fibres(std::size_t muscle, std::span<const double> q, double
   } else {
     const model::Fibre fibre = model::fibre_at(of, path_state(of.path, q).excursion);
     length = fibre.length;
-    speed = fibre.cosine * (block.rate[lane] + (rate - block.rate[lane]));
+    speed = fibre.cosine * (block.rate[lane] + more);
     if (bridges) faster = rate * bridges->per[lane];
   }
   if (!bridges) return;
