@@ -160,6 +160,8 @@ class Muscle(NamedTuple):
     """Share of its excitation that reaches its fibres."""
     spills: list[tuple[int, float]]
     """Muscles, and the share of each one's activation that this one has at least where activations are chosen."""
+    common_drive: float
+    """Least activation as a share of that of every other muscle of the common drive, while several of its fingers press; 0: it has none."""
     elastic: bool
     """Whether its tendon is."""
     short_range: bool

@@ -2,7 +2,9 @@
 `handsim validate` are computed so, and what `handsim compare` puts side by side."""
 from __future__ import annotations
 
-from typing import Any, Mapping, NamedTuple, Optional, Sequence
+from contextlib import suppress
+from itertools import permutations
+from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,6 +91,17 @@ def alone(core: _core.Scene) -> Statics:
     return Statics(hand)
 
 
+def strongest(find: Callable[[Any], Any], ways: Iterable[Any]) -> Any:
+    """The largest that is found of ways. :raises NotHeld: where the hand does not hold any of them"""
+    found = []
+    for way in ways:
+        with suppress(NotHeld):
+            found.append(find(way))
+    if not found:
+        raise NotHeld
+    return max(found)
+
+
 class Pressed(NamedTuple):
     """What a hand holds while nothing moves."""
 
@@ -117,6 +130,10 @@ class Statics:
         (spills, muscles)."""
         for row, (muscle, other, share) in enumerate(spills):
             self.spills[row, [other, muscle]] = share, -1
+        turns = self.muscles(self.rest)[0] != 0
+        self.driven = [(i, muscle.common_drive, {finger for finger in FINGERS if turns[i, self.rows(finger + "_")].any()})
+                       for i, muscle in enumerate(model.muscles) if muscle.common_drive > 0]
+        """Muscles of the common drive, with their share and their fingers."""
 
     def at(self, pose: Mapping[str, float], rest: bool = False) -> Array:
         """Coordinates of a pose [rad]; others at 0, or with ``rest`` at their tissue's rest."""
@@ -157,10 +174,22 @@ class Statics:
         arms, _, active, rest, bands = self.muscles(q)
         return np.asarray(arms.T * active), np.asarray(rest @ arms + self.stiffness * (self.rest - q) + bands)
 
+    def _together(self, forces: Array) -> Array:
+        """What muscles of the common drive lack of one another's activation, where fingers press together: not above 0. Shape (pairs, muscles).
+
+        :param forces: as of `press`
+        """
+        pressing = {finger for finger in FINGERS if forces[self.rows(finger + "_")].any()}
+        drive = [(i, share) for i, share, fingers in self.driven if fingers & pressing] if len(pressing) > 1 else []
+        out = np.zeros((len(drive) * max(0, len(drive) - 1), self.spills.shape[1]))
+        for row, ((muscle, share), (other, _)) in enumerate(permutations(drive, 2)):
+            out[row, [other, muscle]] = share, -1
+        return out
+
     def press(self, q: Array, rows: Sequence[int], forces: Array, gain: Optional[ArrayLike] = None, less: Optional[Array] = None,
               least: bool = False) -> Pressed:
         """The largest sum of forces that a hand exerts while nothing moves. Activations are those that a person can choose: where a muscle
-        is active, its neighbours are, too (`spills`).
+        is active, its neighbours are, too (`spills`), and fingers that press together have one drive (`driven`).
 
         :param rows: coordinates that have to balance; others are held
         :param forces: torques [N m] of a newton of each force on the outside, shape (coordinates, forces)
@@ -180,10 +209,11 @@ class Statics:
         most = np.concatenate([np.full(count, np.inf), np.ones(muscles), np.where(on_stop, np.inf, most_gives - least_gives)])
         gains = np.zeros(len(most))
         gains[:count] = 1 if gain is None else gain
-        limits = np.zeros((len(self.spills) + (0 if less is None else len(less)), len(most)))
-        limits[:len(self.spills), count:count + muscles] = self.spills
+        chosen = np.vstack([self.spills, self._together(forces)])
+        limits = np.zeros((len(chosen) + (0 if less is None else len(less)), len(most)))
+        limits[:len(chosen), count:count + muscles] = chosen
         if less is not None:
-            limits[len(self.spills):, :count] = less
+            limits[len(chosen):, :count] = less
         to = outside[held] + np.where(high, most_gives, least_gives)
         x = largest(gains, equal, to, most, limits)
         if least:  # the smallest sum of activations that press so
@@ -335,29 +365,10 @@ def polytope(of: Statics, finger: str, point: str, body: str, pose: Mapping[str,
     return np.array([of.press(q, of.rows(finger + "_"), torques[:, i:i + 1]).sum * along[i] for i in range(count)])
 
 
-GRIP = {"mcp.flexion": 45.0, "pip.flexion": 60.0, "dip.flexion": 30.0}
-"""Of all fingers on the bar of a dynamometer [deg]: chosen."""
 KEY = {"thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 20.0}
 TIP = {"thumb_cmc.flexion": 11.0, "thumb_cmc.abduction": -1.0, "thumb_mcp.flexion": 20.0, "thumb_ip.flexion": 25.0, "index_mcp.flexion": 54.0,
        "index_pip.flexion": 47.0, "index_dip.flexion": 27.0}
 """As rows of config/validate.yaml [deg]."""
-
-
-def grip(of: Statics, wrist: Optional[float] = None) -> tuple[float, dict[str, float]]:
-    """Largest sum of forces on a bar towards the palm by the pads of middle and distal phalanges, and each finger's [N].
-
-    :param wrist: flexion at which muscles balance the wrist, too [deg]; None: it is held at 0
-    """
-    q = of.within({"wrist.flexion": wrist or 0.0, **{f"{f}_{joint}": angle for f in FINGERS for joint, angle in GRIP.items()}})
-    bodies = [f"{finger}_{segment}" for finger in FINGERS for segment in ("middle", "distal")]
-    edges = [cone(-of.axes(q, body)[:, 2], FRICTION) for body in bodies]
-    columns = np.hstack([of.torques(q, body, each) for body, each in zip(bodies, edges)])
-    # Of what presses the bar to the palm: it is dorsal of the bar.
-    gain = np.vstack(edges) @ np.array([0, -0.35, 0.94])
-    rows = of.rows(*(finger + "_" for finger in FINGERS), *([] if wrist is None else ["wrist"]))
-    found = of.press(q, rows, columns, gain)
-    by_finger = (gain * found.forces).reshape(len(FINGERS), -1).sum(axis=1)
-    return found.sum, {finger: float(force) for finger, force in zip(FINGERS, by_finger)}
 
 
 def key_pinch(of: Statics) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 import json
 import os
 import re
-from contextlib import suppress
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Callable, Iterable, Mapping, NamedTuple, Optional
@@ -13,10 +12,10 @@ import numpy as np
 
 from . import _core
 from ._errors import Error, input_error
+from ._grip import GripRun
 from ._rollouts import Executor, Threads, map_units
 from ._scene import Scene
-from ._simulation import Simulation
-from ._statics import AT_STOP, DIRECTIONS, FINGERS, Array, NotHeld, Pressed, Statics, alone, enslaving, fault, matrix_of, pinch, tip_force
+from ._statics import AT_STOP, DIRECTIONS, Array, NotHeld, Statics, alone, enslaving, fault, pinch, strongest, tip_force
 from ._statistics import Uncertainty, uncertainty_of
 
 Row = dict[str, Any]
@@ -214,17 +213,6 @@ KINDS: dict[str, Callable[[Statics, Row], float]] = {
 """Kinds of rows of a person's hand, in SI."""
 
 
-def strongest(find: Callable[[Any], Any], ways: Iterable[Any]) -> Any:
-    """The largest that is found of ways. :raises NotHeld: where the hand does not hold any of them"""
-    found = []
-    for way in ways:
-        with suppress(NotHeld):
-            found.append(find(way))
-    if not found:
-        raise NotHeld
-    return max(found)
-
-
 def measure(row: Row, in_pose: Callable[[Row], float]) -> float:
     """A row's value in SI: the largest over its poses, over that of another one.
 
@@ -245,78 +233,9 @@ def measure(row: Row, in_pose: Callable[[Row], float]) -> float:
 
 # Rows of scenes.
 
-class _Touch(NamedTuple):
-    """A contact of a finger with the object: its normal and force on the hand, at a point, all in the world."""
-
-    segment: str
-    point: Array
-    normal: Array
-    force: Array
-
-
-class GripRun:
-    """A hand whose palm is still, its wrist held at angles while its fingers close on an object. The palm's frame is the world's."""
-
-    def __init__(self, row: Row) -> None:
-        self.row, self.wrist = row, row["pose"]
-        changes = row.get("set", [])
-        fused = ", ".join(f"{axis}: {angle!r}" for axis, angle in self.wrist.items())
-        self.scene, bare = (Scene(_core.Scene.load(row["scene"], [*changes, f"hands.0.fused={{{angles}}}", "record.contacts=true"]))
-                            for angles in (fused, ""))
-        # The same hand on a wrist that turns.
-        self.of = alone(_core.hand_alone(bare._core))
-        self.simulation = Simulation(self.scene)
-        bodies = self.scene.bodies
-        self.segments = {shape.name: bodies[shape.body] for shape in self.scene._model.shapes if shape.body >= 0}
-
-    def force(self) -> float:
-        """The scene closes the hand for half of its time. Then muscles have the activations of the largest force that the fingers can
-        press along a line by the normals of their contacts, while `balanced` axes have no moment; each comes in a quarter of the time.
-
-        :returns: the force along that line in the end [N]
-        """
-        steps = max(1, round(self.scene.duration / self.scene.step))
-        if steps > 1:
-            self.simulation.step(substeps=steps // 2)
-        lines = [np.array([0, np.sin(tilt), -np.cos(tilt)]) for tilt in self.row["tilts"]]
-
-        def held(i: int) -> tuple[float, int, Pressed]:
-            found = self._held(lines[i])
-            return found.sum, i, found
-
-        _, best, pressed = strongest(held, range(len(lines)))
-        left = steps - steps // 2
-        ramp = left // 2
-        for i in range(1, ramp):
-            self.simulation.step(excitations=i / ramp * pressed.activations)
-        self.simulation.step(excitations=pressed.activations, substeps=left - max(0, ramp - 1))
-        return max(0.0, float(_sum(touch.force @ lines[best] for touch in self._touches())))
-
-    def _touches(self) -> list[_Touch]:
-        contacts, out = self.simulation.contacts, []
-        for i in np.flatnonzero(~(contacts.depth < 0)):
-            for name, side in ((contacts.a[i], 1.0), (contacts.b[i], -1.0)):
-                hand, _, segment = self.segments.get(name, "").partition(".")
-                if hand == "right" and "_" in segment and not segment.startswith("thumb_"):
-                    out.append(_Touch(segment, contacts.position[i], side * contacts.normal[i], side * contacts.force[i]))
-        return out
-
-    def _held(self, along: Array) -> Pressed:
-        """The largest force along a line by normals, whose parts across it the palm's friction holds."""
-        names = [name.partition(".")[2] for name in self.scene.coordinates]
-        q = self.of.at({**self.wrist, **dict(zip(names, self.simulation.q))})
-        bodies, touches = self.simulation.bodies, self._touches()
-        columns = np.zeros((len(q), len(touches)))
-        for i, touch in enumerate(touches):
-            body = self.scene.bodies.index("right." + touch.segment)
-            frame = matrix_of(bodies.quaternion[body]).T
-            force = self.of.axes(q, touch.segment) @ frame @ -touch.normal
-            columns[:, i:i + 1] = self.of.torques(q, (touch.segment, frame @ (touch.point - bodies.position[body])), force[None])
-        normals = np.array([touch.normal for touch in touches]).reshape(-1, 3)
-        gain, first = normals @ along, np.array([1.0, 0, 0])
-        across = normals @ np.stack([first, np.cross(along, first)], axis=1)
-        less = np.stack([sign * across[:, i] - self.row["friction"] * gain for i in (0, 1) for sign in (1, -1)])
-        return self.of.press(q, [*self.of.rows(*(finger + "_" for finger in FINGERS)), *_balanced(self.of, self.row)], columns, gain, less)
+def _grip_run(row: Row) -> GripRun:
+    return GripRun(lambda changes: Scene(_core.Scene.load(row["scene"], [*row.get("set", []), *changes])), row["pose"], row["tilts"], row["friction"],
+                   row.get("balanced", []))
 
 
 def found_at(summary: Any, path: str) -> Any:
@@ -417,7 +336,7 @@ class Measurements:
             measured, ours, note = row["kind"] != "simulation" or scenes is not None, 0.0, ""
             try:
                 if row["kind"] == "grip_force":
-                    ours = measure(row, lambda one: GripRun(one).force())
+                    ours = measure(row, lambda one: _grip_run(one).force())
                 elif row["kind"] != "simulation":
                     ours = subjects.measure(row)
                 elif scenes is not None:

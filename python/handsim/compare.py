@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import input_error
 from ._files import OutputFolder, ended
+from ._grip import GripRun
 from ._hand import WHAT_IF, Hand
 from ._plot import COLORS, axes, line, sheet_of
 from ._scene import Scene, files_of
 from ._shipped import data_path, find_file
-from ._statics import Statics, grip, key_pinch, polytope, slack_pose, thumb_workspace, tip_pinch
+from ._statics import FINGERS, FRICTION, NotHeld, Statics, key_pinch, polytope, slack_pose, thumb_workspace, tip_pinch
 from ._yaml import parser
 
 USAGE = """handsim compare A [B] [--set KEY=VALUE] [--out DIR]
@@ -49,6 +50,8 @@ PLANES: list[dict[str, Any]] = [
      "pose": THUMB, "across": 0, "labels": ("ulnar", "palmar"), "source": "Li & Harkness 2004",
      "points": [(0, 104.1, 13.7), (0, -69.4, 9.2), (-57.7, 0, 7.6), (67.4, 0, 8.9)]}]
 WRIST = (-60, -40, -20, 0, 20, 40, 60)
+GRIP = (-35, -7)
+"""Flexion and deviation of the wrist in which people grip [deg] (O'Driscoll 1992)."""
 EFFECTS = ["joint_stops", "passive_tissue", "muscles", "tendon_coupling"]
 JOINTS = ("index_mcp", "index_pip", "middle_mcp", "middle_pip", "thumb_mcp", "thumb_ip")
 
@@ -102,15 +105,45 @@ def _alone(scene: Scene, source: str) -> Hand:
     return hand
 
 
+def _grips(hand: Hand) -> dict[str, float]:
+    """The largest grip on a dynamometer that is set to 48 mm, as the rows of config/validate.yaml have it, and each finger's [N]; 0 where the hand holds none."""
+    grip, own = (Scene(of).resolved.splitlines() for of in (_core.Scene.load(find_file("muscle_grip"), []), hand.scene._core))
+    starts = [next(i for i, line in enumerate(lines) if i > lines.index("hands:") and not line.startswith(" ")) for lines in (grip, own)]
+    text = "\n".join([*own[:starts[1]], *grip[starts[0]:]])
+    fused = {key.strip(): angle.strip() for key, _, angle in (line.partition(":") for line in _block(own, "    fused:"))}
+    length = hand.dimensions["length"]
+    place = [f"objects.0.position=[0, {0.0311 + 0.233 * length}, {-0.0218 - 0.0854 * length}]", "hands.0.side=right", "hands.0.wrist={mount: fixed}",
+             "hands.0.pose={thumb_cmc: [-35 deg, -20 deg]}"]
+
+    def largest(flexion: float, deviation: float, balanced: bool) -> tuple[float, dict[str, float]]:
+        wrist = {"wrist.flexion": float(np.radians(flexion)), "wrist.deviation": float(np.radians(deviation))}
+        run = GripRun(lambda changes: Scene(_core.Scene.parse(text, str(find_file("muscle_grip")), [*place, *changes])), wrist, [float(np.radians(55))], FRICTION,
+                      list(wrist) if balanced else [], fused)
+        try:
+            return run.force(), run.by_finger()
+        except NotHeld:
+            return 0.0, dict.fromkeys(FINGERS, 0.0)
+
+    whole, fingers = largest(*GRIP, True)
+    return {"grip": whole, **{f"grip, {finger}": force for finger, force in fingers.items()}, "grip, wrist in a splint": largest(*GRIP, False)[0],
+            **{f"grip, wrist at {angle} deg": largest(angle, 0, True)[0] for angle in (-30, 0, 30)}}
+
+
+def _block(lines: Sequence[str], key: str) -> list[str]:
+    """The lines under a key."""
+    if key not in lines:
+        return []
+    start, indent = lines.index(key) + 1, len(key) - len(key.lstrip())
+    end = next(i for i in [*range(start, len(lines)), len(lines)] if i == len(lines) or not lines[i].startswith(" " * (indent + 1)))
+    return list(lines[start:end])
+
+
 def measure(hand: Hand) -> dict[str, Any]:
     """All that the table and the pictures show. Forces in N, angles in degrees, volumes in cm^3."""
     of = Statics(hand)
     mirror = -1 if hand.side == "left" else 1
-    bar, fingers = grip(of)
     volume, points = thumb_workspace(of)
-    out: dict[str, Any] = {"strength": {"grip": bar, **{f"grip, {f}": n for f, n in fingers.items()},
-                                        **{f"grip, wrist balanced at {angle} deg": grip(of, angle)[0] for angle in (-30, 0, 30)},
-                                        "key pinch": key_pinch(of), "tip pinch": tip_pinch(of)},
+    out: dict[str, Any] = {"strength": {**_grips(hand), "key pinch": key_pinch(of), "tip pinch": tip_pinch(of)},
                            "planes": [polytope(of, mirror=mirror, **_place(each)).tolist() for each in PLANES],
                            "workspace_cm3": 1e6 * volume, "workspace": _outline(points, mirror),
                            "tenodesis": {}}

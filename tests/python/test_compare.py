@@ -6,7 +6,8 @@ import pytest
 
 import handsim as hs
 from handsim import compare
-from handsim._statics import Pressed, Statics, key_pinch, tip_pinch
+from handsim._statics import FINGERS, Pressed, Statics, key_pinch, tip_pinch
+from handsim._validate import Measurements, _grip_run
 
 HAND = {"model": str(hs.data_path() / "handmodels/anatomical.yaml"), "person": str(hs.data_path() / "config/persons/median_man.yaml"),
         "side": "right"}
@@ -110,3 +111,22 @@ def test_rows_outside_of_people_are_marked_with_what_was_measured(tmp_path):
              "tenodesis": {joint: [0] * 7 for joint in compare.JOINTS}}] * 2
     page = compare.page(["A", "B"], both, found)
     assert page.count("<tr class=outside>") == 2 and "0.62 ± 0.10, 0.73 ± 0.10, outside" in page and "Do not rely" not in page and "do not rely on them" in page
+
+
+def test_the_grip_is_the_one_of_validate(tmp_path):
+    """Oracles: the row of config/validate.yaml for the same man; a left hand is the right one's image; a wrist that a splint holds never grips with less; a
+    finger that is fused straight presses nothing; half of all forces is half a grip, but for tissue (5 %); a block takes something."""
+    def grips(name, **changes):
+        return compare._grips(compare.hand_of(scene(tmp_path, name, **changes)))
+
+    man = grips("man")
+    measurements = Measurements(hs.data_path() / "config/validate.yaml")
+    row = next(row for row in measurements.rows if row["name"] == "dynamometer grip, man of 30 years, 1.75 m")
+    assert man["grip"] == pytest.approx(_grip_run(row).force(), rel=5e-3)
+    assert sum(man[f"grip, {finger}"] for finger in FINGERS) == pytest.approx(man["grip"], rel=1e-12) and min(man.values()) > 0
+    assert grips("left", side="left")["grip"] == pytest.approx(man["grip"], rel=1e-9)
+    assert man["grip, wrist in a splint"] >= man["grip"]
+    straight = grips("straight", fused=dict.fromkeys(("index_mcp", "index_pip", "index_dip"), "0 deg"))
+    assert straight["grip, index"] == 0 and straight["grip"] < 0.95 * man["grip"]
+    assert grips("half", strength=0.5)["grip"] == pytest.approx(0.5 * man["grip"], rel=0.05)
+    assert grips("blocked", without=["ulnar_nerve_at_wrist"])["grip"] < 0.95 * man["grip"]

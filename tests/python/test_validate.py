@@ -151,6 +151,32 @@ def test_enslaving_is_what_spills_of_another_fingers_effort(tmp_path):
     assert activation["FDP4"] == pytest.approx(max(0.5 * activation["FDP5"], 0.05 * activation["FDP2"], 0.15 * activation["FDP3"]), abs=1e-9)
 
 
+def test_fingers_that_press_together_have_one_drive(tmp_path):
+    """Oracle: the file's list: long flexors of four fingers on a bar are equally active, of two fingers those of these two; with half of the drive each
+    has half of every other one's activation at least, and less of a bound never takes force away. A finger that presses alone is not bound."""
+    path = file_of(tmp_path, [thumb(-15)], variants={name: {"without": without} for name, without in (("apart", {"common_drive": 1}), ("half", {"common_drive": 0.5}))})
+    core = Measurements(path).core
+    hands = {name: _statics.alone(core.hand("man", name, {})) for name in ("", "half", "apart")}
+
+    def pressed(of, fingers):
+        q = of.within({f"{f}_{joint}": angle for f in _statics.FINGERS for joint, angle in (("mcp.flexion", 45), ("pip.flexion", 60), ("dip.flexion", 30))})
+        bodies = [f"{finger}_{segment}" for finger in fingers for segment in ("middle", "distal")]
+        columns = np.hstack([of.torques(q, body, _statics.cone(-of.axes(q, body)[:, 2], 0.6)) for body in bodies])
+        found = of.press(q, of.rows("wrist", *(finger + "_" for finger in fingers)), columns)
+        return found.sum, dict(zip(of.hand.muscles, found.activations))
+
+    def drive(activations, fingers="2345"):
+        return np.array([activations[muscle + finger] for muscle in ("FDP", "FDS") for finger in fingers])
+
+    four = {name: pressed(of, _statics.FINGERS) for name, of in hands.items()}
+    assert np.ptp(drive(four[""][1])) < 1e-9 < 0.1 < drive(four[""][1]).min()
+    assert drive(four["half"][1]).min() >= 0.5 * drive(four["half"][1]).max() - 1e-9 and np.ptp(drive(four["apart"][1])) > 0.6
+    assert four[""][0] < four["half"][0] * (1 - 1e-6) and four["half"][0] < four["apart"][0] * (1 - 1e-6)
+    two = pressed(hands[""], ("index", "middle"))[1]
+    assert np.ptp(drive(two, "23")) < 1e-9 and drive(two).min() < 0.9 * drive(two, "23").min()
+    assert pressed(hands[""], ("ring",)) == pressed(hands["apart"], ("ring",))
+
+
 def thumb(ip, direction="dorsal"):
     return {"kind": "tip_force", "finger": "thumb", "segment": "thumb_proximal", "direction": direction,
             "pose": {"thumb_mcp.flexion": "15 deg", "thumb_ip.flexion": f"{ip} deg"}}

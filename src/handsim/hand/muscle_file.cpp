@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -63,6 +64,15 @@ class FileReader {
         out[from][name] = shares.number(name, {Dimension::none, 0, 1});
         check_muscle(shares, name, name);
       }
+    }
+  }
+
+  void read_common_drive(MapReader& reader) {
+    file_.common_drive = reader.texts("common_drive", 2, kMostMuscles, "two muscles or more, of this file");
+    std::set<std::string> names;
+    for (const std::string& name : file_.common_drive) {
+      check_muscle(reader, "common_drive", name);
+      if (!names.insert(name).second) reader.problem("common_drive", name + " a second time", "each once");
     }
   }
 
@@ -232,7 +242,6 @@ MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
   MapReader reference = reader.required_map("reference", "a mapping with hand_length and grip_strength");
   file.hand_length = reference.number("hand_length", {Dimension::length, 0.03, 0.5});
   file.grip_strength = reference.number("grip_strength", {Dimension::force, 1, 3000});
-  file.grip_hand_length = reference.maybe_number("grip_hand_length", {Dimension::length, 0.03, 0.5});
   reference.finish();
   if (const YamlNode* norms = reader.file_or_block("norms", "a table of grip strength"))
     file.norms = read_grip_table(*norms, reader.path_of("norms"), diagnostics);
@@ -244,6 +253,7 @@ MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
   reader.each("bands", 0, kMostMuscles, [&](MapReader row) { rows.read_band(std::move(row)); });
   if (reader.has("nerves")) rows.read_shares(reader.map("nerves"), file.nerves, false);
   if (reader.has("spill")) rows.read_shares(reader.map("spill"), file.spill, true);
+  if (reader.has("common_drive")) rows.read_common_drive(reader);
   reader.each("pulleys", 0, kMostMuscles, [&](MapReader row) { rows.read_pulley(std::move(row)); });
   reader.finish();
   return file;
@@ -260,9 +270,6 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
   HandMuscles out;
   const double scale = size.length / file.hand_length;
   out.strength = grip_strength(file.norms, person).own / file.grip_strength;
-  // The power: by norms of eight groups of 1.57 to 1.87 m (docs/muscles.md).
-  if (file.grip_hand_length)
-    out.strength *= std::min(1.2, std::pow(*file.grip_hand_length / size.length, 1.5));
   std::vector<double> rest;
   for (const HandAxis& axis : axes) rest.push_back(axis.rest);
   for (const MuscleSpec& spec : file.muscles) {
@@ -290,6 +297,8 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     for (const auto& [to, share] : shares)
       if (share > 0)
         out.muscles[as_index(place(to))].spills.push_back({static_cast<int>(place(from)), share});
+  for (const std::string& name : file.common_drive)
+    out.muscles[as_index(place(name))].common_drive = file.common_share;
   for (const BandSpec& spec : file.bands)
     out.bands.push_back({spec.tendon.name, scaled(spec.tendon.path, scale), spec.stiffness * scale,
                          spec.damping * scale * scale, spec.rest * scale, spec.both_ways});

@@ -74,8 +74,6 @@ struct MuscleFile {
   std::map<std::string, std::string> sources;
   double hand_length = 0;    ///< of the hand that the arms and lengths are of [m]
   double grip_strength = 0;  ///< of the person that the forces are of [N]
-  std::optional<double>
-      grip_hand_length;  ///< of that person; absent: forces do not depend on hand length [m]
   GripTable norms;
   std::vector<MuscleSpec> muscles;
   std::vector<BandSpec> bands;
@@ -83,6 +81,8 @@ struct MuscleFile {
   std::map<std::string, std::map<std::string, double>> nerves;
   /// By a muscle: the neighbours that its effort reaches, with the share of each (model::Spill).
   std::map<std::string, std::map<std::string, double>> spill;
+  std::vector<std::string> common_drive;  ///< muscles of model::Muscle::common_drive
+  double common_share = 1;                ///< that number
   std::vector<PulleySpec> pulleys;
   std::map<std::string, double> spread;  ///< as HandSpec::spread
 };
@@ -117,9 +117,6 @@ struct HandMuscles {
 
 /// Arms, fibres, tendons and the stiffness of bands scale with hand length; forces with the person's or
 /// the norm's grip strength, and below the norm's smallest stature with the square of stature, as areas do.
-/// On a dynamometer's bar the shorter arms of a shorter hand need more force for the same grip: forces scale
-/// with `grip_hand_length` over hand length to the power 1.5, too, by 1.2 at most, since children take a
-/// nearer handle.
 HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& axes, const HandSize& size,
                           const Person& person);
 

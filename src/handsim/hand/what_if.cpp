@@ -14,7 +14,8 @@ namespace handsim::hand {
 namespace {
 
 constexpr const char* kSpill = "spill";  ///< of efforts to neighbours, under `without`
-constexpr double kLeastForce = 1e-6;     ///< of a muscle that is gone [N]
+constexpr const char* kCommonDrive = "common_drive";
+constexpr double kLeastForce = 1e-6;  ///< of a muscle that is gone [N]
 const Quantity kLost = {Dimension::none, 0, 1};
 const Quantity kHeldAngle = {Dimension::angle, -M_PI, M_PI};
 using Names = std::vector<std::string>;
@@ -109,11 +110,17 @@ class Muscles {
     Names names = names_;
     for (const auto& [nerve, muscles] : file_.nerves) names.push_back(nerve);
     if (!file_.spill.empty()) names.emplace_back(kSpill);
-    if (!known(reader, key, name, names, "a nerve at a level, a muscle of the hand, or spill")) return;
+    if (!file_.common_drive.empty()) names.emplace_back(kCommonDrive);
+    if (!known(reader, key, name, names, "a nerve at a level, a muscle of the hand, spill or common_drive"))
+      return;
     if (!used_.insert(name).second) reader.problem(key, name + " a second time", "each once");
     if (name == kSpill) {
       for (auto& [from, shares] : file_.spill)
         for (auto& [to, part] : shares) part *= 1 - share;
+      return;
+    }
+    if (name == kCommonDrive) {
+      file_.common_share *= 1 - share;
       return;
     }
     const auto nerve = file_.nerves.find(name);

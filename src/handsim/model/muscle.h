@@ -81,6 +81,9 @@ struct Muscle {
   /// Who chooses activations is bound by these (static optimisation, largest forces); a given excitation is
   /// not.
   std::vector<Spill> spills;
+  /// The common drive of muscles of several fingers, 0..1: while these fingers press together, the least
+  /// activation of each of its muscles as a share of every other one's. 0: it has none.
+  double common_drive = 0;
   /// Strain of the tendon at the largest isometric force; absent: the tendon is rigid.
   std::optional<double> tendon_strain;
   /// Short-range stiffness of the fibres, over their active force per optimal length (model/hill_lanes.h);

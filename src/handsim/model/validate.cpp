@@ -273,6 +273,7 @@ class Checker {
     check_range({muscle.name, ".max_speed"}, muscle.max_speed, 0.01, 1e3, "1/s");
     check_range({muscle.name, ".initial"}, muscle.initial, 0, 1, "");
     check_range({muscle.name, ".excitable"}, muscle.excitable, 0, 1, "");
+    check_range({muscle.name, ".common_drive"}, muscle.common_drive, 0, 1, "");
     for (const Spill& each : muscle.spills) {
       check_range({muscle.name, ".spills.share"}, each.share, 0, 1, "");
       if (each.from < 0 || each.from >= static_cast<int>(model_.muscles.size()))
