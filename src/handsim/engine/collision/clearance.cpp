@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "handsim/engine/collision/rotate.h"
 #include "handsim/engine/collision/segments.h"
 
 namespace handsim::engine {
@@ -104,7 +105,10 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
 const Pose& Clearance::pose(std::size_t shape) {
   Placed& placed = placed_[shape];
   const Mover& by = movers_[placed.mover];
-  if (std::exchange(placed.posed, by.moves) != by.moves) placed.pose = by.last * model_.shapes[shape].pose;
+  if (std::exchange(placed.posed, by.moves) != by.moves) {
+    const Pose& own = model_.shapes[shape].pose;
+    placed.pose = {by.last.p + rotate(by.last.q, own.p), (by.last.q * own.q).normalized()};
+  }
   return placed.pose;
 }
 

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "handsim/engine/collision/rotate.h"
 #include "handsim/engine/collision/surface_walk.h"
 
 namespace handsim::engine {
@@ -38,6 +39,10 @@ class Places {
   /// Places for which there is no room are left out; the two ends always stay.
   void add(double t) {
     if (t > 0 && t < 1 && count_ < kMost - 2) at_[static_cast<std::size_t>(count_++)] = t;
+  }
+  /// Adds part / whole: most are not between 0 and 1, and need no division.
+  void add(double part, double whole) {
+    if (whole < 0 ? part < 0 && part > whole : part > 0 && part < whole) add(part / whole);
   }
   void sort() {
     at_[static_cast<std::size_t>(count_++)] = 0;
@@ -141,9 +146,8 @@ struct Box {
   Places bends(const Vec3& a, const Vec3& along) const {
     Places places;
     for (int i = 0; i < 3; ++i) {
-      if (along[i] == 0) continue;
-      places.add((half[i] - a[i]) / along[i]);
-      places.add((-half[i] - a[i]) / along[i]);
+      places.add(half[i] - a[i], along[i]);
+      places.add(-half[i] - a[i], along[i]);
     }
     places.sort();
     return places;
@@ -214,10 +218,8 @@ struct Cylinder {
 
   Places bends(const Vec3& a, const Vec3& along) const {
     Places places;
-    if (along.z() != 0) {
-      places.add((half - a.z()) / along.z());
-      places.add((-half - a.z()) / along.z());
-    }
+    places.add(half - a.z(), along.z());
+    places.add(-half - a.z(), along.z());
     // Where the segment enters and leaves the endless cylinder.
     const double square = along.x() * along.x() + along.y() * along.y();
     const double mixed = a.x() * along.x() + a.y() * along.y();
@@ -225,8 +227,8 @@ struct Cylinder {
     const double inside = mixed * mixed - square * rest;
     if (square > 0 && inside > 0) {
       const double root = std::sqrt(inside);
-      places.add((-mixed - root) / square);
-      places.add((-mixed + root) / square);
+      places.add(-mixed - root, square);
+      places.add(-mixed + root, square);
     }
     places.sort();
     return places;
@@ -319,8 +321,8 @@ double search(const Function& f, double low, double high) {
 
 template <class Solid>
 Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
-  const Vec3 axis = x_WS.q.conjugate() * (capsule.pose.q * Vec3(0, 0, capsule.length));
-  const Vec3 start = x_WS.q.conjugate() * (capsule.pose.p - x_WS.p) - 0.5 * axis;
+  const Vec3 axis = rotate_back(x_WS.q, rotate(capsule.pose.q, Vec3(0, 0, capsule.length)));
+  const Vec3 start = rotate_back(x_WS.q, capsule.pose.p - x_WS.p) - 0.5 * axis;
   const auto at = [&](double t) -> Vec3 { return start + t * axis; };
   const auto distance = [&](double t) { return solid.distance(at(t)); };
 
@@ -365,9 +367,9 @@ Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
     const Distance d = solid.from(p);
     if (d.value >= capsule.radius) return;
     ManifoldPoint& point = out.points[static_cast<std::size_t>(out.count++)];
-    point.normal = x_WS.q * d.normal;
+    point.normal = rotate(x_WS.q, d.normal);
     point.depth = capsule.radius - d.value;
-    point.position = x_WS * Vec3(p - 0.5 * (capsule.radius + d.value) * d.normal);
+    point.position = x_WS.p + rotate(x_WS.q, p - 0.5 * (capsule.radius + d.value) * d.normal);
   };
   const double apart = kApart * capsule.radius;
   const bool has_first = (best - first) * capsule.length > apart;
