@@ -30,28 +30,27 @@ struct Distance {
   Vec3 normal = Vec3::UnitZ();
 };
 
-/// Places along a segment, fractions 0..1.
+/// Places along a segment, fractions 0..1, in ascending order: its two ends, and what was added.
 class Places {
  public:
   static constexpr int kMost = 40;
   static constexpr double kSame = 1e-9;
 
-  /// Places for which there is no room are left out; the two ends always stay.
+  Places() { at_[0] = 0; }
+  /// Places for which there is no room are left out.
   void add(double t) {
-    if (t > 0 && t < 1 && count_ < kMost - 2) at_[static_cast<std::size_t>(count_++)] = t;
+    if (!(t > 0 && t < 1 && count_ < kMost - 1)) return;
+    auto k = static_cast<std::size_t>(count_++);
+    for (; at_[k - 1] > t; --k) at_[k] = at_[k - 1];
+    at_[k] = t;
   }
   /// Adds part / whole: most are not between 0 and 1, and need no division.
   void add(double part, double whole) {
     if (whole < 0 ? part < 0 && part > whole : part > 0 && part < whole) add(part / whole);
   }
-  void sort() {
-    at_[static_cast<std::size_t>(count_++)] = 0;
+  /// Adds the far end. Two places that differ by rounding alone count as one.
+  void end() {
     at_[static_cast<std::size_t>(count_++)] = 1;
-    // By insertion: most often there are two to four.
-    for (int i = 1; i < count_; ++i)
-      for (auto k = static_cast<std::size_t>(i); k > 0 && at_[k] < at_[k - 1]; --k)
-        std::swap(at_[k], at_[k - 1]);
-    // Two places that differ by rounding alone count as one.
     const auto end = std::unique(at_.begin(), at_.begin() + count_,
                                  [](double low, double high) { return high - low < kSame; });
     count_ = static_cast<int>(end - at_.begin());
@@ -62,7 +61,7 @@ class Places {
 
  private:
   std::array<double, kMost> at_;
-  int count_ = 0;
+  int count_ = 1;
 };
 
 /// Where an increasing function passes zero, or the nearer end: false position, Illinois rule (Dowell 1971).
@@ -149,7 +148,7 @@ struct Box {
       places.add(half[i] - a[i], along[i]);
       places.add(-half[i] - a[i], along[i]);
     }
-    places.sort();
+    places.end();
     return places;
   }
 };
@@ -230,7 +229,7 @@ struct Cylinder {
       places.add(-mixed - root, square);
       places.add(-mixed + root, square);
     }
-    places.sort();
+    places.end();
     return places;
   }
 };
@@ -291,7 +290,7 @@ struct Polyhedron {
       if (found.inner) places.add(*found.inner);
       if (found.outer) places.add(*found.outer);
     }
-    places.sort();
+    places.end();
     return places;
   }
 };
