@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/engine/collision/rotate.h"
+#include "handsim/core/triple.h"
 #include "handsim/engine/collision/segments.h"
 
 namespace handsim::engine {
@@ -107,7 +107,7 @@ const Pose& Clearance::pose(std::size_t shape) {
   const Mover& by = movers_[placed.mover];
   if (std::exchange(placed.posed, by.moves) != by.moves) {
     const Pose& own = model_.shapes[shape].pose;
-    placed.pose = {by.last.p + rotate(by.last.q, own.p), (by.last.q * own.q).normalized()};
+    placed.pose = {Triple(by.last.p) + rotate(by.last.q, own.p), (by.last.q * own.q).normalized()};
   }
   return placed.pose;
 }

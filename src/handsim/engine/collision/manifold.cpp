@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "handsim/engine/collision/rotate.h"
+#include "handsim/core/triple.h"
 #include "handsim/engine/collision/surface_walk.h"
 
 namespace handsim::engine {
@@ -320,8 +320,8 @@ double search(const Function& f, double low, double high) {
 
 template <class Solid>
 Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
-  const Vec3 axis = rotate_back(x_WS.q, rotate(capsule.pose.q, Vec3(0, 0, capsule.length)));
-  const Vec3 start = rotate_back(x_WS.q, capsule.pose.p - x_WS.p) - 0.5 * axis;
+  const Vec3 axis = rotate_back(x_WS.q, rotate(capsule.pose.q, Triple(0, 0, capsule.length)));
+  const Vec3 start = rotate_back(x_WS.q, Triple(capsule.pose.p) - x_WS.p) - 0.5 * Triple(axis);
   const auto at = [&](double t) -> Vec3 { return start + t * axis; };
   const auto distance = [&](double t) { return solid.distance(at(t)); };
 
@@ -368,7 +368,8 @@ Manifold sweep(Solid solid, const CapsuleAt& capsule, const Pose& x_WS) {
     ManifoldPoint& point = out.points[static_cast<std::size_t>(out.count++)];
     point.normal = rotate(x_WS.q, d.normal);
     point.depth = capsule.radius - d.value;
-    point.position = x_WS.p + rotate(x_WS.q, p - 0.5 * (capsule.radius + d.value) * d.normal);
+    point.position =
+        Triple(x_WS.p) + rotate(x_WS.q, Triple(p) - 0.5 * (capsule.radius + d.value) * Triple(d.normal));
   };
   const double apart = kApart * capsule.radius;
   const bool has_first = (best - first) * capsule.length > apart;

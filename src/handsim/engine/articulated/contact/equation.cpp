@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "handsim/core/triple.h"
 #include "handsim/engine/articulated/contact/tuning.h"
 
 namespace handsim::engine::articulated {
@@ -21,25 +22,20 @@ double* motion_of(const ContactProblem& p, Workspace& w, int body) {
 /// Motion of body a relative to b at a's origin: angular velocity, 0, velocity, 0.
 void compute_relative_motion(const ContactProblem& p, Workspace& w, const Pair& pair, double* out) {
   const double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
-  const Vec3 turn(b[0], b[1], b[2]), v = Vec3(b[4], b[5], b[6]) + turn.cross(pair.apart);
-  for (std::size_t k = 0; k < 3; ++k) {
-    out[k] = a[k] - turn[static_cast<Eigen::Index>(k)];
-    out[4 + k] = a[4 + k] - v[static_cast<Eigen::Index>(k)];
-  }
+  const Triple turn(b), v = Triple(b + 4) + turn.cross(pair.apart);
+  (Triple(a) - turn).store(out);
+  (Triple(a + 4) - v).store(out + 4);
   out[3] = out[7] = 0;
 }
 
 /// A wrench on body a at its origin, and the opposite one on b.
 void add_pair_wrench(const ContactProblem& p, Workspace& w, const Pair& pair, const double* wrench) {
   double *a = motion_of(p, w, pair.a), *b = motion_of(p, w, pair.b);
-  const Vec3 f(wrench[4], wrench[5], wrench[6]),
-      m = Vec3(wrench[0], wrench[1], wrench[2]) + pair.apart.cross(f);
-  for (std::size_t k = 0; k < 3; ++k) {
-    a[k] += wrench[k];
-    a[4 + k] += wrench[4 + k];
-    b[k] -= m[static_cast<Eigen::Index>(k)];
-    b[4 + k] -= f[static_cast<Eigen::Index>(k)];
-  }
+  const Triple on_a(wrench), f(wrench + 4), m = on_a + Triple(pair.apart).cross(f);
+  (Triple(a) + on_a).store(a);
+  (Triple(a + 4) + f).store(a + 4);
+  (Triple(b) - m).store(b);
+  (Triple(b + 4) - f).store(b + 4);
 }
 
 /// r = r0 + J x.
