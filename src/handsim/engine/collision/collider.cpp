@@ -137,7 +137,7 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
 
 int Collider::collide(const model::State& state, const StepForecast& prospect) {
   contacts_.clear();
-  touches_.clear();
+  touch_count_ = 0;
   shares_.clear();
   collect_near(state);
   const std::span<const Sweep::Pair> fast = find_fast(state, prospect);
@@ -149,15 +149,21 @@ int Collider::collide(const model::State& state, const StepForecast& prospect) {
   }
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
-    const auto surface = [this, a = a, b = b] { return rules_.between(model_.shapes[a], model_.shapes[b]); };
     const bool flat = narrow_.flat(a, b);
-    int count = narrow_phase(a, pose(a, state), b, pose(b, state), flat && surface().compliance.has_value(),
-                             contacts_);
+    if (touch_count_ == touches_.size()) touches_.emplace_back();
+    Touch& touch = touches_[touch_count_];
+    const auto set_surface = [&] { rules_.set_between(model_.shapes[a], model_.shapes[b], touch.surface); };
+    if (flat) set_surface();
+    const bool pad = flat && touch.surface.compliance.has_value();
+    int count = narrow_phase(a, pose(a, state), b, pose(b, state), pad, contacts_);
     if (!fast.empty() && std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
       count += approach(a, b, count > 0, state);
     if (count == 0) continue;
-    touches_.push_back({first, count, surface()});
-    share_stiffness(touches_.back(), flat);
+    if (!flat) set_surface();
+    touch.first = first;
+    touch.count = count;
+    ++touch_count_;
+    share_stiffness(touch, flat);
   }
   return static_cast<int>(near_pairs_.size());
 }

@@ -50,8 +50,8 @@ class Collider {
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   /// In the order of their points in the list.
-  std::span<const Touch> touches() const { return touches_; }
-  std::span<Touch> touches() { return touches_; }
+  std::span<const Touch> touches() const { return {touches_.data(), touch_count_}; }
+  std::span<Touch> touches() { return {touches_.data(), touch_count_}; }
   /// Share of the pair's stiffness and damping that each contact has where its surfaces are pads.
   std::span<const double> shares() const { return shares_; }
   /// Largest moment about a contact's normal per normal force, beyond that of sliding friction at the touch's
@@ -95,7 +95,8 @@ class Collider {
   Approach approach_;
   std::vector<Way> ways_;  ///< of each body, in a step with a fast one
   std::vector<Contact> contacts_, trial_;
-  std::vector<Touch> touches_;
+  std::vector<Touch> touches_;  ///< the first of them; the others are room
+  std::size_t touch_count_ = 0;
   std::vector<double> shares_;  ///< as the contacts
 };
 

@@ -31,22 +31,26 @@ double pad_radius(const model::Shape& a, const model::Shape& b) {
   return of_a > 0 && of_b > 0 ? std::min(of_a, of_b) : of_a + of_b;
 }
 
-model::Material sized(model::Material surface, double radius) {
-  if (!surface.compliance) return surface;
+void set_radius(model::Material& surface, double radius) {
+  if (!surface.compliance) return;
   surface.compliance->radius = radius;
   const auto& law = surface.compliance->law;
   if (law && law->radius > 0 && radius > 0) surface.compliance->size = radius / law->radius;
-  return surface;
 }
 
 }  // namespace
 
-model::Material PairTable::between(const model::Shape& a, const model::Shape& b) const {
-  const auto material = [&](int index) { return model_.materials[as_index(index)]; };
-  const std::optional<int> ruled = rule(a.group, b.group)->material;
-  return ruled ? sized(material(*ruled), pad_radius(a, b))
-               : model::combined(sized(material(a.material), radius_of(a)),
-                                 sized(material(b.material), radius_of(b)));
+void PairTable::set_between(const model::Shape& a, const model::Shape& b, model::Material& out) const {
+  if (const std::optional<int> ruled = rule(a.group, b.group)->material) {
+    out = model_.materials[as_index(*ruled)];
+    set_radius(out, pad_radius(a, b));
+    return;
+  }
+  model::Material of_a = model_.materials[as_index(a.material)],
+                  of_b = model_.materials[as_index(b.material)];
+  set_radius(of_a, radius_of(a));
+  set_radius(of_b, radius_of(b));
+  out = model::combined(of_a, of_b);
 }
 
 bool PairTable::meets_any(int group) const {

@@ -15,7 +15,13 @@ class PairTable {
   bool meet(int group_a, int group_b) const { return rule(group_a, group_b) != nullptr; }
   bool meets_any(int group) const;
   /// The material between two shapes that meet: that of their rule, or the two combined where it has none.
-  model::Material between(const model::Shape& a, const model::Shape& b) const;
+  model::Material between(const model::Shape& a, const model::Shape& b) const {
+    model::Material out;
+    set_between(a, b, out);
+    return out;
+  }
+  /// The same, in the place of another one.
+  void set_between(const model::Shape& a, const model::Shape& b, model::Material& out) const;
 
  private:
   const model::ContactRule* rule(int a, int b) const {

@@ -226,8 +226,8 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
   rows.impulse[0] = frame.col(0).dot(last.impulse);
   for (std::size_t k = 0; k < rows.disc_count; ++k) {
     Disc& disc = rows.discs[k];
-    const Vec3 p = frame.transpose() * (disc.kind == Disc::Kind::sliding ? last.impulse : last.moment);
-    const double x = disc.size > 1 ? p.y() : p.x(), y = disc.size > 1 ? p.z() : 0;
+    const Vec3& p = disc.kind == Disc::Kind::sliding ? last.impulse : last.moment;
+    const double x = frame.col(disc.size > 1 ? 1 : 0).dot(p), y = disc.size > 1 ? frame.col(2).dot(p) : 0;
     rows.impulse[disc.row] = x;
     if (disc.size > 1) rows.impulse[disc.row + 1] = y;
     const double size = std::sqrt(x * x + y * y);
@@ -240,34 +240,39 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
 }
 
 void ContactDynamics::store_impulses(const ContactProblem& p, double step) {
-  memory_.points.clear();
+  memory_.points.resize(collider_.contacts().size());
   std::size_t i = 0;
   for (const Touch& touch : collider_.touches()) {
     if (!has_rows(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + as_index(index)];
       const ContactRows& rows = p.contacts[i];
-      ContactMemory::Point& point = memory_.points.emplace_back();
+      ContactMemory::Point& point = memory_.points[i];
       point.shape_a = contact.shape_a;
       point.shape_b = contact.shape_b;
       point.index = index;
       point.open = rows.open;
+      point.tangent_stiffness = {};
+      point.moment = Vec3::Zero();
       Vec3 impulse(rows.impulse[0], 0, 0), moment = Vec3::Zero();
+      bool turns = false;
       for (std::size_t k = 0; k < rows.disc_count; ++k) {
         const Disc& disc = rows.discs[k];
         const double* first = rows.impulse.data() + disc.row;
         point.tangent_stiffness[static_cast<std::size_t>(disc.kind)] =
             disc.slides ? disc.tangent_stiffness : 0;
+        turns = turns || disc.kind != Disc::Kind::sliding;
         if (disc.kind == Disc::Kind::spinning)
           moment.x() = *first;
         else
           (disc.kind == Disc::Kind::sliding ? impulse : moment).tail<2>() << first[0], first[1];
       }
       point.impulse = frames_[i] * impulse;
-      point.moment = frames_[i] * moment;
+      if (turns) point.moment = frames_[i] * moment;
       if (with_forces_) contact.force = point.impulse / step;
     }
   }
+  memory_.points.resize(i);
 }
 
 /// What pads remember of the solution: depths at the step's end by the rates there.
