@@ -3,8 +3,6 @@
 // stays a call of its own.
 #pragma once
 
-#include <cmath>
-
 #include "handsim/core/pose.h"
 
 namespace handsim {
@@ -22,9 +20,6 @@ struct Triple {
   Triple operator-(const Triple& b) const { return {x - b.x, y - b.y, z - b.z}; }
   friend Triple operator*(double s, const Triple& a) { return {s * a.x, s * a.y, s * a.z}; }
   Triple cross(const Triple& b) const { return {y * b.z - z * b.y, z * b.x - x * b.z, x * b.y - y * b.x}; }
-  /// Summed from the first to the last, as Eigen's.
-  double dot(const Triple& b) const { return x * b.x + y * b.y + z * b.z; }
-  double squaredNorm() const { return dot(*this); }
   void store(double* to) const {
     to[0] = x;
     to[1] = y;
