@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What `handsim track` makes of captured sequences of other people's hands, and whether the scenes that it writes run.
 
-usage: captured.py HANDSIM OUT [--points NAME] [--others] [--only NAME...] [--run]
+usage: captured.py HANDSIM OUT [--points NAME] [--others] [--only NAME...] [--no-smoothing] [--run]
 
 --others tracks the sequences of each person with a convention that is fitted on one sequence of each other person
 (`track --convention-from`), in place of --points.
@@ -14,7 +14,7 @@ a row for each sequence and writes OUT/captured.csv:
 - rms: of the distances of the 21 points from the fitted ones, over all tracked frames [mm]; then that of the points of each kind of joint;
 - thumb: deepest overlap of the thumb's proximal or last segment with the palm or its thenar pad [mm];
 - angle: largest over the fingers' PIP and DIP and the thumb's MCP and IP of the RMS difference between the fitted flexion and the
-  angle between the points' own bones [deg], and which joint; then that of each joint; without frames whose bones bend backwards;
+  angle between the points' own bones [deg], and which joint; then that of each joint and its mean (_mean); without frames whose bones bend backwards;
 - tips: RMS distance of the fingertips of a hand with the points' own angles from the points' tips, places on the last segments apart [mm];
 - overlap: deepest overlap of the two hands [mm], and its time [s];
 - check, ode, articulated: exit statuses of `check` and of `run` on both engines of the scene that is written;
@@ -88,10 +88,10 @@ def own_angles(points: np.ndarray, right: bool) -> dict[str, np.ndarray]:
     return out
 
 
-def differences(source: Path, out: Path, start: float) -> dict[str, float]:
-    """RMS difference of each joint's flexion from the points' own bones [deg], over both hands. :param start: of the tables in the recording [s]"""
+def differences(source: Path, out: Path, start: float) -> dict[str, np.ndarray]:
+    """Of each joint's flexion from the points' own bones [deg], in the frames of both hands. :param start: of the tables in the recording [s]"""
     data = np.load(source)
-    squares: dict[str, list[np.ndarray]] = {joint: [] for joint in JOINTS}
+    found: dict[str, list[np.ndarray]] = {joint: [] for joint in JOINTS}
     for side in ("right", "left"):
         if not (out / f"{side}.mot").exists():
             continue
@@ -100,8 +100,8 @@ def differences(source: Path, out: Path, start: float) -> dict[str, float]:
         frames = np.round((values[:, 0] + start) * RATE).astype(int)
         own = own_angles(data[side][:, ORDER][frames].astype(float), side == "right")
         for joint in JOINTS:
-            squares[joint].append((values[:, names.index(f"{side}.{joint}.flexion")] - own[joint])**2)
-    return {joint: float(np.sqrt(np.nanmean(np.concatenate(each)))) for joint, each in squares.items()}
+            found[joint].append(values[:, names.index(f"{side}.{joint}.flexion")] - own[joint])
+    return {joint: np.concatenate(each) for joint, each in found.items()}
 
 
 def tips_of_equal_angles(source: Path, length: float) -> float:
@@ -149,11 +149,13 @@ def measure(handsim: str, source: Path, folder: Path, points: list[str], run: bo
     row["thumb"] = round(max((pair["deepest_mm"] for hand in summary["hands"] for pair in hand["overlaps"]["pairs"]
                               if ("palm" in pair["where"] or "thenar" in pair["where"])
                               and ("thumb_proximal" in pair["where"] or "thumb_distal" in pair["where"])), default=0.0), 1)
-    angles = differences(source, out, summary["start_s"])
+    apart = differences(source, out, summary["start_s"])
+    angles = {joint: float(np.sqrt(np.nanmean(each**2))) for joint, each in apart.items()}
     worst = max(angles, key=lambda joint: angles[joint])
     row["tips"] = round(tips_of_equal_angles(source, row["length"]), 1)
     row["angle"], row["joint"] = round(angles[worst], 1), worst
     row.update({joint: round(each, 1) for joint, each in angles.items()})
+    row.update({f"{joint}_mean": round(float(np.nanmean(each)), 1) for joint, each in apart.items()})
     if summary.get("hands_overlap"):
         row["overlap"], row["overlap_time"] = (round(summary["hands_overlap"][key], 2) for key in ("deepest_mm", "time_s"))
     if run and done.returncode == 0:
@@ -180,7 +182,7 @@ def told(rows: list[dict[str, Any]]) -> str:
     out += [f"{person}: hand length {np.mean(of):.1f} mm, a sequence at most {100 * np.abs(np.array(of) / np.mean(of) - 1).max():.1f} % from it, {len(of)} sequences"
             for person, of in lengths.items()]
     out.append(f"tips of a hand with the points' own angles {np.sqrt(np.mean([row['tips']**2 for row in rows])):.1f} mm off")
-    out += [f"{joint} {np.sqrt(np.mean([row[joint]**2 for row in rows])):.1f} deg" for joint in JOINTS]
+    out += [f"{joint} {np.sqrt(np.mean([row[joint]**2 for row in rows])):.1f} deg, mean of sequences {np.mean([row[f'{joint}_mean'] for row in rows]):.1f}" for joint in JOINTS]
     for engine in ("check", "ode", "articulated"):
         if engine in rows[0]:
             out.append(f"{engine} of {sum(row.get(engine) == 0 for row in rows)}")
@@ -232,6 +234,7 @@ def main() -> int:
     parser.add_argument("--points")
     parser.add_argument("--others", action="store_true")
     parser.add_argument("--only", nargs="*", default=[""])
+    parser.add_argument("--no-smoothing", action="store_true")
     parser.add_argument("--run", action="store_true")
     arguments = parser.parse_args()
     if "HANDSIM_RECORDINGS" not in os.environ:
@@ -242,13 +245,14 @@ def main() -> int:
     rows = []
     others: dict[str, Path] = {}
     for source in sources:
+        options = ["--no-smoothing"] if arguments.no_smoothing else []
         points = ["--points", arguments.points] if arguments.points else []
         if arguments.others:
             person = source.stem.partition("_")[0]
             if person not in others:
                 others[person] = convention(arguments.handsim, every, person, arguments.out / "conventions")
             points = ["--points", str(others[person])]
-        rows.append(measure(arguments.handsim, source, arguments.out / source.stem, points, arguments.run))
+        rows.append(measure(arguments.handsim, source, arguments.out / source.stem, [*points, *options], arguments.run))
         print(*(f"{key} {value}" for key, value in rows[-1].items()), flush=True)
     columns = list(dict.fromkeys(key for row in rows for key in row))
     with open(arguments.out / "captured.csv", "w", newline="") as file:
