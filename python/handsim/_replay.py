@@ -43,8 +43,8 @@ LEVER = 0.04
 PASSES = 3
 STOP = 1e-3
 """How far within its stops a joint starts [rad]."""
-STILL = 0.5
-"""Over which a hand that holds an object is steady, seen from it [s]: chosen."""
+STILL = 10.0
+"""Over which a hand that holds an object is steady, seen from it [s]: most lifts are shorter. Chosen."""
 ROUNDS = 2
 """In which targets are corrected by what the hands press in a simulation."""
 SETTLED = 3
