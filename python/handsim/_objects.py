@@ -47,6 +47,8 @@ class Link(NamedTuple):
     """Outwards."""
     corners: list[Array]
     """Of the convex parts that it is for a simulation [m]."""
+    triangles: Array
+    """Of its surface [m], counter-clockwise seen from outside, shape (n, 3, 3); parts may lie within each other."""
 
 
 class Hinge(NamedTuple):
@@ -130,8 +132,10 @@ def hull_faces(corners: Array) -> NDArray[np.intp]:
 
 def of_hulls(link: Link) -> Link:
     """With the surface of its convex parts, as a simulation has it."""
-    made = [sampled(corners, hull_faces(corners), SPACING) for corners in link.corners]
-    return link._replace(points=np.concatenate([points for points, _ in made]), normals=np.concatenate([normals for _, normals in made]))
+    faces = [hull_faces(corners) for corners in link.corners]
+    made = [sampled(corners, each, SPACING) for corners, each in zip(link.corners, faces)]
+    return link._replace(points=np.concatenate([points for points, _ in made]), normals=np.concatenate([normals for _, normals in made]),
+                         triangles=np.concatenate([corners[each] for corners, each in zip(link.corners, faces)]))
 
 
 def hull_text(corners: Array) -> str:
@@ -140,22 +144,22 @@ def hull_text(corners: Array) -> str:
     return "".join([f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in corners.tolist()] + [f"f {i + 1} {j + 1} {k + 1}\n" for i, j, k in faces.tolist()])
 
 
-def _spacing(surfaces: Sequence[tuple[Array, NDArray[Any]]]) -> float:
-    area = 0.0
-    for points, faces in surfaces:
-        a, b, c = (points[faces[:, k].astype(int)] for k in range(3))
-        area += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+def spacing_of(triangles: Array) -> float:
+    """Between the points that stand for a surface, at most [m]."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
     return max(SPACING, math.sqrt(4 * area / MOST_POINTS))
 
 
-def _of_shapes(shapes: Sequence[Shape], body: Array) -> tuple[Array, Array, list[Array]]:
+def _of_shapes(shapes: Sequence[Shape], body: Array) -> tuple[Array, Array, list[Array], Array]:
     """The outside of convex parts, in the frame of which `body` is the pose of their body."""
     surfaces = []
     for shape in shapes:
         made = surface(shape)
         pose = compose(body, shape.pose)
         surfaces.append((turned(pose[3:], made.points) + pose[:3], made.faces))
-    spacing = _spacing(surfaces)
+    triangles = np.concatenate([points[faces.astype(int)] for points, faces in surfaces])
+    spacing = spacing_of(triangles)
     hulls = [_hull(points) for points, _ in surfaces]
     points, normals = [], []
     for i, (corners, faces) in enumerate(surfaces):
@@ -167,7 +171,7 @@ def _of_shapes(shapes: Sequence[Shape], body: Array) -> tuple[Array, Array, list
                 inside |= ((on + 0.1 * spacing * along) @ hull.equations[:, :3].T + hull.equations[:, 3] < 0).all(axis=1)
         points.append(on[~inside])
         normals.append(along[~inside])
-    return np.concatenate(points), np.concatenate(normals), [corners[hull.vertices] for (corners, _), hull in zip(surfaces, hulls)]
+    return np.concatenate(points), np.concatenate(normals), [corners[hull.vertices] for (corners, _), hull in zip(surfaces, hulls)], triangles
 
 
 def of_scene(name: str, file: Path) -> Thing:
@@ -178,8 +182,7 @@ def of_scene(name: str, file: Path) -> Thing:
     if body.mass <= 0 or not own:
         raise input_error(str(file), "an object that does not move", "one with a mass")
     to = matrices(body.zero)[:3, :3]
-    points, normals, corners = _of_shapes(own, body.zero)
-    return Thing(name, file, [Link(name, body.mass, body.zero[:3], to @ body.inertia @ to.T, points, normals, corners)])
+    return Thing(name, file, [Link(name, body.mass, body.zero[:3], to @ body.inertia @ to.T, *_of_shapes(own, body.zero))])
 
 
 def read_obj(path: Path) -> tuple[Array, NDArray[np.intp]]:
@@ -231,9 +234,9 @@ def _link(of: xml.Element, folder: Path) -> Link:
     points = points * _numbers(mesh.get("scale", "1 1 1"), 3)
     pose = _origin(of.find("collision/origin"))
     points = turned(pose[3:], points) + pose[:3]
-    on, normals = sampled(points, faces, _spacing([(points, faces)]))
+    on, normals = sampled(points, faces, spacing_of(points[faces]))
     return Link(str(of.get("name")), float(mass.get("value", "nan")), place[:3], to @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ to.T, on, normals,
-                [points[_hull(points).vertices]])
+                [points[_hull(points).vertices]], points[faces])
 
 
 def _of_urdf(name: str, file: Path) -> Thing:

@@ -10,7 +10,8 @@ from . import _core
 from ._errors import input_error
 from ._hand import Hand
 from ._model import compose, inverse, matrices, turned
-from ._objects import Link
+from ._inside import Inside
+from ._objects import Link, spacing_of
 
 Array = NDArray[np.float64]
 ALONG = 4e-3
@@ -102,23 +103,26 @@ class Surface:
         self.link = link
         self.tree: Any = cKDTree(link.points)
         self.low, self.high = link.points.min(axis=0), link.points.max(axis=0)
+        self.inside = Inside(link.triangles, self.tree, spacing_of(link.triangles))
 
-    def distances(self, places: Array, reach: float, radii: Array) -> tuple[Array, NDArray[np.intp]]:
-        """Signed distances of balls' centres in the link's frame from its surface [m], inf where a ball is farther than reach, and the nearest points of it."""
+    def distances(self, places: Array, reach: float, radii: Array) -> tuple[Array, Array]:
+        """Signed distances of balls' centres in the link's frame from its surface [m], inf where a ball is farther than reach, and the outward normals of its
+        nearest places."""
         out = np.full(len(places), np.inf)
-        nearest = np.zeros(len(places), dtype=np.intp)
+        normals = np.zeros((len(places), 3))
         bounds = (reach + radii)[:, None]
         near = np.flatnonzero(((places > self.low - bounds) & (places < self.high + bounds)).all(axis=1))
         if not len(near):
-            return out, nearest
+            return out, normals
         # The nearest point alone says which balls are too far: one that is inside by it is looked at in any case.
         away, at = self.tree.query(places[near], distance_upper_bound=reach + float(radii.max()))
         found = np.isfinite(away)
         near, at, away = near[found], at[found], away[found]
-        inside = ((places[near] - self.link.points[at]) * self.link.normals[at]).sum(axis=1) < 0
-        near = near[inside | (away < reach + radii[near] + BESIDE)]
+        inside = self.inside.of(places[near])
+        kept = inside | (away < reach + radii[near] + BESIDE)
+        near, inside = near[kept], inside[kept]
         if not len(near):
-            return out, nearest
+            return out, normals
         away, at = self.tree.query(places[near], k=CORNER)
         # At an edge several points are as near, of different faces: a place is outside where it is outside of one of them.
         alike = away < away[:, :1] + TIE
@@ -128,11 +132,14 @@ class Surface:
         best = np.argmax(heights, axis=1)
         rows = np.arange(len(near))
         height, distance = heights[rows, best], away[:, 0]
-        # A place within the spacing of the foot of the perpendicular: the plane there is nearer than the point.
+        # A place within the spacing of the foot of the perpendicular: the plane there is nearer than the point. Where no plane is on the side on which the
+        # place is, the point is nearest.
+        sign, agrees = np.where(inside, -1.0, 1.0), (height < 0) == inside
         beside = np.sqrt(np.maximum(distance**2 - height**2, 0))
-        out[near] = np.where(beside < BESIDE, height, np.copysign(distance, height))
-        nearest[near] = at[rows, best]
-        return out, nearest
+        out[near] = np.where((beside < BESIDE) & agrees, height, sign * distance)
+        away_from = sign[:, None] * from_[:, 0] / np.maximum(distance, 1e-12)[:, None]
+        normals[near] = np.where(agrees[:, None], self.link.normals[at[rows, best]], away_from)
+        return out, normals
 
 
 def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Surface], places: Array, reach: float) -> list[Touch]:
@@ -145,7 +152,7 @@ def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Sur
     out: list[Touch] = []
     for k, surface in enumerate(surfaces):
         back = inverse(places[k])
-        distance, nearest = surface.distances(turned(back[3:], balls) + back[:3], reach + SECOND, shapes.radii)
+        distance, outward = surface.distances(turned(back[3:], balls) + back[:3], reach + SECOND, shapes.radii)
         gaps = distance - shapes.radii
         every: list[tuple[int, int, int]] = []
         least = np.minimum.reduceat(gaps, shapes.first)
@@ -159,7 +166,7 @@ def touches(shapes: HandShapes, hand: int, bodies: Array, surfaces: Sequence[Sur
         if not every:
             continue
         rows = np.array([i for _, _, i in every])
-        normals = turned(places[k, 3:], surface.link.normals[nearest[rows]])
+        normals = turned(places[k, 3:], outward[rows])
         points = balls[rows] - (shapes.radii[rows] + gaps[rows])[:, None] * normals
         own_bodies = bodies[shapes.body[rows]]
         offsets = turned(own_bodies[:, 3:] * [1, -1, -1, -1], points - own_bodies[:, :3])

@@ -267,6 +267,81 @@ def test_a_hand_that_holds_is_steady_seen_from_the_object():
         assert np.sqrt(np.mean((found[width:-width, :3] - exact[width:-width, :3])**2)) <= most
 
 
+def ball(count, radius=0.05, middle=(0, 0, 0)):
+    """Triangles of a sphere of longitudes and latitudes, counter-clockwise seen from outside."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 2 * count + 1), np.linspace(0, np.pi, count + 1), indexing="ij")
+    points = radius * np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=2) + middle
+    a, b, c, d = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    made = np.concatenate([np.stack([a, d, c], axis=2).reshape(-1, 3, 3), np.stack([a, c, b], axis=2).reshape(-1, 3, 3)])
+    return made[np.linalg.norm(np.cross(made[:, 1] - made[:, 0], made[:, 2] - made[:, 0]), axis=1) > 1e-12]
+
+
+def cup():
+    """Triangles of a cube of 0.1 m with a square hole of 0.06 m from above to 0.02 m over its bottom: it is not convex."""
+    def brick(low, high):
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+        return {name: corners[[each]][0] for name, each in zip(("x-", "x+", "y-", "y+", "z-", "z+"), faces)}
+
+    outer, hole = brick((-0.05, -0.05, 0), (0.05, 0.05, 0.1)), brick((-0.03, -0.03, 0.02), (0.03, 0.03, 0.1))
+    quads = [quad for name, quad in outer.items() if name != "z+"] + [quad[::-1] for name, quad in hole.items() if name != "z+"]
+    rim_out, rim_in = outer["z+"], hole["z+"]
+    quads += [np.array([rim_out[k], rim_out[(k + 1) % 4], rim_in[(k + 1) % 4], rim_in[k]]) for k in range(4)]
+    return np.array([quad[list(own)] for quad in quads for own in ((0, 1, 2), (0, 2, 3))])
+
+
+def surface_of(triangles):
+    """As of a link."""
+    spacing = _objects.spacing_of(triangles)
+    points, normals = _objects.sampled(triangles.reshape(-1, 3), np.arange(len(triangles) * 3).reshape(-1, 3), spacing)
+    return _touch.Surface(_objects.Link("link", 1.0, np.zeros(3), np.eye(3), points, normals, [], triangles))
+
+
+# Oracles: closed forms. Surfaces that are closed, not convex, doubled, within each other, and open: of the sphere a cap of 37 degrees is left out, and places
+# near the hole are asked for by the plane of its rim no nearer than 5 mm.
+@pytest.mark.parametrize("shape", ["sphere", "cup", "doubled", "overlapping", "open"])
+def test_inside_is_told_from_outside(shape):
+    random = np.random.default_rng(11)
+    places = random.uniform(-0.07, 0.07, (4000, 3)) + (np.array([0, 0, 0.05]) if shape == "cup" else 0)
+    away = np.linalg.norm(places, axis=1)
+    if shape == "cup":
+        triangles = cup()
+        x, y, z = places.T
+        exact = (np.maximum(np.abs(x), np.abs(y)) < 0.05) & (z > 0) & (z < 0.1) & ~((np.maximum(np.abs(x), np.abs(y)) < 0.03) & (z > 0.02))
+        asked = np.ones(len(places), dtype=bool)
+    else:
+        triangles, exact, asked = ball(32), away < 0.05, np.abs(away - 0.05) > 3e-4
+    if shape == "doubled":
+        triangles = np.concatenate([triangles, triangles])
+    if shape == "overlapping":
+        triangles, other = np.concatenate([triangles, ball(32, middle=(0.04, 0, 0))]), np.linalg.norm(places - [0.04, 0, 0], axis=1)
+        exact, asked = exact | (other < 0.05), asked & (np.abs(other - 0.05) > 3e-4)
+    if shape == "open":
+        triangles = triangles[triangles[:, :, 2].min(axis=1) < 0.04]
+        asked &= places[:, 2] < 0.035
+    surface = surface_of(triangles)
+    assert 500 < exact[asked].sum() < asked.sum() - 500
+    assert (surface.inside.of(places)[asked] == exact[asked]).all()
+    # Distances have the sign, too, and the normal leads from inside outwards.
+    found, normals = surface.distances(places, 0.1, np.full(len(places), 0.01))
+    deep = asked & np.isfinite(found) & (np.abs(found) > 1e-3)
+    assert ((found[deep] < 0) == exact[deep]).all() and np.linalg.norm(normals[deep], axis=1) == pytest.approx(1)
+    if shape == "sphere":
+        assert found[deep] == pytest.approx(away[deep] - 0.05, abs=6e-4)
+        assert ((normals * places).sum(axis=1)[deep] / away[deep] > 0.9)[away[deep] > 0.02].all()
+
+
+# Oracle: a place inside a closed surface sees it all around, one outside nothing of it. Of a hole of a sphere, the solid angle of its
+# cap is missing in the middle: (1 - cos) / 2 of the whole.
+def test_winding_numbers_are_solid_angles():
+    inside = surface_of(ball(64)).inside
+    assert inside.winding(np.array([[0, 0, 0], [0.02, 0.01, -0.03], [0.2, 0, 0]])) == pytest.approx([1, 1, 0], abs=1e-9)
+    triangles = ball(64)
+    rim = np.cos(np.pi * 16 / 64)
+    hole = surface_of(triangles[triangles[:, :, 2].min(axis=1) < 0.05 * rim - 1e-9]).inside
+    assert hole.winding(np.zeros((1, 3))) == pytest.approx(1 - (1 - rim) / 2, abs=2e-3)
+
+
 # Oracle: the nearest points of all places, none left out beforehand.
 def test_places_that_are_too_far_are_left_out_alone():
     surface = _touch.Surface(_objects.read_object("mug=mug").links[0])
@@ -278,7 +353,8 @@ def test_places_that_are_too_far_are_left_out_alone():
     at = np.where(alike, at, at[:, :1])
     heights = np.where(alike, ((places[:, None] - surface.link.points[at]) * surface.link.normals[at]).sum(axis=2), -np.inf).max(axis=1)
     beside = np.sqrt(np.maximum(away[:, 0]**2 - heights**2, 0))
-    exact = np.where(beside < _touch.BESIDE, heights, np.copysign(away[:, 0], heights))
+    sign = np.where(surface.inside.of(places), -1.0, 1.0)
+    exact = np.where((beside < _touch.BESIDE) & (sign * heights > 0), heights, sign * away[:, 0])
     near = exact - radii < reach
     assert 200 < near.sum() < 1800 and found[near] == pytest.approx(exact[near], abs=1e-12)
 
