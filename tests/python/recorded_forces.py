@@ -295,6 +295,24 @@ class Found(NamedTuple):
     """Share of the lifts' time in which a simulated hand with the found forces holds the object."""
     angles: float
     """The same of the tracked angles alone."""
+    activations: dict[str, float]
+    """RMS error by muscle over the lifted frames, of the same inverse dynamics of the tracked hands with the found and with the true forces."""
+
+
+def activations(folder: Path, times: np.ndarray) -> dict[str, float]:
+    """RMS of the difference between activations with the found and with the true loads at these times, by muscle: the least squared ones that give the torques
+    of the tracked motion, so that all of it comes of the forces."""
+    found = {}
+    for name, loads in (("true", folder / "loads.csv"), ("found", folder / "tracked/forces/loads.csv")):
+        out = folder / f"inverse_{name}"
+        words = [sys.executable, "-m", "handsim", "inverse", str(folder / "tracked/scene.yaml"), "--loads", str(loads), "--muscles", "--no-check", "--out", str(out)]
+        done = subprocess.run(words, capture_output=True, text=True)
+        if done.returncode != 0:
+            raise RuntimeError(done.stdout + done.stderr)
+        lines = (out / "activations.sto").read_text().split("endheader\n")[1].splitlines()
+        table = np.array([line.split("\t") for line in lines[1:]], dtype=float)
+        found[name] = {muscle: np.interp(times, table[:, 0], table[:, 1 + i]) for i, muscle in enumerate(lines[0].split("\t")[1:])}
+    return {muscle: float(np.sqrt(np.mean((found["found"][muscle] - true)**2))) for muscle, true in found["true"].items()}
 
 
 def compare(of: Recorded, folder: Path) -> Found:
@@ -328,7 +346,7 @@ def compare(of: Recorded, folder: Path) -> Found:
     whole = sum(each["end_s"] - each["begin_s"] for each in lifts)
     held = [sum(each["held_s"][kind] for each in lifts) / whole if whole else math.nan for kind in ("forces", "angles")]
     return Found(errors, wrench_error, float(np.sqrt(np.nanmean(frictions**2))), float(np.mean(np.concatenate(insides))) if insides else math.nan,
-                 float(np.mean(table["residual.share"][lifted] <= 0.1)), int(lifted.sum()), *held)
+                 float(np.mean(table["residual.share"][lifted] <= 0.1)), int(lifted.sum()), *held, activations(folder, table["time"][lifted]))
 
 
 def run(name: str, person: str, out: Path, seed: int, draws: int, more: tuple[str, ...] = ()) -> Optional[tuple[Recorded, Found, float]]:
@@ -378,7 +396,7 @@ def main() -> None:
         return
     every_pair = [(name, person) for name in CASES for person in PERSONS]
     pairs = [(name, person) for name, person in every_pair if name in asked.cases and person in asked.persons]
-    print(f"{'recording':<24} {'frames':>6} {'fingers, worst':>14} {'RMS of them':>12} {'wrench':>8} {'friction':>9} {'in bands':>9} {'residual':>9} {'replay':>7} {'angles':>7}")
+    print(f"{'recording':<24} {'frames':>6} {'fingers, worst':>14} {'RMS of them':>12} {'wrench':>8} {'friction':>9} {'in bands':>9} {'residual':>9} {'replay':>7} {'angles':>7} {'activations, RMS of them':>25}")
     with ThreadPoolExecutor(asked.jobs) as pool:
         found = pool.map(lambda each: run(*each, asked.out, 100 + every_pair.index(each), asked.draws,
                                           ("--friction", str(CASES[each[0]].friction)) if asked.measured_friction else ()), pairs)
@@ -391,7 +409,8 @@ def main() -> None:
             every.setdefault(person, []).append(figures)
             print(f"{name + ', ' + person:<24} {figures.lifted:>6} {100 * max(errors, default=math.nan):>12.0f} % "
                   f"{100 * math.sqrt(np.mean(np.square(errors))) if errors else math.nan:>10.0f} % {100 * figures.wrench:>6.1f} % {figures.friction:>9.2f} "
-                  f"{100 * figures.inside:>7.0f} % {100 * figures.residual:>7.0f} % {100 * figures.replay:>5.0f} % {100 * figures.angles:>5.0f} %", flush=True)
+                  f"{100 * figures.inside:>7.0f} % {100 * figures.residual:>7.0f} % {100 * figures.replay:>5.0f} % {100 * figures.angles:>5.0f} % "
+                  f"{max(figures.activations.values()):>11.2f} {math.sqrt(np.mean(np.square(list(figures.activations.values())))):>13.2f}", flush=True)
     # The solver was made in sight of the first person's recordings alone.
     for title, persons in ((PERSONS[0], PERSONS[:1]), ("held out: " + ", ".join(PERSONS[1:]), PERSONS[1:])):
         found_ = [each for person in persons for each in every.get(person, [])]
@@ -407,9 +426,10 @@ def goals(found: list[Found]) -> str:
     def share(values: list[bool]) -> str:
         return f"{sum(values)} of {len(values)}"
 
-    inside = np.array([each.inside for each in found])
+    inside, muscles = np.array([each.inside for each in found]), np.concatenate([list(each.activations.values()) for each in found])
     return (f"fingers within 15 % of their peak {share(list(errors <= 0.15))}, median {np.median(errors):.0%}; wrench within 5 % "
-            f"{share([each.wrench <= 0.05 for each in found])}; friction within 0.1 {share([each.friction <= 0.1 for each in found])}; truth in the bands in "
+            f"{share([each.wrench <= 0.05 for each in found])}; friction within 0.1 {share([each.friction <= 0.1 for each in found])}; activations within 0.05 "
+            f"{share(list(muscles <= 0.05))}, all of them {share([max(each.activations.values()) <= 0.05 for each in found])}; truth in the bands in "
             f"{np.average(inside, weights=frames):.0%} of frames, in 85 to 95 % of them {share([0.85 <= each <= 0.95 for each in inside])}; replay to the end "
             f"{share([each.replay > 0.999 for each in found])}, with angles alone {share([each.angles > 0.999 for each in found])}")
 
