@@ -152,7 +152,9 @@ int Collider::collide(const model::State& state, const StepForecast& prospect) {
     const bool flat = narrow_.flat(a, b);
     if (touch_count_ == touches_.size()) touches_.emplace_back();
     Touch& touch = touches_[touch_count_];
-    const auto set_surface = [&] { rules_.set_between(model_.shapes[a], model_.shapes[b], touch.surface); };
+    const auto set_surface = [&, a = a, b = b] {
+      rules_.set_between(model_.shapes[a], model_.shapes[b], touch.surface);
+    };
     if (flat) set_surface();
     const bool pad = flat && touch.surface.compliance.has_value();
     int count = narrow_phase(a, pose(a, state), b, pose(b, state), pad, contacts_);
