@@ -187,7 +187,7 @@ Directions published_thumb(const std::array<double, 4>& angles) {
 Directions thumb_at_targets(const scene::Scene& scene, std::size_t hand, double time) {
   const model::HandIndex& index = scene.model.hands[hand];
   const HandAxes axes = hand_axes(scene.model, index);
-  std::vector<double> q(scene.model.dof_count());
+  std::vector<double> q(as_index(scene.model.dof_count()));
   for (const HandAxis& axis : axes.axes) q[axis.dof] = target(scene, hand, axis.name(), time) * kDegree;
   const model::State state = model::state_at(scene.model, q);
   std::vector<Vec3> points;
