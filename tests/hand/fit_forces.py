@@ -7,7 +7,8 @@ prints what people have beside the hand of today, and with --fit beside the leas
 grips by the span of a dynamometer, the posture of the wrist and a blocked ulnar nerve, shares of the fingers, forces of fingertips,
 of single fingers that press, of the thumb and of pinches, and moments of the wrist while the fingers are free. Each is a linear program:
 activations of 0 to 1, moments of the joints balance, those of the wrist too (python/handsim/_statics.py). Contacts of a
-grip are those of a simulation that closes the fingers on the bar; there only normal forces count, since friction does little in it.
+grip are those of a simulation that closes the fingers on the bar; there only normal forces count, and fingers have no common drive: the grips
+of `handsim validate` have both since, so that this fit is of an older rule.
 Priors are 0.3 of the logarithm for finger flexors and 0.4 to 0.6 for others. The shipped forces are the fit of 2026-11-27 from the forces of before, with friction at the bar, and then: finger flexors, wrist extensors and EDC3 to
 EDM times 1.3, with which the simulated grip (`grip_force` of handsim validate) is the norm's; FDP2 at half and FDS2 at 200 N; ECRB and
 ECRL in the ratio of their areas; DI1 140 N, PI1 as before, other interossei times 1.04. With the ligaments of the MCPs and `spill` all but
