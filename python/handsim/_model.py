@@ -367,7 +367,9 @@ def turned(q: Array, v: ArrayLike) -> Array:
     """Vectors in the axes that a quaternion leads to."""
     w, r = q[..., :1], q[..., 1:]
     v = np.asarray(v, dtype=np.float64)
-    return np.asarray(v + 2 * cross(r, cross(r, v) + w * v))
+    # With one cross product inside the other, mypy tries all pairs of their overloads.
+    across: Array = cross(r, v) + w * v
+    return np.asarray(v + 2 * cross(r, across))
 
 
 def compose(a: Array, b: Array) -> Array:

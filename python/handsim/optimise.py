@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ._core import Motion
 from ._errors import Error, input_error
 from ._derivatives import ACTIONS, _End, _end, _free, cross, exact_step, rotation_vector
+from ._model import turned
 from ._simulation import Bodies, Simulation
 from ._smoothing import Smoothing, step_with_derivatives
 
@@ -61,16 +62,16 @@ class Places:
 
     def point(self, bodies: Bodies, body: int, offset: Array) -> tuple[Array, Array]:
         """Place of a point [m], offset from the mass centre in the body's axes, and its derivative by the state."""
-        place = bodies.position[body] + _turned(bodies.quaternion[body], offset)
+        place = bodies.position[body] + turned(bodies.quaternion[body], offset)
         by = np.zeros((3, self.size))
         while body in self.joint_to:
             joint, first = self.joint_to[body]
-            centre = bodies.position[body] + _turned(bodies.quaternion[body], joint.child_frame[:3])
+            centre = bodies.position[body] + turned(bodies.quaternion[body], joint.child_frame[:3])
             if joint.spherical:
                 raise input_error("point", f"a body beyond the ball joint {joint.name}", "one beyond hinges, universal joints and sliders")
             for k, axis in enumerate(joint.axes):
                 carrier, frame = (joint.parent, joint.parent_frame) if k <= sum(joint.slides) else (body, joint.child_frame)
-                world = _turned(bodies.quaternion[carrier], _turned(frame[3:], axis.axis))
+                world = turned(bodies.quaternion[carrier], turned(frame[3:], axis.axis))
                 by[:, first + k] = world if joint.slides[k] else cross(world, place - centre)
             body = joint.parent
         if body in self.free:
@@ -240,12 +241,6 @@ class Problem:
                 return found, -2 * expected
             share /= 2
         return None, -2 * expected
-
-
-def _turned(quaternion: Array, vector: Array) -> Array:
-    """The vector in the axes that the quaternion leads to."""
-    axis = quaternion[1:]
-    return vector + 2 * cross(axis, cross(axis, vector) + quaternion[0] * vector)
 
 
 def _later(residual: Residual, knots: int) -> Residual:

@@ -4,10 +4,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "scene_files.h"
@@ -31,7 +34,8 @@ struct Outcome {
   }
 };
 
-inline Outcome run_program(const std::vector<std::string>& arguments) {
+/// The program with these arguments, to its end, or until its standard error has this word.
+inline Outcome run_program(const std::vector<std::string>& arguments, const std::string& until = "") {
   constexpr unsigned kHang = kSanitized ? 120 : 30;  // [s]
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out", err = folder.path() / "err";
@@ -49,7 +53,15 @@ inline Outcome run_program(const std::vector<std::string>& arguments) {
     _exit(127);
   }
   int status = 0;
-  waitpid(child, &status, 0);
+  if (!until.empty()) {
+    while (waitpid(child, &status, WNOHANG) == 0)
+      if (text_of(err).find(until) == std::string::npos)
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      else
+        kill(child, SIGKILL);
+  } else {
+    waitpid(child, &status, 0);
+  }
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, text_of(out), text_of(err)};
 }
 

@@ -117,7 +117,7 @@ def test_a_plate_lies_between_the_pads_that_are_as_far_apart_as_it_is_thick(tmp_
 @pytest.fixture(scope="module")
 def ball(tmp_path_factory):
     out = tmp_path_factory.mktemp("planning") / "ball"
-    return out, plan("golf_ball", "--count", 4, "--threads", 1, "--out", out)
+    return out, plan("golf_ball", "--count", 2, "--threads", 1, "--out", out)
 
 
 def rows_of(out):
@@ -128,22 +128,21 @@ def rows_of(out):
 def test_the_list_is_the_same_for_one_thread_and_two(ball, tmp_path):
     out, done = ball
     assert done.returncode == 0, done.stderr
-    again = plan("golf_ball", "--count", 4, "--threads", 2, "--out", tmp_path / "again")
+    again = plan("golf_ball", "--count", 2, "--threads", 2, "--out", tmp_path / "again")
     assert again.returncode == 0
     assert (out / "grasps.csv").read_bytes() == (tmp_path / "again/grasps.csv").read_bytes()
-    for rank in range(1, 5):
+    for rank in (1, 2):
         assert (out / f"grasp_{rank:02d}.yaml").read_bytes() == (tmp_path / f"again/grasp_{rank:02d}.yaml").read_bytes()
     # A shorter list takes the place of a longer one.
-    assert plan("golf_ball", "--count", 1, "--out", out.parent / "ball").returncode == 0
-    assert not (out / "grasp_02.yaml").exists()
-    assert plan("golf_ball", "--count", 4, "--threads", 2, "--out", out).returncode == 0
+    assert plan("golf_ball", "--count", 1, "--out", tmp_path / "again").returncode == 0
+    assert not (tmp_path / "again/grasp_02.yaml").exists()
 
 
 # Oracle: the scenes, run by `hs.study.grasps`; weights of the table are sums over segments.
 def test_scenes_of_a_plan_are_held_when_they_are_run(ball):
     out, _ = ball
     rows = [row for row in rows_of(out) if row["rank"]]
-    assert [row["rank"] for row in rows] == ["1", "2", "3", "4"] and all(row["held"] == "1" and row["outcome_half_step"] == "held" for row in rows)
+    assert [row["rank"] for row in rows] == ["1", "2"] and all(row["held"] == "1" and row["outcome_half_step"] == "held" for row in rows)
     study = hs.study.grasps([out / row["scene"] for row in rows], confirm=True)
     for row, told in zip(rows, study.summaries["grasps"]):
         assert told["held"] and not told["uncertain"] and told["margin"] == pytest.approx(float(row["margin"]), rel=1e-4)

@@ -39,7 +39,9 @@ class Wrong(Exception):
 def turned(q: Array, v: ArrayLike) -> Array:
     """Vectors in the axes that a quaternion leads to."""
     w, r, v = q[..., :1], q[..., 1:], np.asarray(v, float)
-    return np.asarray(v + 2 * np.cross(r, np.cross(r, v) + w * v))
+    # With one cross product inside the other, mypy tries all pairs of their overloads, for half a minute.
+    across: Array = np.cross(r, v) + w * v
+    return np.asarray(v + 2 * np.cross(r, across))
 
 
 def turned_back(q: Array, v: ArrayLike) -> Array:

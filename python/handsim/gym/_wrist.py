@@ -7,16 +7,12 @@ import numpy as np
 
 from .._batch import Batch
 from .._errors import flag, input_error
+from .._model import turned
 from .._shipped import data_path
 from .._simulation import Simulation
 from ._goals import ToGoals
 from ._tasks import _TOUCHED, Array, Mask, _rotation_vector, _seen
 from ._vary import Vary
-
-
-def _turned(q: Array, v: Array) -> Array:
-    """Vectors by orientations w x y z, row by row."""
-    return np.asarray(v + 2 * np.cross(q[:, 1:], np.cross(q[:, 1:], v) + q[:, :1] * v))
 
 
 class MovingWrist(ToGoals):
@@ -128,7 +124,7 @@ class MovingWrist(ToGoals):
 
     def _lever(self, batch: Batch, of: Any) -> Array:
         """Of a point of the hand frame [m], world axes, shape (n, 3)."""
-        return _turned(batch["wrists"][:, 3:7], np.broadcast_to(of, (len(batch), 3)))
+        return turned(batch["wrists"][:, 3:7], np.broadcast_to(of, (len(batch), 3)))
 
     def grip(self, batch: Batch) -> Array:
         """Where the hand's grip is [m], shape (n, 3)."""
@@ -145,7 +141,7 @@ class MovingWrist(ToGoals):
         goal = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
         lever = self._lever(batch, centre)
         speed = self._speed(batch)
-        missing = self._place + _turned(goal, centre - self.at) - wrists[:, :3] - lever
+        missing = self._place + turned(goal, centre - self.at) - wrists[:, :3] - lever
         force = mass * (rate**2 * missing - 2 * rate * speed + [0, 0, 9.80665])
         moment = inertia * (rate**2 * _rotation_vector(goal, wrists[:, 3:7]) - 2 * rate * wrists[:, 10:13])
         for each, most in ((force, self.force), (moment, self.moment)):

@@ -200,6 +200,7 @@ TEST(GraspStudy, CallsAVerdictUncertainWhoseMarginIsSmallerThanTheStepsDifferenc
 
 // Oracle: the same scene run with half its step, figure for figure.
 TEST(GraspStudy, ConfirmsWithARunAtHalfTheStep) {
+  HANDSIM_SKIP_WITH_SANITIZER("the same grasps are held with another step");
   const test::TemporaryFolder folder;
   const std::vector<std::string> brief = {kShort.front(), kBrief, "solver={engine: articulated, step: 2 ms}"};
   GraspStudy study;
@@ -234,6 +235,7 @@ TEST(GraspStudy, SaysWhenAnObjectLeftTheHand) {
 }
 
 TEST(GraspStudy, LeftHandGraspsAsTheRightOne) {
+  HANDSIM_SKIP_WITH_SANITIZER("a right hand runs the same code");
   const std::vector<std::string> brief = {kBrief};
   const simulation::GraspFigures right = run(shortened("grasp_pinch", brief));
   const simulation::GraspFigures left = run(shortened("grasp_pinch", {kBrief, "hands.0.side=left"}));
@@ -265,6 +267,7 @@ TEST(GraspStudy, ContactForcesCarryTheObject) {
 // friction's disc and one solution is nearly always enough; a start along the tangent takes two, each with a
 // factor of its own.
 TEST(GraspStudy, AHoldThatCreepsTakesOneSolutionAStep) {
+  HANDSIM_SKIP_WITH_SANITIZER("the same grasps are held with the articulated engine");
   simulation::Simulation simulation(test::shipped_scene(
       "grasp_cup", {"solver={engine: articulated, step: 1 ms}", "record.contacts=false"}));
   const double from = simulation.scene().plans.grasps.front().phase("hold")->start + 1.3;
@@ -283,6 +286,7 @@ TEST(GraspStudy, AHoldThatCreepsTakesOneSolutionAStep) {
 
 // Oracle: it holds with the friction found and not with a sixteenth of the scene's less.
 TEST(GraspStudy, FindsTheSmallestFrictionThatHolds) {
+  HANDSIM_SKIP_WITH_SANITIZER("the search runs grasps that other tests run");
   scene::Scene scene = shortened("grasp_sphere_35mm", {kBrief});
   const std::optional<double> least = smallest_friction(scene);
   ASSERT_TRUE(least.has_value());
