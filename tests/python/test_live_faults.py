@@ -86,9 +86,9 @@ def test_every_command_is_in_random_sessions():
 
 def test_random_sessions_repeat_to_the_bit():
     """`tests/live/random_sessions.py --count 500` has more of them."""
-    wrong, given, checks = sessions(27, seed=3)
+    wrong, given, checks = sessions(16, seed=3)
     assert not wrong, wrong
-    assert READERS.keys() <= given.keys() and checks > 100
+    assert READERS.keys() <= given.keys() and checks > 60
 
 
 def test_numbers_change_after_a_step_that_does_not_divide_the_time(hands):
