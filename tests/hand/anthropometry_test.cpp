@@ -11,6 +11,7 @@
 #include "hand/shipped_hands.h"
 #include "handsim/hand/build.h"
 #include "places.h"
+#include "support/sanitized.h"
 
 namespace handsim::hand {
 namespace {
@@ -384,6 +385,7 @@ double coverage(const Anthropometry& anthropometry, const std::vector<Person>& p
 // Oracle: measured hands of the surveys, of which 90 % have to be within the middle 90 %; 2 % for adults
 // (standard error 0.8 % of 1400), 4 % for the stored fifth of the children (1.3 %).
 TEST_F(AnthropometrySurvey, DrawnHandsCoverMeasuredOnes) {
+  HANDSIM_SKIP_WITH_SANITIZER("other tests draw hands, too");
   const Anthropometry anthropometry = shipped_anthropometry();
   for (const int k : {0, 1}) {
     std::vector<Person> people;
