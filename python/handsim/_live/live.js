@@ -360,7 +360,7 @@
     status.textContent = `${state.time.toFixed(3)} s; ${state.engine}, step ${Table.text(1e3 * state.step)} ms; ${factor}`
       + (state.lateness_p99_ms !== null && state.playing ? `; 99 % of steps within ${state.lateness_p99_ms.toFixed(2)} ms` : '');
     measured.replaceChildren(...Object.entries(state.tracked).map(([name, of]) => element('div', {}, of.trouble ? of.trouble
-      : `${name} hand: length ${of.hand_length_mm} mm, breadth ${of.hand_breadth_mm} mm, measured in ${of.seconds} s; points ${of.points ? `as ${of.points} has them, by ${of.by}` : `: ${of.by}`}; noise ${of.noise_mm} mm`)));
+      : `${name} hand: length ${of.hand_length_mm} mm, breadth ${of.hand_breadth_mm} mm, measured in ${of.seconds} s; points ${of.points ? `as ${of.points} has them, by ${of.by}` : `: ${of.by}`}; noise ${of.noise_mm} mm${of.assumed.length ? `; not told by the motion so far, as usual: ${of.assumed.join(', ')}` : ''}`)));
     past.textContent = state.past ? `${(state.present - state.time).toFixed(2)} s before the present: play goes on from here` : '';
     past.hidden = !state.past;
     verdicts.replaceChildren(...(state.verdicts || []).map(v => {

@@ -17,10 +17,12 @@ from .._scene import Scene
 from .._shipped import data_path
 
 Array = NDArray[np.float64]
-MOMENTS = (3.0, 10.0)
-"""Of frames that are 0.1 s or more apart and have two thirds of the points: a hand is measured when it was seen for so long [s]."""
+MOMENTS = (3.0, 10.0, 30.0, 90.0)
+"""A hand is measured when it was seen for so long [s], while the frames before have left something unmeasured; twice at least."""
 APART = 0.05
-"""Frames that are kept, at least [s]."""
+"""Between frames that are kept, at first [s]."""
+MOST = 400
+"""Frames that are kept; of more every second one."""
 LONGEST = 0.25
 """Between two frames, that counts as seen [s]."""
 LEAST = 14
@@ -80,7 +82,7 @@ def find(scene: Scene, hand: int, layout: Layout, times: list[float], points: Ar
     name = scene.hands[hand]
     state: dict[str, Any] = {"points": layout.name, "by": layout.by}
     try:
-        fit, length, breadth, noise, tracked, swapped, warnings = _core.measured_fit(
+        fit, length, breadth, noise, tracked, swapped, assumed, warnings = _core.measured_fit(
             scene._core, hand, times, points.reshape(len(times), 63), layout.names, layout.file)
     except Error as error:
         return Found(None, {**state, "trouble": str(error)}, [f"{name} hand: {error}"])
@@ -91,7 +93,7 @@ def find(scene: Scene, hand: int, layout: Layout, times: list[float], points: Ar
     if 2 * tracked < len(times):
         text = f"{name} hand: {tracked} of {len(times)} frames are near a hand: its size is not measured"
         return Found(None, {**state, "trouble": text}, [text])
-    state.update(hand_length_mm=round(1e3 * length, 1), hand_breadth_mm=round(1e3 * breadth, 1), noise_mm=round(1e3 * noise, 2), seconds=round(times[-1] - times[0], 1))
+    state.update(hand_length_mm=round(1e3 * length, 1), hand_breadth_mm=round(1e3 * breadth, 1), noise_mm=round(1e3 * noise, 2), seconds=round(times[-1] - times[0], 1), assumed=assumed)
     return Found(fit, state, warnings)
 
 
@@ -101,16 +103,18 @@ class Measured:
     def __init__(self) -> None:
         self._times: list[float] = []
         self._points: list[Array] = []
-        self._seen, self._last = 0.0, 0.0
-        self._done = 0
+        self._seen, self._last, self._apart = 0.0, 0.0, APART
+        self._done, self._all = 0, False
         self._work: Optional[threading.Thread] = None
         self.found: Optional[Found] = None
         """New since it was taken."""
 
     def add(self, points: Array, moment: float) -> bool:
         """:returns: True when it is time to measure"""
-        if self._done == len(MOMENTS) or np.isfinite(points).all(axis=1).sum() < LEAST or self._times and moment < self._times[-1] + APART:
+        if self._done == len(MOMENTS) or self._all or np.isfinite(points).all(axis=1).sum() < LEAST or self._times and moment < self._times[-1] + self._apart:
             return False
+        if len(self._times) == MOST:
+            self._times, self._points, self._apart = self._times[::2], self._points[::2], 2 * self._apart
         if self._times and moment - self._last < LONGEST:
             self._seen += moment - self._last
         self._last = moment
@@ -124,7 +128,8 @@ class Measured:
         self._done += 1
 
         def work() -> None:
-            self.found = find(scene, hand, layout, times, points)
+            self.found = found = find(scene, hand, layout, times, points)
+            self._all = self._done > 1 and found.fit is not None and not found.state["assumed"]
             self._work = None
 
         self._work = threading.Thread(target=work, name="handsim live measures a hand", daemon=True)

@@ -26,7 +26,7 @@ PoseFit fit_of(const SceneHandle& of, std::size_t hand) {
 /// @param points a row for each frame; not finite: not seen. @param names of the points in the convention,
 /// without one those of keypoints
 /// @return the fit of that hand; its length and breadth [m]; noise of a coordinate [m]; numbers of tracked
-/// frames and of those that show the other hand; warnings
+/// frames and of those that show the other hand; bones and points that the frames hardly show; warnings
 py::tuple measured_fit(const SceneHandle& of, std::size_t hand, const std::vector<double>& times,
                        const Array& points, const std::vector<std::string>& names,
                        const std::optional<std::filesystem::path>& convention) {
@@ -57,7 +57,7 @@ py::tuple measured_fit(const SceneHandle& of, std::size_t hand, const std::vecto
   return py::make_tuple(PoseFit(study::HandTree(input.model, built, side), std::move(features)),
                         *found.person.hand_length, *found.person.hand_breadth, tracked.noise,
                         tracked.count(study::FrameStatus::tracked),
-                        tracked.count(study::FrameStatus::swapped), found.warnings);
+                        tracked.count(study::FrameStatus::swapped), found.not_shown, found.warnings);
 }
 
 /// Points that are not finite were not seen.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <optional>
 #include <random>
 
 #include "handsim/study/track/track.h"
@@ -27,7 +28,8 @@ inline study::TrackInput shipped_input() {
 struct MovingHand {
   study::HandTree tree;
   std::vector<study::Feature> features;
-  double thumb = 1;  ///< of the swing of its axes: with 1 it passes through the palm
+  double thumb = 1;             ///< of the swing of its axes: with 1 it passes through the palm
+  std::optional<double> still;  ///< the moment whose posture it keeps
   double bent =
       0.5;  ///< where in its range the middle of an axis' swing lies; it swings by 80 % of what is left
 
@@ -36,6 +38,7 @@ struct MovingHand {
         features(study::keypoints(input.model, hand::build_hand(input.model, person))) {}
 
   study::HandPose pose(double time) const {
+    time = still.value_or(time);
     study::HandPose out;
     const double mirror = tree.side() == model::Side::left ? -1 : 1;
     out.wrist.p = Vec3(mirror * (0.15 + 0.1 * std::sin(2 * time)), 0.05 * std::cos(3 * time), 0.3);

@@ -50,7 +50,9 @@ PersonFit fitted_person(const TrackInput& input, const hand::BuiltHand& hand, co
     warnings.push_back(fmt::format(
         "{}: {}: the hand is that of the {}, as no --person is given", recording.file,
         input.fit_bones ? "sensors show no sizes" : "--keep-person fits no sizes", input.person.title));
-  return {input.person, {}};
+  PersonFit out;
+  out.person = input.person;
+  return out;
 }
 
 /// The person whose hands a recording shows, by fitted_person. @throws Error (input) that names the
@@ -357,6 +359,7 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   PersonFit fitted = measured_person(input, recording, of_fit);
   out.person = std::move(fitted.person);
   out.shares = std::move(fitted.shares);
+  out.not_shown = std::move(fitted.not_shown);
   check_person(out.person, recording.file);
   const hand::BuiltHand hand = hand::build_hand(input.model, out.person);
   std::vector<HandTracker> trackers;

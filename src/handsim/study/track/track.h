@@ -92,10 +92,11 @@ struct BetweenHands {
 };
 
 struct TrackResult {
-  std::vector<double> times;  ///< [s]
-  double start = 0;           ///< time in the recording that is 0 in what is written [s]
-  hand::Person person;        ///< with the measured hand, if bones were fitted
-  std::vector<Vec3> shares;   ///< of the points of each hand, if these were fitted (Feature::shares)
+  std::vector<double> times;           ///< [s]
+  double start = 0;                    ///< time in the recording that is 0 in what is written [s]
+  hand::Person person;                 ///< with the measured hand, if bones were fitted
+  std::vector<Vec3> shares;            ///< of the points of each hand, if these were fitted (Feature::shares)
+  std::vector<std::string> not_shown;  ///< PersonFit::not_shown
   std::vector<TrackedHand> hands;
   BetweenHands between;
   double cpu = 0;                     ///< CPU time of the fits [s]
