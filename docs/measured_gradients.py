@@ -68,5 +68,14 @@ def inverse_kinematics():
     return table(["program", *(f"{what}, {noise}" for noise in ("exact", "2 mm") for what in ("fingers' flexion", "all axes", "points", "a frame"))], list(rows.values()))
 
 
+def inverse_kinematics_public():
+    found = figures("ik", "ik.json").get("public")
+    if not found:
+        raise Missing("public points, with HANDSIM_RECORDINGS")
+    return table(["program", "points", "PIP", "DIP", "thumb MCP, IP", "a frame"],
+                 [[f"{each['program']}, {each['version']}" if "version" in each else each["program"], f"{number(each['points_mm'])} mm",
+                   *(f"{number(each[f'{kind}_deg'])}°" for kind in ("pip", "dip", "thumb")), f"{number(each['frame_ms'])} ms"] for each in found])
+
+
 TABLES = {"gradients-errors": ("gradients", gradients_errors), "gradients-times": ("gradients", gradients_times), "gradients-peers": ("gradients", gradients_peers),
-          "reach": ("reach", reach), "inverse-kinematics": ("ik", inverse_kinematics)}
+          "reach": ("reach", reach), "inverse-kinematics": ("ik", inverse_kinematics), "inverse-kinematics-public": ("ik", inverse_kinematics_public)}

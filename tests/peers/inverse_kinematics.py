@@ -15,6 +15,14 @@ starts from the angles of the frame before, the first one from half bent fingers
 mink: FrameTask of each point by position, solved by daqp within the stops (ConfigurationLimit), until no coordinate moves by 1e-6 or 20 times. dex-retargeting:
 its PositionOptimizer as it is (Huber loss from 20 mm, weight of the step 4e-3, ends at 1e-5), and without that weight and to 1e-12. OpenSim:
 InverseKinematicsSolver as its tool sets it (accuracy 1e-5), and to 1e-9, all markers of weight 1; coordinates of the export have no clamps.
+
+With HANDSIM_RECORDINGS, the folder of tests/study/track/captured.py, the same for public points: of the first sequence of each person there (by name) the first 5 s
+in which the right hand is seen, without the three frames after it comes in. The hand, and where the points lie on it, are those that `track --points mano` fits to these
+frames; all programs get them. No angles are known there, so the figures are, over all frames of all sequences:
+
+- points, time: as above
+- pip, dip, thumb: RMS difference of the fingers' PIP and DIP and the thumb's MCP and IP from the angles between the points' own bones [deg], in frames whose
+  bones do not bend backwards. Bones of MANO are not those of a hand (docs/motion.md): no hand that keeps the points has these angles
 """
 from __future__ import annotations
 
@@ -27,7 +35,6 @@ import site
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 if "--packages" in sys.argv[:-1]:  # before NumPy, of the version that they need
@@ -36,268 +43,16 @@ if "--packages" in sys.argv[:-1]:  # before NumPy, of the version that they need
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
-FINGERS = ("index", "middle", "ring", "little")
-NAMES = ["wrist", *(f"thumb_{joint}" for joint in ("cmc", "mcp", "ip", "tip")), *(f"{f}_{joint}" for f in FINGERS for joint in ("mcp", "pip", "dip", "tip"))]
-AXES = ["thumb_cmc.flexion", "thumb_cmc.abduction", "thumb_mcp.flexion", "thumb_ip.flexion",
-        *(f"{f}_{axis}" for f in FINGERS for axis in ("mcp.flexion", "mcp.abduction", "pip.flexion", "dip.flexion"))]
-BODIES = ["palm", "thumb_metacarpal", "thumb_proximal", "thumb_distal", "thumb_distal",
-          *(f"{f}_{part}" for f in FINGERS for part in ("proximal", "middle", "distal", "distal"))]
-PALM = [0, 1, 5, 9, 13, 17]
-"""Points of the palm, which the joints beside it do not move."""
-MOST = 20
-START = {axis: 0.5 if axis.endswith("flexion") and not axis.startswith("thumb") else 0.1 for axis in AXES}
-"""Angles from which the first frame starts [rad]."""
+sys.path.insert(0, str(ROOT / "tests/study/track"))
+import captured
+from inverse_kinematics_programs import AXES, FINGERS, NAMES, START, Points, peers
 
-
-def kabsch(from_, to):
-    """Rotation and shift of points (n, 3) to others."""
-    a, b = from_.mean(0), to.mean(0)
-    u, _, vt = np.linalg.svd((to - b).T @ (from_ - a))
-    rotation = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
-    return rotation, b - rotation @ a
-
-
-class Peer:
-    """What a program does. `points(angles)`: of its model at angles by axis (21, 3), the palm anywhere. `solve(given)`: its coordinates in each frame,
-    `told(coordinates)`: their angles, and the points there."""
-
-    def __init__(self, folder, exact, truth):
-        self.folder, self.exact, self.truth = folder, exact, truth
-
-    def local(self, poses, anchors):
-        """Places of the points in their bodies. `poses`: rotation and origin by body, at the first true angles; `anchors`: of points of the palm by index."""
-        rotation, shift = kabsch(self.exact[0][list(anchors)], np.array(list(anchors.values())))
-        return [poses[body][0].T @ (rotation @ point + shift - poses[body][1]) for body, point in zip(BODIES, self.exact[0])]
-
-    def model_difference(self):
-        worst = 0.0
-        for k in range(0, len(self.exact), 25):
-            own = self.points({axis: values[k] for axis, values in self.truth.items()})
-            rotation, shift = kabsch(own, self.exact[k])
-            worst = max(worst, np.linalg.norm(own @ rotation.T + shift - self.exact[k], axis=1).max())
-        return 1e3 * worst
-
-
-class Mujoco(Peer):
-    def load(self):
-        import mujoco
-
-        spec = mujoco.MjSpec.from_file(str(self.folder / "hand.xml"))
-        model = spec.compile()
-        data = mujoco.MjData(model)
-        self.model, self.data = model, data
-        self.at = {axis: model.jnt_qposadr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"right.{axis}")] for axis in AXES}
-        self.place({axis: values[0] for axis, values in self.truth.items()})
-        poses = {name: (data.body(f"right.{name}").xmat.reshape(3, 3).copy(), data.body(f"right.{name}").xpos.copy()) for name in BODIES}
-        anchor = {f"{name}": data.joint(f"right.{name}.flexion").xanchor.copy() for name in ("thumb_cmc", *(f"{f}_mcp" for f in FINGERS))}
-        places = self.local(poses, {NAMES.index(name): place for name, place in anchor.items()})
-        for name, body, place in zip(NAMES, BODIES, places):
-            spec.body(f"right.{body}").add_site(name=name, pos=place)
-        self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
-        return places
-
-    def place(self, angles):
-        import mujoco
-
-        for axis, angle in angles.items():
-            self.data.qpos[self.at[axis]] = angle
-        mujoco.mj_forward(self.model, self.data)
-
-    def points(self, angles):
-        self.place(angles)
-        return np.array([self.data.site(name).xpos.copy() for name in NAMES])
-
-
-class Mink(Mujoco):
-    name = "mink"
-
-    def version(self):
-        import mink
-
-        return mink.__version__ if hasattr(mink, "__version__") else package_version("mink")
-
-    def solve(self, given):
-        import mink
-        import mujoco
-
-        configuration = mink.Configuration(self.model)
-        tasks = [mink.FrameTask(name, "site", position_cost=1.0, orientation_cost=0.0) for name in NAMES]
-        limits = [mink.ConfigurationLimit(self.model)]
-        own = self.points(START)
-        rotation, shift = kabsch(own[PALM], given[0][PALM])
-        q = self.data.qpos.copy()
-        quat, turn = np.zeros(4), np.zeros(9)
-        mujoco.mju_quat2Mat(turn, q[3:7])
-        mujoco.mju_mat2Quat(quat, (rotation @ turn.reshape(3, 3)).ravel())
-        q[:3], q[3:7] = rotation @ q[:3] + shift, quat
-        configuration.update(q)
-        found = []
-        for k, points in enumerate(given):
-            for task, point in zip(tasks, points):
-                task.set_target(mink.SE3.from_translation(point))
-            for _ in range(MOST if k else 10 * MOST):
-                velocity = mink.solve_ik(configuration, tasks, 1.0, "daqp", limits=limits)
-                configuration.integrate_inplace(velocity, 1.0)
-                if np.abs(velocity).max() < 1e-6:
-                    break
-            found.append(configuration.q.copy())
-        return found
-
-    def told(self, q):
-        self.data.qpos[:] = q
-        return [q[self.at[axis]] for axis in AXES], self.points({})
-
-
-class Dex(Peer):
-    name = "dex-retargeting, as it is"
-    exactly = False
-    DUMMY = [f"dummy_{kind}_{axis}" for kind in ("shift", "turn") for axis in "xyz"]
-
-    def version(self):
-        return package_version("dex_retargeting")
-
-    def load(self):
-        import pinocchio
-        from dex_retargeting.optimizer import PositionOptimizer
-        from dex_retargeting.robot_wrapper import RobotWrapper
-
-        text = (self.folder / "hand.urdf").read_text()
-        links = ["world", *(f"{name}_link" for name in self.DUMMY[:-1]), "right.palm"]
-        chain = "".join(f'<joint name="{name}" type="{"prismatic" if "shift" in name else "revolute"}"><parent link="{a}"/><child link="{b}"/>'
-                        f'<axis xyz="{" ".join(str(int(name[-1] == axis)) for axis in "xyz")}"/><limit lower="-10" upper="10" effort="1" velocity="1"/></joint>'
-                        for name, a, b in zip(self.DUMMY, links, links[1:])) + "".join(f'<link name="{link}"/>' for link in links[1:-1])
-        text, count = re.subn(r'<joint name="right\.palm\.world" type="floating">.*?</joint>', chain, text, flags=re.S)
-        assert count == 1
-        (self.folder / "first.urdf").write_text(text)
-        model = pinocchio.buildModelFromUrdf(str(self.folder / "first.urdf"))
-        data = model.createData()
-        q = np.zeros(model.nq)
-        for axis, values in self.truth.items():
-            q[model.joints[model.getJointId(f"right.{axis}")].idx_q] = values[0]
-        pinocchio.framesForwardKinematics(model, data, q)
-        poses = {}
-        for body in BODIES:
-            of = data.oMf[model.getFrameId(f"right.{body}", pinocchio.BODY)]
-            poses[body] = (of.rotation.copy(), of.translation.copy())
-        places = self.local(poses, {i: poses[BODIES[i]][1] for i in PALM if i})
-        sites = "".join(f'<link name="{name}"/><joint name="{name}.fixed" type="fixed"><parent link="right.{body}"/><child link="{name}"/>'
-                        f'<origin xyz="{" ".join(map(repr, map(float, place)))}"/></joint>' for name, body, place in zip(NAMES, BODIES, places))
-        (self.folder / "dummy.urdf").write_text(text.replace("</robot>", sites + "</robot>"))
-        self.robot = RobotWrapper(str(self.folder / "dummy.urdf"))
-        names = [*self.DUMMY, *(f"right.{axis}" for axis in AXES)]
-        self.optimizer = PositionOptimizer(self.robot, names, NAMES, np.arange(21), **({"norm_delta": 0.0} if self.exactly else {}))
-        if self.exactly:
-            self.optimizer.opt.set_ftol_abs(1e-12)
-        limits = self.robot.joint_limits[[self.robot.get_joint_index(name) for name in names]]
-        self.optimizer.set_joint_limit(limits)
-        self.order = [self.robot.get_joint_index(name) for name in names]
-
-    def full(self, x):
-        q = np.zeros(self.robot.dof)
-        q[self.order] = x
-        return q
-
-    def at(self, x):
-        self.robot.compute_forward_kinematics(self.full(x))
-        return np.array([self.robot.get_link_pose(self.robot.get_link_index(name))[:3, 3] for name in NAMES])
-
-    def points(self, angles):
-        return self.at([*np.zeros(6), *(angles[axis] for axis in AXES)])
-
-    def solve(self, given):
-        x = np.array([*np.zeros(6), *(START[axis] for axis in AXES)])
-        rotation, shift = kabsch(self.at(x)[PALM], given[0][PALM])
-        # The chain of dummy joints turns about x, y, then z.
-        x[3:6] = np.arctan2(-rotation[1, 2], rotation[2, 2]), np.arcsin(np.clip(rotation[0, 2], -1, 1)), np.arctan2(-rotation[0, 1], rotation[0, 0])
-        x[:3] += given[0][PALM].mean(0) - self.at(x)[PALM].mean(0)
-        found = []
-        for k, points in enumerate(given):
-            for _ in range(1 if k else 20):
-                x = self.optimizer.retarget(points.astype(np.float32) if not self.exactly else points, np.zeros(0), np.clip(x, *self.bounds()))
-            found.append(x)
-        return found
-
-    def told(self, x):
-        return x[6:], self.at(x)
-
-    def bounds(self):
-        return np.array(self.optimizer.opt.get_lower_bounds()), np.array(self.optimizer.opt.get_upper_bounds())
-
-
-class DexExactly(Dex):
-    name = "dex-retargeting, to 1e-12"
-    exactly = True
-
-
-class OpenSim(Peer):
-    name = "OpenSim, as it is"
-    accuracy = 1e-5
-
-    def version(self):
-        import opensim
-
-        return opensim.GetVersion().partition("-")[0]
-
-    def load(self):
-        import opensim
-
-        opensim.Logger.setLevelString("Off")
-        places = Mujoco(self.folder, self.exact, self.truth).load()  # bodies have the same frames; model_difference() tests it
-        self.model = opensim.Model(str(self.folder / "hand.osim"))
-        for name, body, place in zip(NAMES, BODIES, places):
-            self.model.addMarker(opensim.Marker(name, self.model.getBodySet().get(f"right.{body}"), opensim.Vec3(*map(float, place))))
-        self.model.finalizeConnections()
-        self.state = self.model.initSystem()
-
-    def place(self, angles):
-        for axis, angle in angles.items():
-            self.model.getCoordinateSet().get(f"right.{axis}").setValue(self.state, float(angle), False)
-        self.model.realizePosition(self.state)
-
-    def now(self):
-        places = [self.model.getMarkerSet().get(name).getLocationInGround(self.state) for name in NAMES]
-        return np.array([[each[i] for i in range(3)] for each in places])
-
-    def points(self, angles):
-        self.place(angles)
-        return self.now()
-
-    def solve(self, given):
-        import opensim
-
-        table = opensim.TimeSeriesTableVec3()
-        table.setColumnLabels(NAMES)
-        for k, points in enumerate(given):
-            table.appendRow(0.008 * k, opensim.RowVectorVec3([opensim.Vec3(*map(float, point)) for point in points]))
-        weights = opensim.SetMarkerWeights()
-        for name in NAMES:
-            weights.cloneAndAppend(opensim.MarkerWeight(name, 1.0))
-        self.place(START)
-        solver = opensim.InverseKinematicsSolver(self.model, opensim.MarkersReference(table, weights), opensim.SimTKArrayCoordinateReference(), float("inf"))
-        solver.setAccuracy(self.accuracy)
-        found = []
-        coordinates = [each for each in self.model.getCoordinateSet()]
-        for k in range(len(given)):
-            self.state.setTime(0.008 * k)
-            solver.track(self.state) if k else solver.assemble(self.state)
-            found.append({coordinate.getName(): coordinate.getValue(self.state) for coordinate in coordinates})
-        return found
-
-    def told(self, values):
-        self.place({name.removeprefix("right."): value for name, value in values.items()})
-        return [values[f"right.{axis}"] for axis in AXES], self.now()
-
-
-class OpenSimExactly(OpenSim):
-    name = "OpenSim, to 1e-9"
-    accuracy = 1e-9
-
-
-def package_version(name):
-    from importlib.metadata import version
-
-    return version(name)
+MODEL = ROOT / "handmodels/moving_thenar.yaml"
+"""Of the hands in public recordings: that of `track`."""
+POINTS = ROOT / "handmodels/points/mano.yaml"
+"""Their convention."""
+LONGEST = 5.0
+"""Of a public recording [s]."""
 
 
 def run(*words):
@@ -317,6 +72,106 @@ def ours(program, folder, recording, options):
             "frame_ms": 1e3 * summary["cpu_s"] / summary["frames"]}
 
 
+def export(program, folder, model, person):
+    (folder / "hand.yaml").write_text(f"title: the hand\nhands:\n  - {{model: {model}, person: {person}, side: right,\n"
+                                      "     wrist: {mount: free, position: [0, 0, 0.3]}}\neffects: [joint_stops]\nduration: 1\n")
+    for kind in ("xml", "urdf", "osim"):
+        run(program, "export", folder / "hand.yaml", "--out", folder / f"hand.{kind}")
+
+
+def rms(values):
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+def own_differences(angles, given):
+    """Of the flexion [deg] by joint from the points' own bones."""
+    own = captured.own_angles(given, True)
+    return {joint: np.degrees(angles[f"{joint}.flexion"]) - each for joint, each in own.items()}
+
+
+def placed(program, folder, shares):
+    """The points of a fitted hand at one posture, by an export's bodies. :param shares: by point, as `track` has fitted them"""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(folder / "hand.xml"))
+    data = mujoco.MjData(model)
+    for axis, angle in START.items():
+        data.qpos[model.jnt_qposadr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"right.{axis}")]] = angle
+    mujoco.mj_forward(model, data)
+    person = json.loads((folder / "fitted/summary.json").read_text())["person"]
+    thickness = re.search(r"hand thickness +([\d.]+) mm", run(program, "hand", "--person", folder / "fitted/person.yaml", "--model", MODEL, "--side", "right").stdout)
+    of_palm = 1e-3 * np.array([person["hand_breadth_mm"], person["hand_length_mm"], float(thickness[1])])
+    segments = dict(re.findall(r"name: (\w+), segment: (\w+)", POINTS.read_text()))
+    exact = []
+    for name in NAMES:
+        body, at = data.body(f"right.{segments[name]}"), np.array(shares[name])
+        if segments[name] == "palm":
+            origin, size = np.array([0, 0, 0.3]) - model.body("right.palm").pos, of_palm
+        else:
+            radius = model.geom(f"right.{segments[name]}").size[0]
+            origin, size = model.jnt_pos[model.body(f"right.{segments[name]}").jntadr[0]], np.array([radius, 1e-3 * person["bones_mm"][segments[name]], radius])
+        exact.append(body.xpos + body.xmat.reshape(3, 3) @ (origin + size * at))
+    joints = {NAMES.index(name): data.joint(f"right.{name}.flexion").xanchor.copy() for name in ("thumb_cmc", *(f"{finger}_mcp" for finger in FINGERS))}
+    return Points(np.array([exact]), {axis: np.array([angle]) for axis, angle in START.items()}, [segments[name] for name in NAMES], joints)
+
+
+def tracked(program, folder, words):
+    """What handsim makes of folder/points.json: angles by axis, squared distances of the points [m^2], CPU time of a frame [s]."""
+    summary = json.loads(run(program, "track", folder / "points.json", "--model", MODEL, "--out", folder / "fitted", "--json", *words).stdout)
+    names, rows = captured.table(folder / "fitted/right.mot")
+    angles = {axis: np.radians([float(row[names.index(f"right.{axis}")]) for row in rows]) for axis in AXES}
+    names, rows = captured.table(folder / "fitted/frames.csv")
+    assert len(rows) == len(angles[AXES[0]]), f"{folder}: frames that are not tracked"
+    begin = names.index("right.rms[mm]") + 1
+    return angles, 1e-6 * np.array([[float(each or "nan") for each in row[begin:begin + 21]] for row in rows])**2, summary["cpu_s"] / summary["frames"]
+
+
+def public(program, folder, missing):
+    """Rows of public points; none without their folder."""
+    if "HANDSIM_RECORDINGS" not in os.environ:
+        missing.append("public points: HANDSIM_RECORDINGS names no folder of captured sequences")
+        return []
+    first = {}
+    for source in sorted(Path(os.environ["HANDSIM_RECORDINGS"]).glob("*.npz")):
+        first.setdefault(source.stem.partition("_")[0], source)
+    collected = {}
+
+    def add(program, angles, squares, given, seconds):
+        row = collected.setdefault(program["program"], {**program, "squares": [], "own": {}, "seconds": []})
+        row["squares"].append(squares.ravel())
+        row["seconds"].append(np.full(len(given), seconds))
+        for joint, each in own_differences(angles, given).items():
+            row["own"].setdefault(joint, []).append(each)
+
+    for person, source in first.items():
+        here = folder / person
+        here.mkdir()
+        hand = np.load(source)["right"][:, captured.ORDER].astype(float)
+        given = hand[np.abs(hand).max(axis=(1, 2)) > 0][3:][:int(LONGEST * captured.RATE)]
+        (here / "points.json").write_text(json.dumps({"rate": captured.RATE, "unit": "m", "frames": [{"hands": [{"side": "right", "points": frame.tolist()}]} for frame in given]}))
+        unknown = tracked(program, here, ["--points", POINTS])
+        shares = json.loads((here / "fitted/summary.json").read_text())["points"]
+        (here / "person.yaml").write_text((here / "fitted/person.yaml").read_text())
+        export(program, here, MODEL, here / "person.yaml")
+        (here / "points.yaml").write_text(re.sub(r"name: (\w+), segment: (\w+), at: .*", lambda found: f"name: {found[1]}, segment: {found[2]}, at: {shares[found[1]]}}}", POINTS.read_text()))
+        known = ["--person", here / "person.yaml", "--keep-person", "--points", here / "points.yaml"]
+        for name, (angles, squares, seconds) in (("each frame for itself", tracked(program, here, [*known, "--no-smoothing"])), ("smooth in time", tracked(program, here, known)),
+                                                 ("size of the hand unknown", unknown)):
+            add({"program": f"handsim, {name}"}, angles, squares, given, seconds)
+        try:
+            points = placed(program, here, shares)
+        except ImportError as error:
+            missing.append(f"other programs on public points: {error}")
+            continue
+        for name, difference, angles, fitted, seconds in peers(here, points, given, missing):
+            assert difference < 0.01, f"{name}: another hand, by {difference} mm"
+            add(name, dict(zip(AXES, angles.T)), np.sum((fitted - given)**2, axis=2), given, seconds)
+    return [{"program": row["program"], **({"version": row["version"]} if "version" in row else {}), "points_mm": 1e3 * float(np.sqrt(np.nanmean(np.concatenate(row["squares"])))),
+             **{f"{kind}_deg": rms(np.concatenate([np.concatenate(each) for joint, each in row["own"].items() if chosen(joint)])) for kind, chosen in
+                (("pip", lambda joint: joint.endswith("_pip")), ("dip", lambda joint: joint.endswith("_dip")), ("thumb", lambda joint: joint.startswith("thumb")))},
+             "frames": int(sum(map(len, row["seconds"]))), "frame_ms": 1e3 * float(np.mean(np.concatenate(row["seconds"])))} for row in collected.values()]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("program", type=Path, help="handsim")
@@ -327,10 +182,7 @@ def main():
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     folder = Path(tempfile.mkdtemp())
     run(options.program, "run", ROOT / "config/bench.yaml", "--out", folder / "true", "--quiet")
-    (folder / "hand.yaml").write_text(f"title: the hand\nhands:\n  - {{model: {ROOT}/handmodels/anatomical.yaml, person: {ROOT}/config/persons/median_woman.yaml, side: right,\n"
-                                      "     wrist: {mount: free, position: [0, 0, 0.3]}}\neffects: [joint_stops]\nduration: 1\n")
-    for kind in ("xml", "urdf", "osim"):
-        run(options.program, "export", folder / "hand.yaml", "--out", folder / f"hand.{kind}")
+    export(options.program, folder, ROOT / "handmodels/anatomical.yaml", ROOT / "config/persons/median_woman.yaml")
     head, *rows = list(csv.reader((folder / "true/markers.csv").open()))
     columns = [head.index(f"right.{name}.{axis}[m]") for name in NAMES for axis in "xyz"]
     table = np.array(rows, dtype=float)[:options.frames]
@@ -351,32 +203,24 @@ def main():
         for name, words in (("handsim, each frame for itself", [*person, "--keep-person", "--no-smoothing"]), ("handsim, smooth in time", [*person, "--keep-person"]),
                             ("handsim, size of the hand unknown", [])):
             found.append({"program": name, "noise_mm": 1e3 * noise, **ours(options.program, folder, folder / "points.csv", words)})
-        for kind in (Mink, Dex, DexExactly, OpenSim, OpenSimExactly):
-            peer = kind(folder, exact, truth)
-            try:
-                peer.load()
-                version = peer.version()
-            except ImportError as error:
-                missing.append(f"{kind.name}: {error}")
-                continue
-            difference = peer.model_difference()
-            begin_time = time.process_time()
-            solved = peer.solve(given)
-            spent = time.process_time() - begin_time
-            angles, fitted = (np.array(each) for each in zip(*map(peer.told, solved)))
+        for name, difference, angles, fitted, seconds in peers(folder, Points(exact, truth), given, missing):
             error = np.degrees(angles - true)
-            found.append({"program": kind.name, "version": version, "noise_mm": 1e3 * noise, "model_mm": difference, "fingers_deg": float(np.sqrt(np.mean(error[:, fingers]**2))),
-                          "all_deg": float(np.sqrt(np.mean(error**2))), "points_mm": 1e3 * float(np.sqrt(np.mean(np.sum((fitted - given)**2, axis=2)))),
-                          "frame_ms": 1e3 * spent / len(given)})
+            found.append({**name, "noise_mm": 1e3 * noise, "model_mm": difference, "fingers_deg": rms(error[:, fingers]), "all_deg": rms(error),
+                          "points_mm": 1e3 * float(np.sqrt(np.mean(np.sum((fitted - given)**2, axis=2)))), "frame_ms": 1e3 * seconds})
+    captured_rows = public(options.program, folder, missing)
     print(f"{'program':36}{'noise':>7}{'model':>10}{'fingers':>10}{'all':>10}{'points':>10}{'time':>9}\n{'':36}{'mm':>7}{'mm':>10}{'deg':>10}{'deg':>10}{'mm':>10}{'ms':>9}")
     for row in found:
         name = f"{row['program']} {row.get('version', '')}"
         model = f"{row['model_mm']:.2g}" if "model_mm" in row else ""
         print(f"{name:36}{row['noise_mm']:7g}{model:>10}{row['fingers_deg']:10.3g}{row['all_deg']:10.3g}{row['points_mm']:10.3g}{row['frame_ms']:9.3g}")
+    if captured_rows:
+        print(f"\n{'public points':36}{'points':>10}{'pip':>10}{'dip':>10}{'thumb':>10}{'time':>9}\n{'':36}{'mm':>10}{'deg':>10}{'deg':>10}{'deg':>10}{'ms':>9}")
+    for row in captured_rows:
+        print(f"{row['program'] + ' ' + row.get('version', ''):36}" + "".join(f"{row[key]:10.3g}" for key in ("points_mm", "pip_deg", "dip_deg", "thumb_deg")) + f"{row['frame_ms']:9.3g}")
     for each in sorted(set(missing)):
-        print(f"missing: {each}")
+        print(f"left out: {each}")
     if options.out:
-        options.out.write_text(json.dumps({"frames": len(table), "rows": found, "missing": sorted(set(missing))}, indent=1) + "\n")
+        options.out.write_text(json.dumps({"frames": len(table), "rows": found, "public": captured_rows, "missing": sorted(set(missing))}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

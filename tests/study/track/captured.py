@@ -211,6 +211,32 @@ def replay(tracked: Path, run: Path) -> float:
     return float(np.sqrt(np.mean(np.concatenate(squares)))) if squares and sum(map(len, squares)) else 0.0
 
 
+def by_posture(sources: list[Path], out: Path) -> list[str]:
+    """How much of the PIPs' difference from the points' own bones a linear function of the finger's flexions explains: with coefficients of the other
+    people, and with those of the sequence itself: the RMS that is left [deg]."""
+    told = []
+    for finger in BONES:
+        found = []
+        for source in sources:
+            start = json.loads((out / source.stem / "tracked/summary.json").read_text())["start_s"]
+            for file in (out / source.stem / "tracked").glob("*t.mot"):
+                side, (names, rows) = file.stem, table(file)
+                values = np.array(rows, float)
+                own = own_angles(np.load(source)[side][:, ORDER][np.round((values[:, 0] + start) * RATE).astype(int)].astype(float), side == "right")[f"{finger}_pip"]
+                flexions = values[:, [names.index(f"{side}.{finger}_{joint}.flexion") for joint in ("mcp", "pip", "dip")]]
+                seen = np.isfinite(own)
+                found.append((source.stem.partition("_")[0], np.column_stack((np.ones(seen.sum()), flexions[seen])), (own - flexions[:, 1])[seen]))
+        left: dict[str, list[np.ndarray]] = {"others": [], "own": []}
+        for person, known, wanted in found:
+            others = [each for each in found if each[0] != person]
+            for kind, of in (("others", others), ("own", [("", known, wanted)])):
+                if of:
+                    left[kind].append(wanted - known @ np.linalg.lstsq(np.concatenate([each[1] for each in of]), np.concatenate([each[2] for each in of]), rcond=None)[0])
+        told.append(f"{finger}_pip explained by the flexions: left " + ", ".join(
+            f"{np.sqrt(np.mean(np.concatenate(each)**2)):.1f} deg by {kind}" for kind, each in left.items() if each))
+    return told
+
+
 def convention(handsim: str, sources: list[Path], person: str, folder: Path) -> Path:
     """Fitted on the first sequence of each person but one."""
     first: dict[str, Path] = {}
@@ -260,6 +286,7 @@ def main() -> int:
         writer.writeheader()
         writer.writerows(rows)
     print(told(rows))
+    print("\n".join(by_posture([source for source, row in zip(sources, rows) if row["status"] != 2], arguments.out)))
     return 0
 
 
