@@ -41,6 +41,8 @@ class GripRun:
         self.simulation = Simulation(self.scene)
         self.along = np.zeros(3)
         """The line of the largest force."""
+        self.activations = np.zeros(0)
+        """Of the largest force, by muscle."""
         bodies = self.scene.bodies
         self.segments = {shape.name: bodies[shape.body] for shape in self.scene._model.shapes if shape.body >= 0}
 
@@ -60,6 +62,7 @@ class GripRun:
             return found.sum, i, found
 
         _, best, pressed = strongest(held, range(len(lines)))
+        self.activations = pressed.activations
         left = steps - steps // 2
         ramp = left // 2
         for i in range(1, ramp):

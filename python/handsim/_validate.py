@@ -233,7 +233,7 @@ def measure(row: Row, in_pose: Callable[[Row], float]) -> float:
 
 # Rows of scenes.
 
-def _grip_run(row: Row) -> GripRun:
+def grip_run(row: Row) -> GripRun:
     return GripRun(lambda changes: Scene(_core.Scene.load(row["scene"], [*row.get("set", []), *changes])), row["pose"], row["tilts"], row["friction"],
                    row.get("balanced", []))
 
@@ -336,7 +336,7 @@ class Measurements:
             measured, ours, note = row["kind"] != "simulation" or scenes is not None, 0.0, ""
             try:
                 if row["kind"] == "grip_force":
-                    ours = measure(row, lambda one: _grip_run(one).force())
+                    ours = measure(row, lambda one: grip_run(one).force())
                 elif row["kind"] != "simulation":
                     ours = subjects.measure(row)
                 elif scenes is not None:

@@ -7,7 +7,7 @@ import pytest
 import handsim as hs
 from handsim import compare
 from handsim._statics import FINGERS, Pressed, Statics, key_pinch, tip_pinch
-from handsim._validate import Measurements, _grip_run
+from handsim._validate import Measurements, grip_run
 
 HAND = {"model": str(hs.data_path() / "handmodels/anatomical.yaml"), "person": str(hs.data_path() / "config/persons/median_man.yaml"),
         "side": "right"}
@@ -122,7 +122,7 @@ def test_the_grip_is_the_one_of_validate(tmp_path):
     man = grips("man")
     measurements = Measurements(hs.data_path() / "config/validate.yaml")
     row = next(row for row in measurements.rows if row["name"] == "dynamometer grip, man of 30 years, 1.75 m")
-    assert man["grip"] == pytest.approx(_grip_run(row).force(), rel=5e-3)
+    assert man["grip"] == pytest.approx(grip_run(row).force(), rel=5e-3)
     assert sum(man[f"grip, {finger}"] for finger in FINGERS) == pytest.approx(man["grip"], rel=1e-12) and min(man.values()) > 0
     assert grips("left", side="left")["grip"] == pytest.approx(man["grip"], rel=1e-9)
     assert man["grip, wrist in a splint"] >= man["grip"]
