@@ -56,7 +56,7 @@ def frequency(tone: float, **keys: float) -> str:
 
 def main() -> None:
     """Prints the table."""
-    tones = (0.0, 0.01, 0.02, 0.04)
+    tones = (0.0, 0.02, 0.04, 0.06, 0.08)
     print("| Hz, with a tone of the flexors of | " + " | ".join(f"{100 * tone:g} %" for tone in tones) + " |")
     print("| --- " * (1 + len(tones)) + "|")
     for text, keys in (("without", {}), ("`short_range_stiffness: 23.4`", {"short_range_stiffness": 23.4}),
