@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error
-from ._carried import Pressed, carried
+from ._carried import Guided, alike, carried
 from ._forces import BEGINS, FURTHEST, MARGIN, NEAR, SPIN, Result, Solver, smooth_rows
 from ._model import compose, inverse, matrices, turned
 from ._objects import Thing, hull_text, of_hulls
@@ -43,12 +43,18 @@ LEVER = 0.04
 PASSES = 3
 STOP = 1e-3
 """How far within its stops a joint starts [rad]."""
-STILL = 10.0
-"""Over which a hand that holds an object is steady, seen from it [s]: most lifts are shorter. Chosen."""
-ROUNDS = 2
-"""In which targets are corrected by what the hands press in a simulation."""
-SETTLED = 3
-"""Frames of such a simulation in which the angles of the start are looked for."""
+STILL = 0.2
+"""Within which a hand goes from one grip to the next [s]: chosen."""
+PRICE = 1000.0
+"""Of a piece, for each of its coordinates: chosen."""
+HOLDS = 0.25
+"""Part of the frames of a piece in which a hand bears a force, for it to hold there: chosen."""
+BREADTH = 0.08
+"""From a wrist to the pads that it turns: the deviation of a point over it is that of an angle [m]. Chosen."""
+ROUNDS = 1
+"""In which targets and wrists are corrected in a simulation: a second one holds no more."""
+REST = 1.0
+"""Before a lift, in which hands come to bear the object that is at rest [s]: chosen."""
 SLIDE = 1e-3
 """How far a centre of pressure in a simulation is moved by a change of its force, at most [m]: chosen."""
 LOST = 0.1
@@ -122,14 +128,42 @@ def pad_stiffness() -> float:
     return float(parser().safe_load((data_path() / "handmodels/finger_pad.yaml").read_text(encoding="utf-8"))["stiffness"])
 
 
-def steadied(of: Solver, k: int, rows: NDArray[np.intp], width: int) -> tuple[Array, Array]:
-    """Angles and wrist of a hand that holds the object: seen from it they are moving means, as pads that bear it do not slide to and fro."""
+def pieces(values: Array, noise: float, price: float) -> list[tuple[int, int]]:
+    """Rows between which values are constant within their noise: least squares, at a price for each piece, by dynamic programming."""
+    count = len(values)
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    squares = np.concatenate([[0.0], np.cumsum((values**2).sum(axis=1))])
+    best, before = np.full(count + 1, np.inf), np.zeros(count + 1, dtype=np.intp)
+    best[0] = -price
+    for end in range(1, count + 1):
+        begins = np.arange(end)
+        left = squares[end] - squares[begins] - ((sums[end] - sums[begins])**2).sum(axis=1) / (end - begins)
+        costs = best[begins] + left / noise**2 + price
+        before[end] = int(np.argmin(costs))
+        best[end] = costs[before[end]]
+    out, end = [], count
+    while end > 0:
+        out.append((int(before[end]), end))
+        end = int(before[end])
+    return out[::-1]
+
+
+def steadied(of: Solver, k: int, rows: NDArray[np.intp], holds: NDArray[np.bool_], width: int) -> tuple[Array, Array, list[tuple[int, int]]]:
+    """Angles, wrist, and pieces in which a hand holds the object: seen from it, both are constant there, as pads that bear it do not slide to and fro.
+
+    :param holds: by row: it bears a force
+    :param width: rows over which a hand goes from one piece to the next
+    """
     motion, poses = of.motions[k], of.of.motion.poses[rows]
-    wrist = compose(inverse(poses), motion.wrist[rows])
-    wrist[:, 3:] *= np.where((wrist[:, 3:] * wrist[0, 3:]).sum(axis=1) < 0, -1.0, 1.0)[:, None]
-    wrist = smooth_rows(wrist, width)
+    wrist, q = alike(compose(inverse(poses), motion.wrist[rows])), motion.q[rows].copy()
+    noise = max(of.noises[k], 1e-4)
+    values = np.hstack([wrist[:, :3], 2 * BREADTH * wrist[:, 3:], LEVER * q])
+    found = [(first, last) for first, last in pieces(values, noise, PRICE * values.shape[1]) if holds[first:last].mean() > HOLDS and last - first >= width]
+    for first, last in found:
+        wrist[first:last], q[first:last] = wrist[first:last].mean(axis=0), q[first:last].mean(axis=0)
+    wrist, q = smooth_rows(wrist, width), smooth_rows(q, width)
     wrist[:, 3:] /= np.linalg.norm(wrist[:, 3:], axis=1, keepdims=True)
-    return smooth_rows(motion.q[rows], width), compose(poses, wrist)
+    return q, compose(poses, wrist), found
 
 
 def moved(of: Solver, found: Result, surfaces: Sequence[Surface], k: int, row: int, pad: float, q: Array, wrist: Array) -> tuple[Array, Array]:
@@ -183,9 +217,14 @@ class Writer:
         q, wrist = of.hands.smooth[k][rows].copy(), motion.wrist[rows].copy()
         targets = q + lags * of.hands.rates[k][rows]
         if kind == "forces":
-            q, wrist = steadied(of, k, rows, self.width)
+            holds = (self.found.normal[rows][:, [i for i, (hand, _) in enumerate(of.bones) if hand == k]] > 1e-3).any(axis=1)
+            q, wrist, held = steadied(of, k, rows, holds, self.width)
             changes = [moved(of, self.found, self.surfaces, k, int(row), self.pad, *each) for row, *each in zip(rows, q, wrist)]
-            angles, places = (smooth_rows(np.array([each[part] for each in changes]), self.width) for part in (0, 1))
+            angles, places = (np.array([each[part] for each in changes]) for part in (0, 1))
+            for first, last in held:
+                for values in (angles, places):
+                    values[first:last] = values[first:last].mean(axis=0)
+            angles, places = (smooth_rows(values, self.width) for values in (angles, places))
             q += angles
             targets = q + lags * np.gradient(q, of.interval, axis=0) + self.found.pressing[rows, int(of.hands.starts[k]):int(of.hands.starts[k + 1])] / gains
             wrist[:, :3] += places
@@ -254,44 +293,51 @@ class Writer:
         return path
 
     def pressed(self, path: Path, lift: Lift, drives: Sequence[Drive]) -> list[Drive]:
-        """With targets by which pads press as was found where they touch in the simulation, while the object is carried along the recording."""
+        """Driven so that pads press as was found, in a simulation in which the object is carried along the recording."""
         scene, of = load(path), self.of
-        at = carried(scene, self.thing.name, of.segments, of.times[lift.first:lift.last] - of.times[lift.first], of.of.motion.poses[lift.first:lift.last])
-        changes = [np.zeros_like(drive.targets) for drive in drives]
-        gains = [stiffness(list(of.motions[drive.hand].hand.coordinates))[0] + of.hands.stiffness[drive.hand] for drive in drives]
-        angles = [at.q[:, [scene.coordinates.index(f"{of.motions[drive.hand].name}.{name}") for name in of.motions[drive.hand].hand.coordinates]]
-                  for drive in drives]
-        for row in range(lift.last - lift.first):
-            wanted = self._wanted(lift.first + row, at, row)
-            for drive, change, stiff, q in zip(drives, changes, gains, angles):
-                own = np.flatnonzero(drive.rows == lift.first + row)
-                if not len(own):
-                    continue
-                shapes = of.hands.shapes[drive.hand]
-                bodies = shapes.bodies(q[row], drive.wrist[own[0]])
-                for i, (hand, name) in enumerate(of.bones):
-                    missing = wanted[i] - at.force[row, i]
-                    place = at.place[row, i] if at.touching[row, i] else self.found.centre[lift.first + row, i]
-                    if hand != drive.hand or not missing.any() or not np.isfinite(place).all():
-                        continue
-                    body = shapes.place(name)
-                    offset = turned(bodies[body, 3:] * [1, -1, -1, -1], place - bodies[body, :3])
-                    jacobian = _core.hand_jacobian(shapes.hand.scene._core, q[row], body, offset)[:3]
-                    change[own[0]] += (matrices(drive.wrist[own[0]])[:3, :3] @ jacobian).T @ missing / stiff
-        # A hand starts where it comes to rest on the object.
-        return [drive._replace(start=q[drive.rows[0] - lift.first:][1:1 + SETTLED].mean(axis=0), targets=drive.targets + smooth_rows(change, self.width))
-                for drive, change, q in zip(drives, changes, angles)]
+        names = list(scene.axes)
+        count = lift.last - lift.first
+        guided = []
+        for drive in drives:
+            motion, shapes = of.motions[drive.hand], of.hands.shapes[drive.hand]
+            joints = [f"{motion.name}.{name}" for name in motion.hand.coordinates]
+            stiff = stiffness(list(motion.hand.coordinates))[0] + of.hands.stiffness[drive.hand]
+            segments = np.array([i for i, (hand, _) in enumerate(of.bones) if hand == drive.hand])
+            at = np.clip(np.searchsorted(drive.rows, np.arange(lift.first, lift.last)), 0, len(drive.rows) - 1)
 
-    def _wanted(self, row: int, at: Pressed, own: int) -> Array:
+            def torques(q: Array, wrist: Array, places: Array, forces: Array, shapes: Any = shapes, segments: Any = segments) -> Array:
+                bodies, out = shapes.bodies(q, wrist), np.zeros(len(q))
+                for i, where, each in zip(segments, places, forces):
+                    if each.any() and np.isfinite(where).all():
+                        body = shapes.place(of.bones[i][1])
+                        offset = turned(bodies[body, 3:] * [1, -1, -1, -1], where - bodies[body, :3])
+                        out += (matrices(wrist)[:3, :3] @ _core.hand_jacobian(shapes.hand.scene._core, q, body, offset)[:3]).T @ each
+                return out
+
+            guided.append(Guided(drive.wrist[at], drive.targets[at], np.array([names.index(each) if each in names else -1 for each in joints]),
+                                 np.array([scene.coordinates.index(each) for each in joints]), segments, stiff, torques))
+
+        def wanted(row: int, places: Array, outward: Array, touching: Any) -> tuple[Array, Array]:
+            return self._wanted(lift.first + row, places, outward, touching), self.found.centre[lift.first + row]
+
+        now = carried(scene, self.thing.name, of.segments, of.times[lift.first:lift.last] - of.times[lift.first], of.of.motion.poses[lift.first:lift.last],
+                      guided, wanted, int(round(REST / of.interval)))
+        out = []
+        for drive, hand, wrist, targets in zip(drives, guided, now.wrists, now.targets):
+            own = drive.rows - lift.first
+            out.append(drive._replace(start=now.q[own[0], hand.coordinates], targets=targets[own], wrist=wrist[own]))
+        return out
+
+    def _wanted(self, row: int, places: Array, outward: Array, touching: NDArray[np.bool_]) -> Array:
         """Forces on the object by segment, of the places that touch in the simulation: as found, and such that they give the wrench it needs."""
         of, found = self.of, self.found
-        out = np.where(at.touching[own][:, None], 0.0, found.force[row])
-        on = np.flatnonzero(at.touching[own])
+        out = np.where(touching[:, None], 0.0, found.force[row])
+        on = np.flatnonzero(touching)
         rest = of.of.wrench[row] - np.concatenate([out.sum(axis=0), np.cross(np.nan_to_num(found.centre[row]) - of.of.centre[row], out).sum(axis=0)])
         normal = found.normal[row, on]
-        places = Places(at.place[own, on], at.outward[own, on], np.ones(len(on)), np.full(len(on), -1), np.ones(len(on)), 0.0, SLIDE)
+        at = Places(places[on], outward[on], np.ones(len(on)), np.full(len(on), -1), np.ones(len(on)), 0.0, SLIDE)
         friction = of.asked.friction / MARGIN
-        shared = share(places, rest, of.of.centre[row], of.weight, friction, SPIN * friction, float(normal.sum()), normal, routines=of.lapack)
+        shared = share(at, rest, of.of.centre[row], of.weight, friction, SPIN * friction, float(normal.sum()), normal, routines=of.lapack)
         out[on] = shared.force
         return out
 
