@@ -1,12 +1,13 @@
 """A simulation of hands whose object is carried along a recording by a force of its own: what the hands press on it there, and how hands that hold it are
 driven for nothing else to carry it.
 
-The object is carried by a spring, softer than hands are. As far as it is off its recording the hands are moved together against it, as one body, until it
-comes back: then hands bear it alone. Targets of their joints are changed by what they press too little or too hard.
+A spring carries the object, stiff at first, then softer than hands are. As far as the object is off its recording the hands are moved together against it, as
+one body, until it comes back: then the hands bear it alone. Targets of their joints are changed by what they press too little or too hard. What is
+returned is how the hands move seen from the object, so that a free object in the place that was recorded meets the same pads at the same depths.
 """
 from __future__ import annotations
 
-from typing import Callable, NamedTuple, Optional, Sequence
+from typing import Any, Callable, NamedTuple, Optional, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,11 @@ from ._scene import Scene
 from ._simulation import Simulation
 
 Array = NDArray[np.float64]
-CARRY = 40.0
-"""Natural frequency of the critically damped spring that carries the object [rad/s]: 1.6 N/mm for 1 kg, about as stiff as hands hold. Chosen."""
+TAKES, CARRY = 100.0, 20.0
+"""Natural frequency of the critically damped spring that carries the object [rad/s], where the rest before the recording begins and from SOFT of it on: 10 and
+0.4 N/mm for 1 kg, of which the second is less than hands have. Chosen."""
+SOFT = 0.6
+"""Share of the rest in which the spring becomes soft: chosen."""
 COMES_BACK = 0.1
 """Within which hands move as far as the object is off [s]: chosen."""
 FORGETS = 2.0
@@ -64,8 +68,10 @@ class Pressed(NamedTuple):
     """Force and moment about the centre of mass that carry the object beside them, shape (frames, 6) [N], [N m]."""
     q: Array
     """Of the scene's coordinates, shape (frames, coordinates)."""
+    start: Array
+    """Of them, at the first frame."""
     wrists: list[Array]
-    """Of each hand, as it was moved, at the frames."""
+    """Of each hand, as it was moved, seen from the object, for the object in its recorded places."""
     targets: list[Array]
     """Of its joints, as they were changed [rad]."""
 
@@ -79,6 +85,70 @@ def between(places: Array, rates: Array, part: float, span: float) -> tuple[Arra
     return place, (fast[0] * places[0] + fast[2] * places[1]) / span + fast[1] * rates[0] + fast[3] * rates[1]
 
 
+class _Course:
+    """Of the object's centre, as it was recorded: between frames on cubics, whose rates are those of the frames."""
+
+    def __init__(self, times: Array, goals: Array) -> None:
+        self.times, self.goals = times, alike(goals)
+        self.rates = np.gradient(goals[:, :3], times, axis=0)
+
+    def at(self, row: int, part: float) -> tuple[Array, Array]:
+        """Pose and rates a part of the way from a frame to the next one."""
+        span, turns = float(self.times[row + 1] - self.times[row]), self.goals[row:row + 2, 3:]
+        place, velocity = between(self.goals[row:row + 2, :3], self.rates[row:row + 2], part, span)
+        pose = _mixed(self.goals[row], self.goals[row + 1], part)
+        return np.concatenate([place, pose[3:]]), np.concatenate([velocity, rotation_vector(turns[1], turns[0]) / span])
+
+
+class _Together:
+    """How hands are moved and turned as one body, in the object's frame."""
+
+    def __init__(self) -> None:
+        self.moved, self.pose = np.zeros(6), np.array([0.0, 0, 0, 1, 0, 0, 0])
+
+    def follow(self, goal: Array, off: Array, dt: float) -> None:
+        """:param off: from the object to its goal, and turned, in the world"""
+        back = goal[3:] * [1, -1, -1, -1]
+        most = np.repeat([FURTHEST, TURNED], 3)
+        self.moved = np.clip(self.moved * (1 - dt / FORGETS) + dt / COMES_BACK * np.concatenate([turned(back, off[:3]), turned(back, off[3:])]), -most, most)
+        self.pose = np.concatenate([self.moved[:3], turn_of(self.moved[3:])])
+
+
+class _Tally:
+    """Means over an interval between frames, of contacts between the object and segments of hands."""
+
+    def __init__(self, scene: Scene, name: str, segments: Sequence[str]) -> None:
+        model = scene._model
+        self.owner = {shape.name: model.bodies[shape.body].name for shape in model.shapes}
+        self.name, self.column = name, {segment: i for i, segment in enumerate(segments)}
+        self.clear()
+
+    def clear(self) -> None:
+        count = len(self.column)
+        self.force, self.place, self.outward, self.pressing = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3)), np.zeros(count)
+        self.help, self.q = np.zeros(6), np.zeros(0)
+
+    def add(self, simulation: Simulation, wrench: Array, share: float) -> None:
+        self.help += share * wrench
+        self.q = share * simulation.q + (self.q if len(self.q) else 0)
+        contacts = simulation.contacts
+        for a, b, place, normal, each in zip(contacts.a, contacts.b, contacts.position, contacts.normal, contacts.force):
+            first = self.owner.get(a) == self.name
+            i = self.column.get(self.owner.get(b if first else a, ""))
+            if i is None or (not first and self.owner.get(b) != self.name):
+                continue
+            weight = max(abs(float(each @ normal)), 1e-9)
+            self.force[i] += share * (each if first else -each)
+            self.place[i] += weight * place
+            self.outward[i] += weight * (-normal if first else normal)
+            self.pressing[i] += weight
+
+    def end(self) -> None:
+        on = self.pressing > 0
+        self.place[on] /= self.pressing[on][:, None]
+        self.outward[on] /= np.maximum(np.linalg.norm(self.outward[on], axis=1, keepdims=True), 1e-12)
+
+
 def carried(scene: Scene, name: str, segments: Sequence[str], times: Array, poses: Array, hands: Sequence[Guided] = (),
             wanted: Optional[Callable[[int, Array, Array, NDArray[np.bool_]], tuple[Array, Array]]] = None, before: int = 0) -> Pressed:
     """:param times: from 0 on [s]
@@ -88,88 +158,77 @@ def carried(scene: Scene, name: str, segments: Sequence[str], times: Array, pose
     :param before: frames at rest before the first, in which hands come to bear it
     """
     simulation = Simulation(scene)
-    model = scene._model
+    model, dt, count = scene._model, scene.step, len(times)
     body = next(i for i, each in enumerate(model.bodies) if each.name == name)
     mass, inertia, zero = model.bodies[body].mass, model.bodies[body].inertia, model.bodies[body].zero
-    owner = {shape.name: model.bodies[shape.body].name for shape in model.shapes}
-    column = {segment: i for i, segment in enumerate(segments)}
-    count, n, dt, start = len(times), len(segments), scene.step, 0.0
     goals = compose(poses, np.broadcast_to(compose(inverse(poses[0]), zero), (count, 7)))
-    force, place, outward = (np.zeros((count, n, 3)) for _ in range(3))
-    pressing, help, q = np.zeros((count, n)), np.zeros((count, 6)), np.zeros((count, len(simulation.q)))
-    rates = np.gradient(goals[:, :3], times, axis=0)
-    own = [alike(compose(inverse(goals), hand.wrist)) for hand in hands]
-    # In the object's frame: how the hands are moved together, and turned.
-    moved, together = np.zeros(6), np.array([0.0, 0, 0, 1, 0, 0, 0])
-    most = np.repeat([FURTHEST, TURNED], 3)
-    changes = [np.zeros(hand.targets.shape[1]) for hand in hands]
+    # Hands that are driven here and their object are simulated in a frame that moves as fast as the object at first: from the rest on nothing jerks.
+    drift = times[:, None] * (goals[1, :3] - goals[0, :3]) / (times[1] - times[0]) if hands else np.zeros((count, 3))
+    course = _Course(times, _shifted(goals, -drift))
+    own = [alike(compose(inverse(course.goals), _shifted(hand.wrist, -drift))) for hand in hands]
+    together, tally = _Together(), _Tally(scene, name, segments)
+    # Changes of targets at the frame and at the next one.
+    changes, later = ([np.zeros(hand.targets.shape[1]) for hand in hands] for _ in range(2))
     wrists, targets = [hand.wrist.copy() for hand in hands], [hand.targets.copy() for hand in hands]
+    rows: list[tuple[Any, ...]] = []
+
+    def note(row: int) -> None:
+        """Of the hands, seen from the object where it is, and carried over to where it was recorded."""
+        to = compose(goals[row], inverse(_pose(simulation, body)))
+        for k, hand in enumerate(hands):
+            wrists[k][row] = compose(to, compose(course.goals[row], compose(together.pose, own[k][row])))
+            targets[k][row] = hand.targets[row] + changes[k]
+
+    start, first = 0.0, simulation.q.copy()
     for frame in range(-before, count - 1):
-        row = max(frame, 0)
+        row, moving = max(frame, 0), frame >= 0
         if frame == 0:
-            start = simulation.time
+            start, first = simulation.time, simulation.q.copy()
+        stiff = CARRY if moving else TAKES * (CARRY / TAKES)**min(1.0, (frame + before) / (SOFT * before))
         span = float(times[row + 1] - times[row])
-        steps = max(1, int(round((span if frame < 0 else float(times[row + 1]) - simulation.time + start) / dt)))
-        turn = goals[row + 1, 3:] * np.sign(goals[row, 3:] @ goals[row + 1, 3:])
-        turning = rotation_vector(turn, goals[row, 3:]) / span
-        for values in (force, place, outward, pressing, help, q):
-            values[row] = 0
-        for wrist, seen in zip(wrists, own):
-            wrist[row] = compose(goals[row], compose(together, seen[row]))
-        for _ in range(steps):
-            now = simulation.bodies
-            part = 0.0 if frame < 0 else min((simulation.time - start + dt - float(times[row])) / span, 1.0)
-            goal, velocity = between(goals[row:row + 2, :3], rates[row:row + 2], part, span)
-            attitude = (1 - part) * goals[row, 3:] + part * turn
-            attitude *= np.sign(attitude @ now.quaternion[body]) / np.linalg.norm(attitude)
-            off = rotation_vector(attitude, now.quaternion[body])
-            axes = matrices(np.concatenate([np.zeros(3), now.quaternion[body]]))[:3, :3]
-            moves = 0.0 if frame < 0 else 1.0
-            push = CARRY**2 * (goal - now.position[body]) + 2 * CARRY * (moves * velocity - now.velocity[body])
-            twist = CARRY**2 * off + 2 * CARRY * (moves * turning - now.angular_velocity[body])
-            wrench = np.concatenate([mass * push, axes @ inertia @ axes.T @ twist])
-            pose = np.concatenate([goal, attitude])
+        steps = max(1, int(round((float(times[row + 1]) - simulation.time + start if moving else span) / dt)))
+        note(row)
+        tally.clear()
+        at = np.zeros((len(hands), 7))
+        for step in range(steps):
+            part = min((simulation.time - start + dt - float(times[row])) / span, 1.0) if moving else 0.0
+            goal, rates = course.at(row, part)
+            now, pose = simulation.bodies, _pose(simulation, body)
+            off = np.concatenate([goal[:3] - pose[:3], rotation_vector(goal[3:] * np.sign(goal[3:] @ pose[3:]), pose[3:])])
+            axes = matrices(np.concatenate([np.zeros(3), pose[3:]]))[:3, :3]
+            push = stiff**2 * off + 2 * stiff * (moving * rates - np.concatenate([now.velocity[body], now.angular_velocity[body]]))
+            wrench = np.concatenate([mass * push[:3], axes @ inertia @ axes.T @ push[3:]])
             aims = np.zeros(len(scene.axes))
-            for hand, change in zip(hands, changes):
+            for k, hand in enumerate(hands):
+                change = changes[k] + (step + 1) / steps * (later[k] - changes[k])
                 driven = hand.axes >= 0
                 aims[hand.axes[driven]] = ((1 - part) * hand.targets[row] + part * hand.targets[row + 1] + change)[driven]
-            at = np.array([compose(pose, compose(together, _mixed(seen[row], seen[row + 1], part))) for seen in own])
+                at[k] = compose(goal, compose(together.pose, _mixed(own[k][row], own[k][row + 1], part)))
             simulation.step(forces={name: wrench}, wrists=at if hands else None, targets=aims if hands else None)
-            help[row] += wrench / steps
-            q[row] += simulation.q / steps
-            contacts = simulation.contacts
-            for a, b, where, normal, each in zip(contacts.a, contacts.b, contacts.position, contacts.normal, contacts.force):
-                first = owner.get(a) == name
-                i = column.get(owner.get(b if first else a, ""))
-                if i is None or (not first and owner.get(b) != name):
-                    continue
-                weight = max(abs(float(each @ normal)), 1e-9)
-                force[row, i] += (each if first else -each) / steps
-                place[row, i] += weight * where
-                outward[row, i] += weight * (-normal if first else normal)
-                pressing[row, i] += weight
-            back = pose[3:] * [1, -1, -1, -1]
-            moved = moved * (1 - dt / FORGETS) + dt / COMES_BACK * np.concatenate([turned(back, goal - now.position[body]), turned(back, off)])
-            moved = np.clip(moved, -most, most)
-            together = np.concatenate([moved[:3], turn_of(moved[3:])])
-        on = pressing[row] > 0
-        place[row, on] /= pressing[row, on][:, None]
-        outward[row, on] /= np.maximum(np.linalg.norm(outward[row, on], axis=1, keepdims=True), 1e-12)
+            tally.add(simulation, wrench, 1 / steps)
+            together.follow(goal, off, dt)
+        tally.end()
+        if moving:
+            rows.append((tally.force, tally.place + drift[row], tally.outward, tally.pressing > 0, tally.help, tally.q))
         if wanted is not None:
-            asked, where_ = wanted(row, place[row], outward[row], on)
+            asked, places = wanted(row, tally.place + drift[row], tally.outward, tally.pressing > 0)
             for k, hand in enumerate(hands):
                 s = hand.segments
-                spots = np.where(on[s][:, None], place[row, s], where_[s])
-                less = hand.torques(q[row, hand.coordinates], at[k], spots, asked[s] - force[row, s])
-                changes[k] = np.clip((1 - span / SLACKENS) * changes[k] + span / YIELDS * less / hand.stiffness, -LARGEST, LARGEST)
-        for k, hand in enumerate(hands):
-            targets[k][row] = hand.targets[row] + changes[k]
-    for values in (force, place, outward, pressing, help, q):
-        values[-1] = values[-2]
-    for k, hand in enumerate(hands):
-        wrists[k][-1] = compose(goals[-1], compose(together, own[k][-1]))
-        targets[k][-1] = hand.targets[-1] + changes[k]
-    return Pressed(force, place, outward, pressing > 0, help, q, wrists, targets)
+                spots = np.where((tally.pressing[s] > 0)[:, None], tally.place[s], places[s] - drift[row])
+                less = hand.torques(tally.q[hand.coordinates], at[k], spots, asked[s] - tally.force[s])
+                changes[k], later[k] = later[k], np.clip((1 - span / SLACKENS) * later[k] + span / YIELDS * less / hand.stiffness, -LARGEST, LARGEST)
+    note(count - 1)
+    force, place, outward, touching, help, q = (np.array(each) for each in zip(*rows, rows[-1]))
+    return Pressed(force, place, outward, touching, help, q, first, wrists, targets)
+
+
+def _pose(simulation: Simulation, body: int) -> Array:
+    bodies = simulation.bodies
+    return np.concatenate([bodies.position[body], bodies.quaternion[body]])
+
+
+def _shifted(poses: Array, by: Array) -> Array:
+    return np.concatenate([poses[:, :3] + by, poses[:, 3:]], axis=1)
 
 
 def alike(poses: Array) -> Array:

@@ -2,7 +2,7 @@
 
 A hand that holds is steady, seen from the object, and it is moved within its noise: pads that press are as deep in the object as their load asks, and
 others are not inside it. Targets of the joints lie beyond the surface by torque over stiffness, and ahead by damping over stiffness times the rate. Then
-the object is carried along the recording in a simulation, and what the hands press too little or too hard there is added to the targets in the same way.
+the object is carried along the recording in a simulation, in which the hands are moved and their targets are changed until they bear it (`_carried`).
 """
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ HOLDS = 0.25
 """Part of the frames of a piece in which a hand bears a force, for it to hold there: chosen."""
 BREADTH = 0.08
 """From a wrist to the pads that it turns: the deviation of a point over it is that of an angle [m]. Chosen."""
-ROUNDS = 1
-"""In which targets and wrists are corrected in a simulation: a second one holds no more."""
 REST = 1.0
 """Before a lift, in which hands come to bear the object that is at rest [s]: chosen."""
+OUT_OF_REACH = -1000.0
+"""Height of the ground where it supports nothing [m]."""
 SLIDE = 1e-3
 """How far a centre of pressure in a simulation is moved by a change of its force, at most [m]: chosen."""
 LOST = 0.1
@@ -294,7 +294,9 @@ class Writer:
 
     def pressed(self, path: Path, lift: Lift, drives: Sequence[Drive]) -> list[Drive]:
         """Driven so that pads press as was found, in a simulation in which the object is carried along the recording."""
-        scene, of = load(path), self.of
+        of = self.of
+        # A lifted object does not stand on the ground, which must not bear it here.
+        scene = load(path, None if math.isnan(self.found.ground) else {"ground.height": OUT_OF_REACH})
         names = list(scene.axes)
         count = lift.last - lift.first
         guided = []
@@ -325,7 +327,7 @@ class Writer:
         out = []
         for drive, hand, wrist, targets in zip(drives, guided, now.wrists, now.targets):
             own = drive.rows - lift.first
-            out.append(drive._replace(start=now.q[own[0], hand.coordinates], targets=targets[own], wrist=wrist[own]))
+            out.append(drive._replace(start=now.start[hand.coordinates] if own[0] == 0 else now.q[own[0], hand.coordinates], targets=targets[own], wrist=wrist[own]))
         return out
 
     def _wanted(self, row: int, places: Array, outward: Array, touching: NDArray[np.bool_]) -> Array:
@@ -402,9 +404,8 @@ def replay(thing: Thing, of: Solver, found: Result, model: Path, folder: Path, t
                     held[kind], lost[kind], problem[kind] = 0.0, "", "no hand is tracked"
                     continue
                 path = writer.write(lift, f"lift_{i + 1}", kind, drives)
-                for _ in range(ROUNDS if kind == "forces" else 0):
-                    drives = writer.pressed(path, lift, drives)
-                    path = writer.write(lift, f"lift_{i + 1}", kind, drives)
+                if kind == "forces":
+                    path = writer.write(lift, f"lift_{i + 1}", kind, writer.pressed(path, lift, drives))
                 held[kind], lost[kind], problem[kind] = writer.run(path, lift)
             except Error as error:
                 held[kind], lost[kind], problem[kind] = 0.0, "", str(error).splitlines()[0]

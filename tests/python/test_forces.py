@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import handsim as hs
-from handsim import _carried, _model, _nonnegative, _object_motion, _objects, _replay, _sharing, _touch
+from handsim import _nonnegative, _object_motion, _objects, _sharing, _touch
 
 pytest.importorskip("scipy", reason="SciPy is not installed")
 WEIGHT = 2.0
@@ -234,88 +234,6 @@ def test_the_scenes_of_a_replay_run_by_themselves(tripod):
         body = next(i for i, each in enumerate(simulation.scene._model.bodies) if each.name == "thing")
         away[kind] = np.linalg.norm(simulation.bodies.position[body] - goal)
     assert away["forces"] < 0.01 < away["angles"]
-
-
-# Oracle: Newton's second law. No hand is near: the force that carries a ball along a circle is all that accelerates it and bears its weight.
-def test_an_object_is_carried_along_its_recording(tmp_path):
-    scene = hs.load({"title": "a ball", "objects": [{"name": "ball", "shape": "sphere", "radius": 0.03, "mass": 0.2, "position": [0.1, 0, 0.5]}],
-                     "effects": ["gravity"], "solver": {"engine": "articulated", "step": "1 ms"}, "duration": 1})
-    times, rate = np.arange(61) / 60, 4.0
-    poses = np.tile([0.0, 0, 0.5, 1, 0, 0, 0], (61, 1))
-    poses[:, 0], poses[:, 1] = 0.1 * np.cos(rate * times), 0.1 * np.sin(rate * times)
-    found = _carried.carried(scene, "ball", ["right.palm"], times, poses)
-    middle = (times[30:-2] + times[31:-1]) / 2  # the ball starts at rest
-    exact = 0.2 * np.stack([-rate**2 * 0.1 * np.cos(rate * middle), -rate**2 * 0.1 * np.sin(rate * middle), np.full(29, 9.80665)], axis=1)
-    assert found.help[30:-2, :3] == pytest.approx(exact, abs=0.01)
-    assert not found.touching.any() and np.abs(found.help[30:-2, 3:]).max() < 1e-6
-
-
-# Oracle: the weight. A box lies 2 mm over an open hand: as the spring that carries it gives way, the hand bears a part of it, and one that is moved for the box
-# to come back bears all of it, with the box where it was recorded.
-@pytest.mark.parametrize("guided", [False, True])
-def test_hands_that_are_moved_bear_all_of_the_object(guided):
-    import recorded_forces
-
-    whole = recorded_forces.both_hands(recorded_forces.CASES["both"], "median_man")
-    hand = whole["hands"][0]
-    wrist = np.array([0, 0, 0.5, 0, 0, 1, 0])
-    hand["wrist"] = {"mount": "driven", "motion": {"keyframes": [
-        {"time": time, "position": [0, 0, 0.5], "rotation": {"axis": [0, 1, 0], "angle": "180 deg"}} for time in (0, 5)]}}
-    mass, height = 0.3, 0.5 + recorded_forces.TOUCHES + 0.02 + 2e-3
-    flat = whole["control"]["poses"]
-    flat["programs"]["hold"]["hands"].pop("left")
-    scene = hs.load({**whole, "hands": [hand], "solver": {"engine": "articulated", "step": "1 ms"}, "duration": 5, "effects": whole["effects"][:-1] + ["wrist_motion"],
-                     "objects": [{"name": "box", "shape": "box", "edges": [0.05, 0.05, 0.04], "mass": mass, "position": [0, 0.05, height], "overlap": "allowed"}]})
-    times = np.arange(61) / 30
-    segments = [name for name in scene.bodies if name.startswith("right.")]
-    targets = np.tile(hs.Simulation(scene).q[scene.axis_coordinates], (61, 1))
-    own = _carried.Guided(np.tile(wrist, (61, 1)), targets, np.arange(len(scene.axes)), scene.axis_coordinates, np.arange(len(segments)),
-                          np.ones(len(scene.axes)), lambda q, *_: np.zeros(len(scene.axes)))
-    found = _carried.carried(scene, "box", segments, times, np.tile([0, 0.05, height, 1, 0, 0, 0], (61, 1)), [own] if guided else [])
-    weight = mass * 9.80665
-    assert found.force[-5:].sum(axis=1).mean(axis=0) + found.help[-5:, :3].mean(axis=0) == pytest.approx([0, 0, weight], abs=0.02 * weight)
-    if not guided:
-        assert found.help[-5:, 2].min() > 0.2 * weight
-        return
-    # A movement that is forgotten within 2 s and made within 0.1 s leaves the box 1/20 of it beside its place.
-    shift, middle = _model.compose(found.wrists[0][-1], _model.inverse(wrist)), np.array([0, 0.05, height])
-    rise = (_model.turned(shift[3:], middle) + shift[:3] - middle)[2]
-    left = mass * _carried.CARRY**2 * rise * _carried.COMES_BACK / _carried.FORGETS
-    assert 2e-3 < rise < 0.02 and found.help[-1, 2] == pytest.approx(left, rel=0.1) and np.abs(found.help[-1, :3]).max() < 0.06 * weight
-
-
-# Oracle: steps that are known, in noise that is known. No step is found where there is none, and a step of a noise in each of 20 coordinates after 20 frames is.
-def test_pieces_are_those_between_steps():
-    random = np.random.default_rng(12)
-    noise, price = 2e-3, 3 * 20
-    still = noise * random.normal(size=(60, 20))
-    assert _replay.pieces(still, noise, price) == [(0, 60)]
-    steps = still + np.where(np.arange(60) < 20, 0.0, 2 * noise)[:, None] + np.where(np.arange(60) < 45, 0.0, -2 * noise)[:, None]
-    assert _replay.pieces(steps, noise, price) == [(0, 20), (20, 45), (45, 60)]
-    # A higher price keeps one piece: 20 coordinates times 2/3 of 60 frames times the variance of the steps in noises.
-    assert _replay.pieces(steps, noise, 60 * 20 * 4) == [(0, 60)]
-
-
-# Oracle: a hand that moves with the object keeps its place on it, and noise of single frames falls with the root of those in the mean. A second grip 3 cm beside
-# the first is one of its own, and a hand that bears nothing is where it was recorded but for means over 7 frames.
-def test_a_hand_that_holds_is_steady_seen_from_the_object():
-    random = np.random.default_rng(7)
-    count, width = 200, 7
-    turns = np.array([_model.turn_of([0, 0, 0.01 * i]) for i in range(count)])
-    poses = np.concatenate([np.stack([0.003 * np.arange(count), np.zeros(count), np.sin(np.arange(count) / 30)], axis=1), turns], axis=1)
-    on_object = np.tile([0.05, -0.1, 0.02, *_model.turn_of([0.3, 0.2, 0.1])], (count, 1))
-    on_object[120:, 0] += 0.06
-    exact = _model.compose(poses, on_object)
-    for noise, holds, most in ((0.0, True, 1e-9), (2e-3, True, 1.5 * 2e-3 / math.sqrt(80)), (2e-3, False, 1.5 * 2e-3 / math.sqrt(width))):
-        wrist = exact.copy()
-        wrist[:, :3] += noise * random.normal(size=(count, 3))
-        hands = [type("Motion", (), {"q": np.zeros((count, 20)), "wrist": wrist})]
-        of = type("Solver", (), {"motions": hands, "noises": [2e-3], "of": type("Needed", (), {"motion": type("Motion", (), {"poses": poses})})})
-        _, found, pieces = _replay.steadied(of, 0, np.arange(count), np.full(count, holds), width)
-        assert pieces == ([(0, 120), (120, 200)] if holds else [])
-        away = np.linalg.norm(found[:, :3] - exact[:, :3], axis=1)
-        away[120 - width:120 + width] = 0
-        assert np.sqrt(np.mean(away[width:-width]**2) / 3) <= most
 
 
 def ball(count, radius=0.05, middle=(0, 0, 0)):
