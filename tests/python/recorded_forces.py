@@ -77,9 +77,11 @@ def overrides(case: Case, person: str, margin: float) -> dict[str, Any]:
     return {"hands.0.person": f"config/persons/{person}.yaml" if Path(f"config/persons/{person}.yaml").exists() else person,
             "objects.0.mass": case.mass, "contacts.materials": json.dumps([pad]), "grasps.0.grip.friction": case.friction,
             "grasps.0.grip.forces": "{" + forces + "}", "grasps.0.shake.levels": "[]", "grasps.0.hold": "10 ms" if case.turn or case.down else "0.8 s",
-            "grasps.0.rest": 0, "grasps.0.lift.time": "0.4 s" if case.quick else "0.7 s", "grasps.0.lift.height": "0.2 m", "grasps.0.settle": "0.3 s"}
+            "grasps.0.rest": 0, "grasps.0.lift.time": "0.4 s" if case.quick else "0.7 s", "grasps.0.lift.height": LIFT, "grasps.0.settle": "0.3 s"}
 
 
+LIFT = 0.2
+"""[m]"""
 BOX = (0.16, 0.2, 0.14)
 """Edges of what two hands hold [m]."""
 ABOVE = 0.03
@@ -101,7 +103,7 @@ def both_hands(case: Case, person: str) -> dict[str, Any]:
     hands = []
     for side, sign in (("right", 1), ("left", -1)):
         turn = {"axis": [0, sign, 0], "angle": "90 deg"}
-        way = [(0, 0.04, 0), (0.5, 0, 0), (1.0, -case.press, 0), (1.2, -case.press, 0), (lifted, -case.press, 0.2), (2.9, -case.press, 0.2)]
+        way = [(0, 0.04, 0), (0.5, 0, 0), (1.0, -case.press, 0), (1.2, -case.press, 0), (lifted, -case.press, LIFT), (2.9, -case.press, LIFT)]
         way += [(4.0, -case.press, -1e-3), (4.2, -case.press, -1e-3), (end, 0.04, -1e-3)] if case.down else []
         hands.append({"model": str(model), "person": str(who), "side": side, "pose": {"thumb_cmc": ["-32 deg", "-22 deg"], **{f"{finger}_mcp": ["14 deg", 0] for finger in FINGERS}}, "wrist": {"mount": "driven", "motion": {"keyframes": [
                 {"time": t, "position": [sign * (touch + away), -0.09, ABOVE + BOX[2] / 2 + up], "rotation": turn} for t, away, up in way]}}})
@@ -142,6 +144,12 @@ def margin_of(of: Recorded) -> float:
     return float(of.friction * np.mean(sum(of.normal.values())[held]) / (of.mass * 9.80665)) if held.any() else 0.0
 
 
+def dropped(of: Recorded) -> bool:
+    """Whether hands never lift it as high as they go, but for the quarter of it by which it may slip."""
+    free, height = of.supported < 1e-6, of.columns["object"][:, 2]
+    return not free.any() or bool(height[free].max() - height[0] < 0.75 * LIFT)
+
+
 def person_grips(name: str, person: str, margin: float) -> Recorded:
     """A recording in which the hand grips about `margin` times as hard as needed: the object is as heavy as that."""
     case = CASES[name]
@@ -150,6 +158,8 @@ def person_grips(name: str, person: str, margin: float) -> Recorded:
     while tries < 3:
         try:
             found = simulate(name, person, margin, case)
+            if dropped(found):
+                raise hs.Error(f"{name}: a box of {case.mass:.2g} kg is dropped", "physics")
         except hs.Error:
             if nearest is not None:
                 break  # too heavy for the plan
@@ -203,7 +213,7 @@ def simulate(name: str, person: str, margin: float, case: Case) -> Recorded:
                     by = turn_of(np.array([1.0, 0, 0]) * math.radians(case.turn) * minimum_jerk(since / 1.0))
                     moved = np.concatenate([start + turned(by, held_from[:3] - start), product(by, held_from[3:])])
                 if case.down:
-                    moved[2] -= 0.2 * minimum_jerk(since / 0.9)
+                    moved[2] -= LIFT * minimum_jerk(since / 0.9)
                 simulation.step(wrists=moved[None])
         bodies = simulation.bodies
         poses = np.concatenate([bodies.position, bodies.quaternion], axis=1)

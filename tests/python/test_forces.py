@@ -342,6 +342,17 @@ def test_true_forces_of_a_recording_are_those_of_its_motion():
     assert np.sqrt(np.mean(wrong**2)) < 0.03 * recorded.mass * 9.80665
 
 
+# A recording is one of an object that is lifted as high as the hands go, and not of one that slips out of them on the way and falls back.
+@pytest.mark.parametrize("highest, dropped", [(0.2, False), (0.19, False), (0.1, True), (0.0, True)])
+def test_a_dropped_object_is_no_recording(highest, dropped):
+    import recorded_forces
+
+    height = np.concatenate([np.linspace(0, highest, 40), np.linspace(highest, 0, 10), np.zeros(20)])
+    of = recorded_forces.Recorded("both", np.arange(70) / 60, {"object": np.stack([height, height, 0.07 + height], axis=1)}, {}, {}, np.zeros((70, 6)), 0.8, 0.75,
+                                  "", "median_man", np.where(height > 0, 0.0, 8.0), "")
+    assert recorded_forces.dropped(of) == dropped
+
+
 RECORDINGS = os.environ.get("HANDSIM_RECORDINGS")
 
 
