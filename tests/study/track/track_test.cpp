@@ -227,6 +227,65 @@ TEST(Track, SmoothingInBlocksIsThatOfOneBlock) {
       EXPECT_NEAR(all[k].angles[i], middle[k - 600].angles[i], 1e-12) << k << tree.axes()[i].name;
 }
 
+// Measured angles that go beyond both stops, with noise. Oracle: of each axis alone the same sum of squares
+// within the stops, by descent along one frame's angle after the other.
+TEST(Track, SmoothingWithinStopsIsTheBoundedMinimum) {
+  const TrackInput input = test::shipped_input();
+  const MovingHand truth(input, input.person, model::Side::right);
+  const HandTree& tree = truth.tree;
+  constexpr std::size_t kCount = 24;
+  constexpr double kNoise = 0.2;
+  const MotionPrior prior;
+  const std::vector<double> times = test::frame_times(kCount, 30);
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal(0, 0.1);
+  std::vector<HandPose> measured(kCount, truth.pose(0)), poses;
+  for (std::size_t i = 0; i < tree.axes().size(); ++i) {
+    const double middle = (tree.axes()[i].low + tree.axes()[i].high) / 2;
+    const double half = (tree.axes()[i].high - tree.axes()[i].low) / 2;
+    for (std::size_t k = 0; k < kCount; ++k)
+      measured[k].angles[i] =
+          middle + half * (1.3 * std::sin(8 * times[k] + static_cast<double>(i)) + normal(random));
+  }
+  const auto size = static_cast<Eigen::Index>(tree.size());
+  const auto rows = [&](std::size_t k, const HandPose& at) {
+    Rows out{Eigen::VectorXd::Zero(size), Eigen::MatrixXd::Identity(size, size)};
+    for (std::size_t i = 0; i < at.angles.size(); ++i)
+      out.residuals[static_cast<Eigen::Index>(6 + i)] = at.angles[i] - measured[k].angles[i];
+    return out;
+  };
+  for (const HandPose& pose : measured) poses.push_back(tree.within_stops(pose));
+  smooth(times, rows, kNoise, prior, tree, poses);
+
+  const double interval = times[1] - times[0], weight = 1 / (kNoise * kNoise);
+  const double stiffness = 1 / (prior.angle * std::pow(interval, 3));
+  Eigen::MatrixXd hessian = weight * Eigen::MatrixXd::Identity(kCount, kCount);
+  for (Eigen::Index k = 1; k + 1 < static_cast<Eigen::Index>(kCount); ++k) {
+    const Eigen::RowVector3d change(1, -2, 1);
+    hessian.block<3, 3>(k - 1, k - 1) += stiffness * change.transpose() * change;
+  }
+  std::size_t at_stops = 0;
+  for (std::size_t i = 0; i < tree.axes().size(); ++i) {
+    const TreeAxis& axis = tree.axes()[i];
+    Eigen::VectorXd wanted(kCount), best = Eigen::VectorXd::Constant(kCount, axis.low);
+    for (std::size_t k = 0; k < kCount; ++k) wanted[static_cast<Eigen::Index>(k)] = measured[k].angles[i];
+    double moved = 1;
+    while (moved > 1e-12) {
+      moved = 0;
+      for (Eigen::Index k = 0; k < best.size(); ++k) {
+        const double downhill = weight * wanted[k] - hessian.row(k).dot(best), before = best[k];
+        best[k] = std::clamp(before + downhill / hessian(k, k), axis.low, axis.high);
+        moved = std::max(moved, std::abs(best[k] - before));
+      }
+    }
+    for (std::size_t k = 0; k < kCount; ++k) {
+      EXPECT_NEAR(poses[k].angles[i], best[static_cast<Eigen::Index>(k)], 1e-8) << axis.name << " " << k;
+      if (poses[k].angles[i] == axis.low || poses[k].angles[i] == axis.high) ++at_stops;
+    }
+  }
+  EXPECT_GT(at_stops, 3 * tree.axes().size());
+}
+
 // Markers on the palm and the index finger alone: its joints, and no others, are determined. Oracle: the
 // angles.
 TEST(Track, AxesThatNoMarkerDeterminesAreNotInvented) {

@@ -83,14 +83,18 @@ std::optional<HandTree::Inside> HandTree::inside(std::size_t pair, double least)
                                   model::jacobian(model_, state_, shape_b.body, at_b).topRows<3>())};
 }
 
-HandPose HandTree::moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const {
+HandPose HandTree::moved_freely(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const {
   HandPose out = from;
   out.wrist.p += step.head<3>();
   out.wrist.q = (rotation_quaternion(step.segment<3>(3)) * from.wrist.q).normalized();
-  for (std::size_t i = 0; i < out.angles.size(); ++i)
-    out.angles[i] =
-        std::clamp(from.angles[i] + step[static_cast<Eigen::Index>(6 + i)], axes_[i].low, axes_[i].high);
+  for (std::size_t i = 0; i < out.angles.size(); ++i) out.angles[i] += step[static_cast<Eigen::Index>(6 + i)];
   return out;
+}
+
+HandPose HandTree::within_stops(HandPose pose) const {
+  for (std::size_t i = 0; i < pose.angles.size(); ++i)
+    pose.angles[i] = std::clamp(pose.angles[i], axes_[i].low, axes_[i].high);
+  return pose;
 }
 
 void HandTree::place(std::span<const double> angles) { model::place_children(model_, angles, state_); }

@@ -58,7 +58,13 @@ class HandTree {
     for (TreeAxis& axis : axes_) axis.low -= by, axis.high += by;
   }
   /// A pose after a step of its parameters, the turn in world axes; angles stay within their stops.
-  HandPose moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const;
+  HandPose moved(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const {
+    return within_stops(moved_freely(from, step));
+  }
+  /// The same, beyond the stops, too.
+  HandPose moved_freely(const HandPose& from, const Eigen::Ref<const Eigen::VectorXd>& step) const;
+  /// Angles beyond a stop are set to it.
+  HandPose within_stops(HandPose pose) const;
   /// Places the segments: what follows is at these angles.
   void place(std::span<const double> angles);
   /// Position of a feature's point in the hand frame [m], at the last placed angles.

@@ -3,10 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 namespace handsim::study {
 
 namespace {
+
+/// Gauss-Newton steps: the second starts from smooth poses, so that the fits' own curvature does not matter;
+/// more are taken as long as angles come to stops or leave them, at most 12. From the seventh on none leaves
+/// its stop, so that it ends (chosen).
+constexpr int kSteps = 2, kReleasing = 7, kMostSteps = 12;
 
 /// Frames of a block.
 constexpr std::size_t kBlock = 1024;
@@ -109,43 +115,94 @@ void smooth(const std::vector<double>& times, const RowsAt& rows_at, double nois
   const std::size_t count = poses.size(), size = tree.size();
   if (count < 3) return;
   const double weight = 1 / (noise * noise);
-  const auto add_points = [&](std::size_t k, BandSystem& system) {
+  // Of a change of rate: the factors of the three frames, and the time from the first to the last.
+  struct Change {
+    std::array<double, 3> factor;
+    double interval;
+  };
+  const auto change_at = [&](std::size_t middle) {
+    const double before = times[middle] - times[middle - 1], after = times[middle + 1] - times[middle];
+    return Change{{1 / before, -1 / before - 1 / after, 1 / after}, before + after};
+  };
+  const auto stiffness = [&](const Change& change, std::size_t i) {
+    return 2 / ((i < 3 ? prior.position : i < 6 ? prior.turn : prior.angle) * change.interval);
+  };
+  // The changes of rate at a frame and its neighbours contain its parameters.
+  const auto for_changes = [&](std::size_t k, const auto& call) {
+    for (std::size_t middle = std::max<std::size_t>(k, 2) - 1; middle <= k + 1 && middle + 1 < count;
+         ++middle)
+      call(middle);
+  };
+  const auto downhill = [&](std::size_t k, const Rows& at) {
+    Eigen::VectorXd out = -weight * (at.jacobian.transpose() * at.residuals);
+    for_changes(k, [&](std::size_t middle) {
+      const Change change = change_at(middle);
+      const Eigen::VectorXd of =
+          difference(poses[middle], poses[middle + 1]) / (times[middle + 1] - times[middle]) -
+          difference(poses[middle - 1], poses[middle]) / (times[middle] - times[middle - 1]);
+      for (std::size_t i = 0; i < size; ++i)
+        out[static_cast<Eigen::Index>(i)] -=
+            stiffness(change, i) * change.factor[k + 1 - middle] * of[static_cast<Eigen::Index>(i)];
+    });
+    return out;
+  };
+  std::vector<bool> held(count * size, false);
+  const auto fill = [&](std::size_t k, BandSystem& system) {
     const Rows at = rows_at(k, poses[k]);
-    const Eigen::VectorXd gradient = at.jacobian.transpose() * at.residuals;
+    const Eigen::VectorXd right = downhill(k, at);
     const Eigen::MatrixXd matrix = at.jacobian.transpose() * at.jacobian;
     for (std::size_t i = 0; i < size; ++i) {
       const auto row = static_cast<Eigen::Index>(i);
-      system.right(k * size + i) -= weight * gradient[row];
+      system.right(k * size + i) += right[row];
       for (std::size_t j = 0; j <= i; ++j)
         system.at(k * size + i, k * size + j) += weight * matrix(row, static_cast<Eigen::Index>(j));
     }
-  };
-  // The change of rate at a frame, in the rows of itself and its neighbours.
-  const auto add_change = [&](std::size_t middle, std::size_t k, BandSystem& system) {
-    const double before = times[middle] - times[middle - 1], after = times[middle + 1] - times[middle];
-    const Eigen::VectorXd change = difference(poses[middle], poses[middle + 1]) / after -
-                                   difference(poses[middle - 1], poses[middle]) / before;
-    const std::array<double, 3> factor = {1 / before, -1 / before - 1 / after, 1 / after};
-    const std::size_t a = k + 1 - middle;
-    for (std::size_t i = 0; i < size; ++i) {
-      const double density = i < 3 ? prior.position : i < 6 ? prior.turn : prior.angle;
-      const double stiffness = 2 / (density * (before + after));
-      const std::size_t row = k * size + i;
-      system.right(row) -= stiffness * factor[a] * change[static_cast<Eigen::Index>(i)];
-      for (std::size_t b = 0; b <= a; ++b)
-        system.at(row, (middle + b - 1) * size + i) += stiffness * factor[a] * factor[b];
+    for_changes(k, [&](std::size_t middle) {
+      const Change change = change_at(middle);
+      const std::size_t a = k + 1 - middle;
+      for (std::size_t i = 0; i < size; ++i)
+        for (std::size_t b = 0; b <= a; ++b)
+          system.at(k * size + i, (middle + b - 1) * size + i) +=
+              stiffness(change, i) * change.factor[a] * change.factor[b];
+    });
+    // An angle that is held is no unknown.
+    for (std::size_t row = k * size; row < (k + 1) * size; ++row) {
+      for (std::size_t column = row - std::min(row, 2 * size); column < row; ++column)
+        if (held[row] || held[column]) system.at(row, column) = 0;
+      if (held[row]) {
+        system.at(row, row) = 1;
+        system.right(row) = 0;
+      }
     }
   };
-  BandSystem system(count, size, [&](std::size_t k, BandSystem& to) {
-    add_points(k, to);
-    for (std::size_t middle = std::max<std::size_t>(k, 2) - 1; middle <= k + 1 && middle + 1 < count;
-         ++middle)
-      add_change(middle, k, to);
-  });
-  const std::vector<double> step = system.solve();
-  for (std::size_t k = 0; k < count; ++k)
-    poses[k] = tree.moved(
-        poses[k], Eigen::Map<const Eigen::VectorXd>(step.data() + k * size, static_cast<Eigen::Index>(size)));
+  for (int taken = 1;; ++taken) {
+    const std::vector<double> step = BandSystem(count, size, fill).solve();
+    for (std::size_t k = 0; k < count; ++k)
+      poses[k] = tree.moved_freely(poses[k], Eigen::Map<const Eigen::VectorXd>(
+                                                 step.data() + k * size, static_cast<Eigen::Index>(size)));
+    // Held at a stop is what has come beyond it, until it is better within.
+    std::vector<bool> next = held;
+    bool same = true;
+    for (std::size_t k = 0; k < count; ++k) {
+      std::optional<Eigen::VectorXd> way;
+      for (std::size_t i = 6; i < size; ++i) {
+        const TreeAxis& axis = tree.axes()[i - 6];
+        const double angle = poses[k].angles[i - 6];
+        const std::size_t row = k * size + i;
+        if (!held[row]) {
+          next[row] = angle < axis.low || angle > axis.high;
+        } else if (taken < kReleasing) {
+          if (!way) way = downhill(k, rows_at(k, poses[k]));
+          const double outwards = (angle <= axis.low ? -1 : 1) * (*way)[static_cast<Eigen::Index>(i)];
+          next[row] = outwards > 0;
+        }
+        same = same && next[row] == held[row];
+      }
+    }
+    held = std::move(next);
+    for (HandPose& pose : poses) pose = tree.within_stops(std::move(pose));
+    if (taken >= kMostSteps || (taken >= kSteps && same)) return;
+  }
 }
 
 }  // namespace handsim::study

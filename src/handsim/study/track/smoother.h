@@ -20,8 +20,11 @@ using RowsAt = std::function<Rows(std::size_t frame, const HandPose& at)>;
 /// Minimises, over a correction of each frame's parameters, the sum of
 ///   the squared residuals of the features / noise^2  and
 ///   the squared changes of rate between frames / (density * time between them),
-/// with one Gauss-Newton step from the given poses: a banded linear system. Angles stay within their stops.
-/// @param times of the frames, increasing [s]. @param rows_at is asked once or twice for each frame.
+/// with Gauss-Newton steps from the given poses: banded linear systems. Angles stay within their stops: those
+/// that come beyond one are held at it as long as the sum falls towards the outside (a primal-dual active
+/// set; Hintermüller, Ito & Kunisch 2002, SIAM J Optim 13:865).
+/// @param times of the frames, increasing [s]. @param rows_at is asked up to three times for each frame and
+/// step.
 /// @param noise standard deviation of a coordinate [m].
 void smooth(const std::vector<double>& times, const RowsAt& rows_at, double noise, const MotionPrior& prior,
             const HandTree& tree, std::vector<HandPose>& poses);

@@ -264,16 +264,13 @@ class HandTracker {
   }
 
   void smooth_stretch(std::size_t first, std::size_t end) {
-    // The second step starts from smooth poses, so that the fits' own curvature does not matter.
-    constexpr int kSteps = 2;
     std::vector<double> times(recording_.times.begin() + static_cast<std::ptrdiff_t>(first),
                               recording_.times.begin() + static_cast<std::ptrdiff_t>(end));
     std::vector<HandPose> poses;
     for (std::size_t k = first; k < end; ++k) poses.push_back(out_.frames[k].pose);
-    for (int step = 0; step < kSteps; ++step)
-      smooth(
-          times, [&](std::size_t k, const HandPose& pose) { return rows_at(first + k, pose); }, out_.noise,
-          input_.prior, own_.tree(), poses);
+    smooth(
+        times, [&](std::size_t k, const HandPose& pose) { return rows_at(first + k, pose); }, out_.noise,
+        input_.prior, own_.tree(), poses);
     for (std::size_t k = first; k < end; ++k) {
       FitResult& fit = out_.frames[k];
       fit = own_.measure(frames_.at(k), std::move(poses[k - first]), std::move(fit.rejected));
