@@ -197,6 +197,9 @@ TEST(Points, WithTheirConventionGiveSizeAndAnglesBack) {
   EXPECT_NEAR(*result.person.hand_length, 0.178, 0.0027);
   EXPECT_NEAR(*result.person.hand_breadth, 0.081, 0.0025);
   EXPECT_NEAR(result.hands.at(0).noise, 1e-3, 1e-4);
+  // Where bones point tells of the posture, not of the size.
+  input.markers->bones = 0.03;
+  EXPECT_EQ(*run_track(input, recording).person.hand_length, *result.person.hand_length);
 }
 
 /// The largest error of a PIP joint for a tracker whose knuckles lie 12 mm distal of the joints, and whose

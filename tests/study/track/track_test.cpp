@@ -211,8 +211,12 @@ TEST(Track, SmoothingInBlocksIsThatOfOneBlock) {
     std::vector<HandPose> poses(noisy.begin() + static_cast<std::ptrdiff_t>(begin),
                                 noisy.begin() + static_cast<std::ptrdiff_t>(end));
     const auto size = static_cast<Eigen::Index>(tree.size());
-    const auto known = [&](std::size_t, const HandPose&) {
-      return Rows{Eigen::VectorXd::Zero(size), Eigen::MatrixXd::Identity(size, size)};
+    const std::vector<HandPose> measured = poses;
+    const auto known = [&](std::size_t k, const HandPose& at) {
+      Rows out{Eigen::VectorXd::Zero(size), Eigen::MatrixXd::Identity(size, size)};
+      for (std::size_t i = 0; i < at.angles.size(); ++i)
+        out.residuals[static_cast<Eigen::Index>(6 + i)] = at.angles[i] - measured[k].angles[i];
+      return out;
     };
     smooth({times.begin() + static_cast<std::ptrdiff_t>(begin),
             times.begin() + static_cast<std::ptrdiff_t>(end)},
@@ -279,7 +283,7 @@ TEST(Track, SmoothingWithinStopsIsTheBoundedMinimum) {
       }
     }
     for (std::size_t k = 0; k < kCount; ++k) {
-      EXPECT_NEAR(poses[k].angles[i], best[static_cast<Eigen::Index>(k)], 1e-8) << axis.name << " " << k;
+      EXPECT_NEAR(poses[k].angles[i], best[static_cast<Eigen::Index>(k)], 1e-4) << axis.name << " " << k;
       if (poses[k].angles[i] == axis.low || poses[k].angles[i] == axis.high) ++at_stops;
     }
   }

@@ -264,8 +264,10 @@ class Fit {
     for (const HandFrames& hand : *hands_) {
       HandTree tree(*spec_, built, hand.side);
       if (!unknowns_.convention) tree.open(kGiveOfStops);
-      out.emplace_back(std::move(tree), unknowns_.placed(hand.features, values))
-          .set_noise(unknowns_.convention ? noise_ : 0);
+      std::vector<Feature> features = unknowns_.placed(hand.features, values);
+      // Where bones point tells of the posture alone.
+      for (Feature& feature : features) feature.arm = 0;
+      out.emplace_back(std::move(tree), std::move(features)).set_noise(unknowns_.convention ? noise_ : 0);
     }
     return out;
   }

@@ -9,10 +9,12 @@ namespace handsim::study {
 
 namespace {
 
-/// Gauss-Newton steps: the second starts from smooth poses, so that the fits' own curvature does not matter;
-/// more are taken as long as angles come to stops or leave them, at most 12. From the seventh on none leaves
-/// its stop, so that it ends (chosen).
-constexpr int kSteps = 2, kReleasing = 7, kMostSteps = 12;
+/// Steps are taken until no angle comes to a stop or leaves it, or moves by more than kStill, but at most
+/// kMostSteps. Where many come and leave by turns none leaves after the first kReleasing (all chosen).
+constexpr int kReleasing = 12, kMostSteps = 24;
+constexpr double kStill = 2e-3;  // [rad]
+/// Of Marquardt's scale, when a frame's sum has risen by more than rounding for the first time.
+constexpr double kDamped = 1, kRounding = 1e-9;
 
 /// Frames of a block.
 constexpr std::size_t kBlock = 1024;
@@ -133,27 +135,48 @@ void smooth(const std::vector<double>& times, const RowsAt& rows_at, double nois
          ++middle)
       call(middle);
   };
-  const auto downhill = [&](std::size_t k, const Rows& at) {
-    Eigen::VectorXd out = -weight * (at.jacobian.transpose() * at.residuals);
+  // Of the terms that contain a frame's parameters: their gradient, reversed, and their sum.
+  struct Slope {
+    Eigen::VectorXd downhill;
+    double sum;
+  };
+  const auto slope_at = [&](std::size_t k, const Rows& at) {
+    Slope out{-weight * (at.jacobian.transpose() * at.residuals), weight * at.residuals.squaredNorm()};
     for_changes(k, [&](std::size_t middle) {
       const Change change = change_at(middle);
       const Eigen::VectorXd of =
           difference(poses[middle], poses[middle + 1]) / (times[middle + 1] - times[middle]) -
           difference(poses[middle - 1], poses[middle]) / (times[middle] - times[middle - 1]);
-      for (std::size_t i = 0; i < size; ++i)
-        out[static_cast<Eigen::Index>(i)] -=
-            stiffness(change, i) * change.factor[k + 1 - middle] * of[static_cast<Eigen::Index>(i)];
+      for (std::size_t i = 0; i < size; ++i) {
+        const auto row = static_cast<Eigen::Index>(i);
+        const double stiff = stiffness(change, i);
+        out.downhill[row] -= stiff * change.factor[k + 1 - middle] * of[row];
+        out.sum += stiff * of[row] * of[row];
+      }
     });
     return out;
   };
   std::vector<bool> held(count * size, false);
+  std::vector<double> damping(count, 0), sums(count, 0);
+  std::vector<int> seen(count, 0);
+  int taken = 1;
+  // Each frame has its own damping: a thumb that comes out of the palm and goes in by turns holds up no other
+  // frame.
+  const auto damp = [&](std::size_t k, double sum) {
+    if (seen[k] == taken) return;  // the way back fills again
+    damping[k] =
+        taken > 1 && sum > sums[k] * (1 + kRounding) ? std::max(kDamped, 8 * damping[k]) : damping[k] / 4;
+    sums[k] = sum;
+    seen[k] = taken;
+  };
   const auto fill = [&](std::size_t k, BandSystem& system) {
     const Rows at = rows_at(k, poses[k]);
-    const Eigen::VectorXd right = downhill(k, at);
+    const Slope slope = slope_at(k, at);
+    damp(k, slope.sum);
     const Eigen::MatrixXd matrix = at.jacobian.transpose() * at.jacobian;
     for (std::size_t i = 0; i < size; ++i) {
       const auto row = static_cast<Eigen::Index>(i);
-      system.right(k * size + i) += right[row];
+      system.right(k * size + i) += slope.downhill[row];
       for (std::size_t j = 0; j <= i; ++j)
         system.at(k * size + i, k * size + j) += weight * matrix(row, static_cast<Eigen::Index>(j));
     }
@@ -167,6 +190,7 @@ void smooth(const std::vector<double>& times, const RowsAt& rows_at, double nois
     });
     // An angle that is held is no unknown.
     for (std::size_t row = k * size; row < (k + 1) * size; ++row) {
+      system.at(row, row) *= 1 + damping[k];
       for (std::size_t column = row - std::min(row, 2 * size); column < row; ++column)
         if (held[row] || held[column]) system.at(row, column) = 0;
       if (held[row]) {
@@ -175,16 +199,16 @@ void smooth(const std::vector<double>& times, const RowsAt& rows_at, double nois
       }
     }
   };
-  for (int taken = 1;; ++taken) {
+  for (;; ++taken) {
     const std::vector<double> step = BandSystem(count, size, fill).solve();
     for (std::size_t k = 0; k < count; ++k)
       poses[k] = tree.moved_freely(poses[k], Eigen::Map<const Eigen::VectorXd>(
                                                  step.data() + k * size, static_cast<Eigen::Index>(size)));
     // Held at a stop is what has come beyond it, until it is better within.
     std::vector<bool> next = held;
-    bool same = true;
+    bool still = true;
     for (std::size_t k = 0; k < count; ++k) {
-      std::optional<Eigen::VectorXd> way;
+      std::optional<Slope> slope;
       for (std::size_t i = 6; i < size; ++i) {
         const TreeAxis& axis = tree.axes()[i - 6];
         const double angle = poses[k].angles[i - 6];
@@ -192,16 +216,17 @@ void smooth(const std::vector<double>& times, const RowsAt& rows_at, double nois
         if (!held[row]) {
           next[row] = angle < axis.low || angle > axis.high;
         } else if (taken < kReleasing) {
-          if (!way) way = downhill(k, rows_at(k, poses[k]));
-          const double outwards = (angle <= axis.low ? -1 : 1) * (*way)[static_cast<Eigen::Index>(i)];
+          if (!slope) slope = slope_at(k, rows_at(k, poses[k]));
+          const double outwards =
+              (angle <= axis.low ? -1 : 1) * slope->downhill[static_cast<Eigen::Index>(i)];
           next[row] = outwards > 0;
         }
-        same = same && next[row] == held[row];
+        still = still && next[row] == held[row] && std::abs(step[row]) < kStill;
       }
     }
     held = std::move(next);
     for (HandPose& pose : poses) pose = tree.within_stops(std::move(pose));
-    if (taken >= kMostSteps || (taken >= kSteps && same)) return;
+    if (still || taken >= kMostSteps) return;
   }
 }
 

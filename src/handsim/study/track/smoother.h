@@ -20,9 +20,10 @@ using RowsAt = std::function<Rows(std::size_t frame, const HandPose& at)>;
 /// Minimises, over a correction of each frame's parameters, the sum of
 ///   the squared residuals of the features / noise^2  and
 ///   the squared changes of rate between frames / (density * time between them),
-/// with Gauss-Newton steps from the given poses: banded linear systems. Angles stay within their stops: those
-/// that come beyond one are held at it as long as the sum falls towards the outside (a primal-dual active
-/// set; Hintermüller, Ito & Kunisch 2002, SIAM J Optim 13:865).
+/// with Gauss-Newton steps from the given poses: banded linear systems, damped where a frame's part of the
+/// sum rises. Angles stay within their stops: those that come beyond one are held at it as long as the sum
+/// falls towards the outside (a primal-dual active set; Hintermüller, Ito & Kunisch 2002, SIAM J Optim
+/// 13:865).
 /// @param times of the frames, increasing [s]. @param rows_at is asked up to three times for each frame and
 /// step.
 /// @param noise standard deviation of a coordinate [m].
