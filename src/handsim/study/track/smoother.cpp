@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 namespace handsim::study {
@@ -222,6 +223,10 @@ void smooth(const std::vector<double>& times, const RowsAt& rows_at, double nois
           next[row] = outwards > 0;
         }
         still = still && next[row] == held[row] && std::abs(step[row]) < kStill;
+        // What comes to a stop or leaves it changes the sums beside it: no reason to damp.
+        if (next[row] != held[row])
+          for (std::size_t near = std::max<std::size_t>(k, 1) - 1; near < std::min(count, k + 2); ++near)
+            sums[near] = std::numeric_limits<double>::infinity();
       }
     }
     held = std::move(next);
