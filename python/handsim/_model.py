@@ -162,6 +162,8 @@ class Muscle(NamedTuple):
     """Muscles, and the share of each one's activation that this one has at least where activations are chosen."""
     common_drive: float
     """Least activation as a share of that of every other muscle of the common drive, while several of its fingers press; 0: it has none."""
+    effort: float
+    """Largest activation, of muscles of a finger that is numb less than 1."""
     elastic: bool
     """Whether its tendon is."""
     short_range: bool

@@ -130,6 +130,8 @@ class Statics:
         (spills, muscles)."""
         for row, (muscle, other, share) in enumerate(spills):
             self.spills[row, [other, muscle]] = share, -1
+        self.efforts = np.array([muscle.effort for muscle in model.muscles])
+        """Largest activation of each muscle."""
         turns = self.muscles(self.rest)[0] != 0
         self.driven = [(i, muscle.common_drive, {finger for finger in FINGERS if turns[i, self.rows(finger + "_")].any()})
                        for i, muscle in enumerate(model.muscles) if muscle.common_drive > 0]
@@ -206,7 +208,7 @@ class Statics:
         on_stop, side = high | (q <= self.low + AT_STOP)[held], np.where(high, -1.0, 1.0)
         count, muscles = forces.shape[1], active.shape[1]
         equal = np.hstack([np.hstack([forces, -active])[held], -np.diag(side)])
-        most = np.concatenate([np.full(count, np.inf), np.ones(muscles), np.where(on_stop, np.inf, most_gives - least_gives)])
+        most = np.concatenate([np.full(count, np.inf), self.efforts, np.where(on_stop, np.inf, most_gives - least_gives)])
         gains = np.zeros(len(most))
         gains[:count] = 1 if gain is None else gain
         chosen = np.vstack([self.spills, self._together(forces)])
@@ -322,7 +324,8 @@ def pinch(of: Statics, q: Array, finger: str, friction: float, balanced: Sequenc
 
 
 def tip_force(of: Statics, q: Array, finger: str, direction: str, friction: float, segment: Optional[str] = None, balanced: Sequence[int] = ()) -> float:
-    """The largest force along a direction at a fingertip, without a moment [N].
+    """The largest force along a direction at a fingertip, without a moment [N]. Joints beyond the pressed segment bear none of it: they are in
+    the posture, or where their muscles pull them, on an end of their range.
 
     :param direction: one of DIRECTIONS, from which friction lets the force lean
     :param segment: whose middle is pressed instead
@@ -330,7 +333,10 @@ def tip_force(of: Statics, q: Array, finger: str, direction: str, friction: floa
     body = segment or finger + "_distal"
     point = body, np.array([0, of.middle(segment) if segment else of.tip(finger), 0])
     edges = cone(np.array(DIRECTIONS[direction], dtype=float), friction) @ of.axes(q, body).T
-    return of.press(q, [*of.rows(finger + "_"), *balanced], of.torques(q, point, edges)).sum
+    torques, rows, moves = of.torques(q, point, edges), of.rows(finger + "_"), of.hand.jacobian(q, point)
+    beyond = [i for i in rows if not moves[:, i].any()]
+    ends = [np.where(np.isin(np.arange(len(q)), beyond), end, q) for end in (of.low, of.high)] if beyond else []
+    return float(strongest(lambda at: of.press(at, [*rows, *balanced], torques).sum, [q, *ends]))
 
 
 def enslaving(of: Statics, q: Array, finger: str, by: str) -> float:

@@ -183,6 +183,8 @@ muscles:
 bands:
   - {name: B, between: [A, C], stiffness: 1, damping: 1}
 common_drive: [A, A, D]
+nerves: {n: {A: 1}}
+feeling: {m: {index: 1}, n: {thumb: 1}}
 )",
                              "muscles.yaml");
   Diagnostics diagnostics;
@@ -191,9 +193,11 @@ common_drive: [A, A, D]
   std::string text;
   for (const Problem& each : diagnostics.problems)
     text += each.key + ": got " + each.got + ", need " + each.need + "\n";
-  for (const char* part : {"index_mcp.flexon", "index_mcp.flexion", "A a second time", "muscles.1.force",
-                           "6 coefficients", "between: got C", "common_drive: got A a second time",
-                           "common_drive: got D, need a muscle of this file"})
+  for (const char* part :
+       {"index_mcp.flexon", "index_mcp.flexion", "A a second time", "muscles.1.force", "6 coefficients",
+        "between: got C", "common_drive: got A a second time",
+        "common_drive: got D, need a muscle of this file", "feeling.m: got m, need one of nerves",
+        "feeling.n.thumb: got thumb, need a finger"})
     EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
 }
 

@@ -83,6 +83,7 @@ TEST(WhatIf, IsRepeatedByTheResolvedScene) {
     EXPECT_EQ(one.length, other.length) << one.name;
     EXPECT_EQ(one.force, other.force) << one.name;
     EXPECT_EQ(one.excitable, other.excitable) << one.name;
+    EXPECT_EQ(one.effort, other.effort) << one.name;
     EXPECT_EQ(model::path_state(one.path, a.q).excursion, model::path_state(other.path, b.q).excursion)
         << one.name;
   }

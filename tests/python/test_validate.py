@@ -11,7 +11,7 @@ import pytest
 
 import handsim as hs
 from handsim import _core, _statics, _validate_command
-from handsim._validate import GripRun, Measured, Measurements, calibrate, found_at, of_people, predicted, source_of
+from handsim._validate import GripRun, Measured, Measurements, calibrate, found_at, grip_run, of_people, predicted, source_of
 from handsim._validate_report import study, table_text, write
 
 pytest.importorskip("scipy", reason="largest forces are linear programs of SciPy")
@@ -94,20 +94,55 @@ def test_a_program_without_a_result_is_an_error():
 
 def test_a_posture_that_nothing_holds_has_no_force(tmp_path):
     """Oracle: after a block of the radial nerve every muscle flexes the thumb's IP, whose resting moment does so by more than a posture gives,
-    and a force at the proximal phalanx has none about it: nothing holds the IP on its stop. The row says so beside its 0 N."""
-    row = {**thumb(-15, "radial"), "hand": "blocked"}
-    path = file_of(tmp_path, [row, thumb(-15, "radial")], variants={"blocked": {"without": ["radial_nerve_at_arm"]}})
+    and a radial force at the last segment has none about it: nothing holds the IP on its stop. The row says so beside its 0 N."""
+    last = {**thumb(-15, "radial"), "segment": "thumb_distal"}
+    row = {**last, "hand": "blocked"}
+    path = file_of(tmp_path, [row, last], variants={"blocked": {"without": ["radial_nerve_at_arm"]}})
     of = _statics.alone(Measurements(path).core.hand("man", "blocked", {}))
     q, ip = of.at({"thumb_mcp.flexion": np.radians(15), "thumb_ip.flexion": np.radians(-15)}), of.names.index("thumb_ip.flexion")
     active, outside = of.moments(q)
     assert active[ip].min() >= 0 and outside[ip] > (of.passive(q + 20 * DEGREE * (np.arange(len(q)) == ip)) - of.passive(q - 20 * DEGREE * (
         np.arange(len(q)) == ip)))[ip] / -2 > 0
     with pytest.raises(_statics.NotHeld, match="do not hold this posture") as raised:
-        _statics.tip_force(of, q, "thumb", "radial", 0, "thumb_proximal")
+        _statics.tip_force(of, q, "thumb", "radial", 0, "thumb_distal")
     assert raised.value.kind == "physics" and raised.value.fault
     result = Measurements(path).run()
     assert [row.ours > 0 for row in result.rows] == [False, True]
     assert table_text(result).count("no force: muscles and tissue do not hold this posture") == 1
+
+
+def test_a_joint_beyond_the_force_lies_where_its_muscles_pull_it(tmp_path):
+    """A force at the proximal phalanx needs nothing of the IP. Oracle: after a block of the radial nerve, where all muscles flex it, the joint lies on the
+    flexed end of its range, whose stop bears what they pull: the force is that of this posture. A whole thumb presses no less than with its IP on either end."""
+    blocked, on_end, whole, straight, bent = ours(tmp_path, [{**thumb(-15, "radial"), "hand": "blocked"}, {**thumb(80, "radial"), "hand": "blocked"},
+                                                             thumb(20, "radial"), thumb(-15, "radial"), thumb(80, "radial")],
+                                                  variants={"blocked": {"without": ["radial_nerve_at_arm"]}})
+    assert 0 < blocked < whole and blocked == pytest.approx(on_end, rel=1e-9)
+    assert whole >= max(straight, bent) * (1 - 1e-9)
+
+
+def test_numb_fingers_press_with_less(tmp_path):
+    """Oracle: `feeling` and `numb` of muscles.yaml by hand: 0.3 less of the largest activation of what turns a numb finger, the ring finger by the half that
+    feels through the nerve. A block of digital nerves leaves forces of muscles as they are, and the share of a block takes that share. Fingers that press together have
+    one drive, so that one numb finger weakens four; a finger that feels presses as before by itself."""
+    lost = {"numb": {"index_feeling": 1}, "half": {"index_feeling": 0.5}, "median": {"median_nerve_at_wrist": 1}}
+    path = file_of(tmp_path, [thumb(-15)], variants={name: {"without": without} for name, without in lost.items()})
+    hands = {name: _statics.alone(Measurements(path).core.hand("man", name, {})) for name in ("", *lost)}
+
+    def pressed(of, *fingers):
+        q = of.within({f"{f}_{joint}": angle for f in _statics.FINGERS for joint, angle in (("mcp.flexion", 45), ("pip.flexion", 60), ("dip.flexion", 30))})
+        columns = np.hstack([of.torques(q, f"{f}_{segment}", _statics.cone(-of.axes(q, f"{f}_{segment}")[:, 2], 0.6)) for f in fingers for segment in ("middle", "distal")])
+        found = of.press(q, of.rows(*(finger + "_" for finger in fingers)), columns)
+        return found.sum, dict(zip(of.hand.muscles, found.activations))
+
+    for name, efforts in (("", (1, 1, 1, 1, 1)), ("numb", (1, 0.7, 1, 1, 1)), ("half", (1, 0.85, 1, 1, 1)), ("median", (0.7, 0.7, 0.7, 0.85, 1))):
+        effort = dict(zip(hands[name].hand.muscles, hands[name].efforts))
+        assert [effort[muscle] for muscle in ("FPL", "FDP2", "FDS3", "DI4", "ADM")] == pytest.approx(efforts)
+    assert np.array_equal(hands["numb"].muscles(hands["numb"].rest)[2], hands[""].muscles(hands[""].rest)[2])
+    index, ring, four = (pressed(hands["numb"], *fingers)[0] / pressed(hands[""], *fingers)[0] for fingers in (("index",), ("ring",), _statics.FINGERS))
+    assert ring == pytest.approx(1, abs=1e-9) and 0.65 < index < 0.8 and four <= 1 + 1e-9
+    whole, numb = ours(tmp_path, [grip(), grip(changes=["hands.0.without=[index_feeling]"])])
+    assert 0.65 < numb / whole < 0.8
 
 
 # Arms and forces of fingers.
@@ -184,11 +219,15 @@ def thumb(ip, direction="dorsal"):
 
 def test_a_stop_takes_the_moment_that_a_force_does_not_need(tmp_path):
     """A force at the proximal phalanx has no moment about the IP, which the long extensor turns. Oracle: on its stop at -15 deg the joint
-    takes that moment, so that the force grows by more than half; it stays below what the extensors' moment about the MCP gives at half
-    the phalanx, 18.9 mm."""
+    takes that moment, so that the force grows by more than half over that of a thumb that balances its IP at -14 deg; it stays below what the extensors' moment
+    about the MCP gives at half the phalanx, 18.9 mm. Which angle is asked for does not matter."""
     moment = {"kind": "joint_moment", "axis": "thumb_mcp.flexion", "direction": "negative", "muscles": ["EPL", "EPB"], "pose": thumb(-15)["pose"]}
-    before, on_stop, most = ours(tmp_path, [thumb(-14), thumb(-15), moment])
-    assert on_stop > 1.5 * before
+    path = file_of(tmp_path, [thumb(-14), thumb(-15), moment])
+    anywhere, on_stop, most = (row.ours for row in Measurements(path).run().rows)
+    of = _statics.alone(Measurements(path).core.hand("man", "", {}))
+    q, point = of.within({"thumb_mcp.flexion": 15, "thumb_ip.flexion": -14}), ("thumb_proximal", np.array([0, of.middle("thumb_proximal"), 0]))
+    before = of.press(q, of.rows("thumb_"), of.torques(q, point, of.axes(q, point[0])[:, 2][None])).sum
+    assert on_stop > 1.5 * before > 0 and anywhere == pytest.approx(on_stop, rel=1e-9)
     assert on_stop < 1.02 * most / 0.0179
 
 
@@ -274,6 +313,20 @@ def test_a_grip_is_that_of_the_simulation(tmp_path):
     force = sum(side * contacts.force[i] @ away for i in range(len(contacts.depth)) for name, side in ((contacts.a[i], 1), (contacts.b[i], -1))
                 if owner[name].startswith("right.") and "thumb" not in owner[name])
     assert force / program == pytest.approx(1, abs=0.05)
+
+
+def test_friction_does_not_carry_a_grip(tmp_path):
+    """Skin relaxes: a grip that lasts is held by normal forces. Oracle: on a cylinder of 40 mm friction is there, but not comparable to the normal force (Wimer et
+    al. 2009, Med Eng Phys 31:695): here at most 0.15, what lasts of a press on stiffening_pad.yaml, of the friction of 0.6 at each contact, and less than a fifth of the grip."""
+    pad = (ROOT / "handmodels/stiffening_pad.yaml").read_text()
+    lasts = 1 - sum(float(share) for share in re.findall(r"time: .*share: ([\d.]+)", pad))
+    row = Measurements(file_of(tmp_path, [{**grip(changes=["objects.0.radius=20 mm", "objects.0.position=[0, 0.074, -0.0371]"]), "tilts": ["0 deg", "20 deg", "40 deg"]}])).rows[0]
+    run = grip_run(row)
+    force = run.force()
+    for touch in run._touches():
+        normal = touch.force @ touch.normal
+        assert np.linalg.norm(touch.force - normal * touch.normal) <= lasts * row["friction"] * normal * 1.02 + 1e-3
+    assert sum(touch.force @ touch.normal * (touch.normal @ run.along) for touch in run._touches()) > 0.8 * force > 100
 
 
 def test_grips_of_a_population_have_the_mean_and_the_scatter_of_the_norm(tmp_path):

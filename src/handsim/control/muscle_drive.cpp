@@ -81,6 +81,9 @@ StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<st
   wanted_.resize(rows);
   missing_ = Eigen::VectorXd::Zero(rows);
   activation_ = Eigen::VectorXd::Zero(muscles);
+  most_.resize(muscles);
+  for (std::size_t m = 0; m < model.muscles.size(); ++m)
+    most_[static_cast<Eigen::Index>(m)] = std::max(least, model.muscles[m].effort);
   bound_.assign(as_index(static_cast<int>(muscles)), 0);
   out_.resize(bound_.size());
   spills_ =
@@ -183,7 +186,7 @@ void StaticOptimisation::minimise() {
     free.clear();
     for (Eigen::Index i = 0; i < n; ++i) {
       const signed char bound = bound_[as_index(static_cast<int>(i))];
-      activation_[i] = bound > 0 ? 1 : bound < 0 ? least_ : 0;
+      activation_[i] = bound > 0 ? most_[i] : bound < 0 ? least_ : 0;
       if (bound == 0) free.push_back(i);
     }
     const Eigen::VectorXd rest = c_ - Q_ * activation_;
@@ -196,10 +199,10 @@ void StaticOptimisation::minimise() {
     bool right = true;
     for (Eigen::Index i = n; i-- > 0;) {
       signed char& bound = bound_[as_index(static_cast<int>(i))];
-      const signed char now = bound != 0                        ? (bound * slope[i] > loose ? 0 : bound)
-                              : activation_[i] < least_ - 1e-12 ? -1
-                              : activation_[i] > 1 + 1e-12      ? 1
-                                                                : 0;
+      const signed char now = bound != 0                          ? (bound * slope[i] > loose ? 0 : bound)
+                              : activation_[i] < least_ - 1e-12   ? -1
+                              : activation_[i] > most_[i] + 1e-12 ? 1
+                                                                  : 0;
       if (now == bound) continue;
       bound = now;
       right = false;
@@ -236,7 +239,7 @@ std::span<const double> StaticOptimisation::solve(const model::State& state, std
   }
   for (std::size_t i = 0; i < out_.size(); ++i) {
     double& value = activation_[static_cast<Eigen::Index>(i)];
-    out_[i] = value = std::clamp(value, least_, 1.0);
+    out_[i] = value = std::clamp(value, least_, most_[static_cast<Eigen::Index>(i)]);
   }
   missing_ = wanted_ - arms_ * activation_;
   return out_;

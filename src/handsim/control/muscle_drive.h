@@ -59,9 +59,10 @@ class StaticOptimisation {
   std::vector<std::optional<Eigen::Index>> row_;  ///< of each coordinate; absent: does not count
   Eigen::MatrixXd arms_;                          ///< torque per activation [N m], dofs by muscles
   Eigen::VectorXd wanted_, missing_, activation_;
+  Eigen::VectorXd most_;       ///< activation of each muscle (model::Muscle::effort)
   Eigen::MatrixXd Q_, own_Q_;  ///< own: before muscles are tied
   Eigen::VectorXd c_, own_c_;
-  std::vector<signed char> bound_;  ///< -1 at 0, 1 at 1, 0 between: kept from solve to solve
+  std::vector<signed char> bound_;  ///< -1 at 0, 1 at the most, 0 between: kept from solve to solve
   std::vector<double> out_;
 };
 

@@ -67,6 +67,21 @@ class FileReader {
     }
   }
 
+  void read_feeling(MapReader reader) {
+    for (const std::string& nerve : reader.keys()) {
+      std::vector<std::string> known;
+      for (const auto& [name, muscles] : file_.nerves) known.push_back(name);
+      if (!file_.nerves.contains(nerve))
+        reader.problem(nerve, nerve, "one of nerves" + nearest_hint(nerve, known));
+      MapReader shares = reader.map(nerve);
+      for (const std::string& finger : shares.keys()) {
+        file_.feeling[nerve][finger] = shares.number(finger, {Dimension::none, 0, 1});
+        if (std::ranges::none_of(axes_, [&](const HandAxis& axis) { return turns(axis, finger); }))
+          shares.problem(finger, finger, "a finger of the hand");
+      }
+    }
+  }
+
   void read_common_drive(MapReader& reader) {
     file_.common_drive = reader.texts("common_drive", 2, kMostMuscles, "two muscles or more, of this file");
     std::set<std::string> names;
@@ -252,12 +267,16 @@ MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
   reader.each("muscles", 1, kMostMuscles, [&](MapReader row) { rows.read_muscle(std::move(row)); });
   reader.each("bands", 0, kMostMuscles, [&](MapReader row) { rows.read_band(std::move(row)); });
   if (reader.has("nerves")) rows.read_shares(reader.map("nerves"), file.nerves, false);
+  if (reader.has("feeling")) rows.read_feeling(reader.map("feeling"));
+  file.numb = reader.maybe_number("numb", {Dimension::none, 0, 1}).value_or(0);
   if (reader.has("spill")) rows.read_shares(reader.map("spill"), file.spill, true);
   if (reader.has("common_drive")) rows.read_common_drive(reader);
   reader.each("pulleys", 0, kMostMuscles, [&](MapReader row) { rows.read_pulley(std::move(row)); });
   reader.finish();
   return file;
 }
+
+bool turns(const HandAxis& axis, const std::string& finger) { return axis.name.starts_with(finger + "_"); }
 
 bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes) {
   return std::ranges::any_of(muscle.tendon.path.arms, [&](const model::MomentArm& arm) {
@@ -285,6 +304,7 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     muscle.activation_time = spec.activation_time;
     muscle.deactivation_time = spec.deactivation_time;
     muscle.excitable = spec.excitable;
+    muscle.effort = spec.effort;
     const double across = std::sin(spec.pennation);
     const double along = std::sqrt(std::max(0.01, spec.rest * spec.rest - across * across));
     muscle.length =

@@ -29,7 +29,7 @@ struct MuscleSpec {
   double pennation = 0;      ///< [rad]
   double rest = 1;           ///< fibre length at the joints' rest angles, over the optimal one
   double activation_time = 0.015, deactivation_time = 0.05;  ///< [s]
-  double excitable = 1;                                      ///< model::Muscle::excitable
+  double excitable = 1, effort = 1;                          ///< of model::Muscle
 
   /// What a row says beside its tendon and nerve (core/fields.h).
   template <class Visit>
@@ -79,6 +79,9 @@ struct MuscleFile {
   std::vector<BandSpec> bands;
   /// By the name of a nerve at a level: the muscles that hang on it, with the share of each.
   std::map<std::string, std::map<std::string, double>> nerves;
+  /// By the same nerves: the fingers whose pads feel through them, with the share of each.
+  std::map<std::string, std::map<std::string, double>> feeling;
+  double numb = 0;  ///< share of its muscles' largest effort that a finger without feeling lacks
   /// By a muscle: the neighbours that its effort reaches, with the share of each (model::Spill).
   std::map<std::string, std::map<std::string, double>> spill;
   std::vector<std::string> common_drive;  ///< muscles of model::Muscle::common_drive
@@ -104,6 +107,9 @@ MuscleFile read_muscle_file(const YamlNode& node, const std::string& path,
 
 /// Adds a path with a sign; products stay among its own arms.
 void add_path(const model::TendonPath& path, double sign, model::TendonPath& to);
+
+/// The axis is a joint's of this finger.
+bool turns(const HandAxis& axis, const std::string& finger);
 
 /// The muscle crosses the wrist: its belly lies in the forearm.
 bool is_extrinsic(const MuscleSpec& muscle, const std::vector<HandAxis>& axes);

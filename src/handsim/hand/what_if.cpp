@@ -15,7 +15,8 @@ namespace {
 
 constexpr const char* kSpill = "spill";  ///< of efforts to neighbours, under `without`
 constexpr const char* kCommonDrive = "common_drive";
-constexpr double kLeastForce = 1e-6;  ///< of a muscle that is gone [N]
+constexpr const char* kFeeling = "_feeling";  ///< of a finger
+constexpr double kLeastForce = 1e-6;          ///< of a muscle that is gone [N]
 const Quantity kLost = {Dimension::none, 0, 1};
 const Quantity kHeldAngle = {Dimension::angle, -M_PI, M_PI};
 using Names = std::vector<std::string>;
@@ -111,7 +112,12 @@ class Muscles {
     for (const auto& [nerve, muscles] : file_.nerves) names.push_back(nerve);
     if (!file_.spill.empty()) names.emplace_back(kSpill);
     if (!file_.common_drive.empty()) names.emplace_back(kCommonDrive);
-    if (!known(reader, key, name, names, "a nerve at a level, a muscle of the hand, spill or common_drive"))
+    std::map<std::string, std::string> feelings;
+    for (const auto& [nerve, fingers] : file_.feeling)
+      for (const auto& [finger, part] : fingers) feelings[finger + kFeeling] = finger;
+    for (const auto& [feeling, finger] : feelings) names.push_back(feeling);
+    if (!known(reader, key, name, names,
+               "a nerve at a level, a muscle of the hand, a finger's feeling, spill or common_drive"))
       return;
     if (!used_.insert(name).second) reader.problem(key, name + " a second time", "each once");
     if (name == kSpill) {
@@ -123,6 +129,8 @@ class Muscles {
       file_.common_share *= 1 - share;
       return;
     }
+    if (const auto feeling = feelings.find(name); feeling != feelings.end())
+      return numb(feeling->second, share);
     const auto nerve = file_.nerves.find(name);
     if (nerve == file_.nerves.end()) {
       of(name).force = std::max(kLeastForce, (1 - share) * of(name).force);
@@ -130,6 +138,17 @@ class Muscles {
     }
     for (const auto& [muscle, part] : nerve->second)
       of(muscle).excitable = std::min(of(muscle).excitable, 1 - share * part);
+    if (const auto fingers = file_.feeling.find(name); fingers != file_.feeling.end())
+      for (const auto& [finger, part] : fingers->second) numb(finger, share * part);
+  }
+
+  /// A person presses with less of a finger that does not feel.
+  void numb(const std::string& finger, double share) {
+    for (MuscleSpec& each : file_.muscles)
+      if (std::ranges::any_of(each.tendon.path.arms, [&](const model::MomentArm& arm) {
+            return turns(axes_[as_index(arm.dof)], finger);
+          }))
+        each.effort = std::min(each.effort, 1 - file_.numb * share);
   }
 
   MuscleFile none_;

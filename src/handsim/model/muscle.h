@@ -84,6 +84,7 @@ struct Muscle {
   /// The common drive of muscles of several fingers, 0..1: while these fingers press together, the least
   /// activation of each of its muscles as a share of every other one's. 0: it has none.
   double common_drive = 0;
+  double effort = 1;  ///< largest activation, 0..1: a person presses with less of a finger that is numb
   /// Strain of the tendon at the largest isometric force; absent: the tendon is rigid.
   std::optional<double> tendon_strain;
   /// Short-range stiffness of the fibres, over their active force per optimal length (model/hill_lanes.h);

@@ -274,6 +274,7 @@ class Checker {
     check_range({muscle.name, ".initial"}, muscle.initial, 0, 1, "");
     check_range({muscle.name, ".excitable"}, muscle.excitable, 0, 1, "");
     check_range({muscle.name, ".common_drive"}, muscle.common_drive, 0, 1, "");
+    check_range({muscle.name, ".effort"}, muscle.effort, 0, 1, "");
     for (const Spill& each : muscle.spills) {
       check_range({muscle.name, ".spills.share"}, each.share, 0, 1, "");
       if (each.from < 0 || each.from >= static_cast<int>(model_.muscles.size()))

@@ -158,6 +158,7 @@ Json muscle_json(const model::Muscle& muscle, std::span<const double> q) {
                                return Json::array({each.from, each.share});
                              })},
           {"common_drive", muscle.common_drive},
+          {"effort", muscle.effort},
           {"elastic", muscle.tendon_strain.has_value()},
           {"short_range", muscle.short_range.has_value()},
           {"isometric", model::isometric_force(muscle, excursion)},
