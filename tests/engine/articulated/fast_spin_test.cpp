@@ -186,6 +186,7 @@ TEST(FastSpin, HandsThatWereThrownAboutAtRandomGainNoEnergy) {
 
 // Oracle: conservation of energy, gravity's counted, in kinetic energies that a fall of 5 cm gives.
 TEST(FastSpin, HandsThatFallFromRestGainNoEnergy) {
+  HANDSIM_SKIP_WITH_SANITIZER("the same code as in the test before, over more steps");
   using hand::Mount;
   for (const char* name : {kAnatomical, kPrototype})
     for (const Mount mount : {Mount::fixed, Mount::hinge, Mount::universal, Mount::rail, Mount::free})
@@ -210,6 +211,7 @@ TEST(FastSpin, HandsThatFallFromRestGainNoEnergy) {
 
 // Oracle: the method of order 8(5,3), and the order of the step.
 TEST(FastSpin, ConvergesWithOrderOne) {
+  HANDSIM_SKIP_WITH_SANITIZER("the same code as in the test before, over more steps");
   const model::Model model = spinning_hand(kAnatomical, 50 * Vec3(0.6, 0.48, 0.64));
   const auto after = [&](Method method, double step) {
     Settings of = settings({Effect::passive_tissue}, step, method);
