@@ -104,9 +104,9 @@ void ArticulatedEngine::reset(const model::State& state) {
 
 /// All of state_ but the muscles' part, which is as it was handed over until there is a step.
 void ArticulatedEngine::write_state() const {
-  mechanism_.store_state(state_);
-  store_bases_and_coordinates();
-  if (contact_) contact_->store_state(state_);
+  write_bodies();
+  mechanism_.store_coordinates(state_);
+  state_.time = time_;
 }
 
 const model::State& ArticulatedEngine::state() const {
@@ -211,9 +211,11 @@ int ArticulatedEngine::solve_step() {
 void ArticulatedEngine::collide(StepReport& report) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
+  // Coordinates are written when somebody asks for the state, which this step leaves behind.
+  if (phase_.load(std::memory_order_relaxed) == Phase::stepped) write_bodies();
   try {
     report.collide_calls =
-        contact_->collide(state(), {settings_.step, settings_.step * mechanism_.gravity(), ways_});
+        contact_->collide(state_, {settings_.step, settings_.step * mechanism_.gravity(), ways_});
   } catch (const OdeFault& fault) {
     throw Error(PhysicsFault{time_, "the model", "ODE", fault.message});
   }

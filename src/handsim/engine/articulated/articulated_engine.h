@@ -67,7 +67,7 @@ class ArticulatedEngine final : public Engine {
   void compute_derivatives(const StepInput& input, const StepReport& report);
   void collide(StepReport& report);
   void write_state() const;
-  void store_bases_and_coordinates() const;
+  void write_bodies() const;
   /// The drives of the model, where the effect wrist_motion is listed.
   std::span<const model::Drive> drives() const {
     return std::span(model_.drives)

@@ -41,14 +41,14 @@ void ArticulatedEngine::place_bases() {
   mechanism_.update_bases();
 }
 
-/// All of the state but the bodies of nodes.
-void ArticulatedEngine::store_bases_and_coordinates() const {
+/// Bodies, and pads that were pressed: what contacts are found by.
+void ArticulatedEngine::write_bodies() const {
+  mechanism_.store_state(state_);
   for (const model::Drive& drive : drives()) {
     const BaseMotion& base = mechanism_.base(drive.body);
     state_.bodies[as_index(drive.body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
-  mechanism_.store_coordinates(state_);
-  state_.time = time_;
+  if (contact_) contact_->store_state(state_);
 }
 
 }  // namespace handsim::engine::articulated

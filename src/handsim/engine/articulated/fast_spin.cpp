@@ -112,12 +112,17 @@ bool FastSpin::begin_step(const StepInput& input, double step) {
   const auto beyond = [&](double spin, double turn) { return spin * step * step > turn * turn; };
   step_ = step;
   const double most = mechanism_.spin();
+  const bool may_be = beyond(most, kPassiveTurn) && input.forces.empty();
   bool any = false, found = false;
   for (SpinningTree& tree : trees_) {
-    const double spin = beyond(most, kPassiveTurn) ? turn(tree) : 0;
-    const BaseMotion& base = mechanism_.base(tree.base);
-    tree.fast = beyond(spin, kPassiveTurn) && input.forces.empty() && base.v.isZero(0) && base.w.isZero(0) &&
-                beyond(spin, turn_threshold(tree, input));
+    tree.fast = false;
+    double spin = 0;
+    if (const double threshold = may_be ? turn_threshold(tree, input) : 0;
+        may_be && beyond(most, threshold)) {
+      spin = turn(tree);
+      const BaseMotion& base = mechanism_.base(tree.base);
+      tree.fast = beyond(spin, threshold) && base.v.isZero(0) && base.w.isZero(0);
+    }
     if (tree.fast && !tree.watched) {
       if (!found) mechanism_.kernel().momenta(mechanism_.tree());
       found = true;

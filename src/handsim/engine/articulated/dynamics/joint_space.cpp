@@ -5,7 +5,7 @@
 namespace handsim::engine::articulated {
 
 JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)
-    : views_(mechanism.views()), stride_(mechanism.stride()), kind_(inertia) {
+    : views_(mechanism.views()), stride_(mechanism.stride()), mechanism_(mechanism), kind_(inertia) {
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
@@ -21,6 +21,15 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)
       axes_.push_back(views_[i].S + 6 * as_index(k) * stride_);
     }
   }
+  bool single = true;
+  for (std::size_t i = 0, begin = 0; i < topology.nodes.size(); ++i) {
+    const LaneSlot& slot = mechanism.slot(i);
+    single = single && (single_body_[i] || rate_count(topology.nodes[i].kind) == 1);
+    if (slot.lane == 0) begin = entries_;
+    if (slot.lane == 0 && !single_body_[i]) entries_ += as_index(topology.nodes[i].depth + 1) * stride_;
+    entry_.push_back(begin + as_index(slot.lane));
+  }
+  if (!single) entries_ = 0;
   if (kind_ == Inertia::own) own_H_.resize(as_index(n_) * as_index(n_));
   if (kind_ != Inertia::none) place_inertia();
   place_axes();
@@ -80,6 +89,21 @@ void JointSpace::start_composite(std::size_t node) {
   const NodeView& b = views_[node];
   composites_[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
   for (int dof = first_[node]; dof <= last_[node]; ++dof) S_[dof] = axis(dof);
+}
+
+/// The entries of all nodes that are no single bodies, or null where there is no way to find them in lanes.
+const double* JointSpace::compute_in_lanes() const {
+  if (entries_ == 0) return nullptr;
+  thread_local std::vector<double> own;
+  if (own.size() < entries_) own.resize(entries_);
+  mechanism_.kernel().paired_inertia(mechanism_.tree(), own.data());
+  return own.data();
+}
+
+void JointSpace::read_inertia(std::size_t node, const double* entries) {
+  const int dof = first_[node];
+  const double* from = entries + entry_[node];
+  for (int j = dof; j != kNoDof; j = parent_dof_[as_index(j)], from += stride_) H_[index(dof, j)] = *from;
 }
 
 /// What a node carries has been added to it.

@@ -66,6 +66,11 @@ class JointSpace {
   template <class Of>
   void compute_inertia(const Of& of) {
     place_inertia();
+    if (const double* const entries = compute_in_lanes()) {
+      for (std::size_t i = 0; i < views_.size(); ++i)
+        if (of(first_[i])) single_body_[i] ? compute_body_inertia(i) : read_inertia(i, entries);
+      return;
+    }
     for (std::size_t i = 0; i < views_.size(); ++i)
       if (!single_body_[i] && of(first_[i])) start_composite(i);
     for (std::size_t i = views_.size(); i-- > 0;)
@@ -99,6 +104,8 @@ class JointSpace {
   void place_inertia();
   void start_composite(std::size_t node);
   void compute_node_inertia(std::size_t node);
+  const double* compute_in_lanes() const;
+  void read_inertia(std::size_t node, const double* entries);
   void compute_body_inertia(std::size_t node);
   std::size_t index(int i, int j) const { return as_index(i) * as_index(n_) + as_index(j); }
 
@@ -111,6 +118,11 @@ class JointSpace {
   std::span<const NodeView> views_;
   std::vector<const double*> axes_;  ///< S of each dof
   std::size_t stride_ = 1;
+  const Mechanism& mechanism_;
+  /// Of each node its first entry as Kernel::inertia writes them, and how many there are; none where a node
+  /// of several rates carries another.
+  std::vector<std::size_t> entry_;
+  std::size_t entries_ = 0;
   Inertia kind_;
   std::vector<double> own_H_;
   double* H_ = nullptr;

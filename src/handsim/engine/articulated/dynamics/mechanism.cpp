@@ -20,6 +20,7 @@ void empty(NodeBatch<W>& b) {
     put4<W>(b.before, lane, Quat::Identity());
     put4<W>(b.turned, lane, Quat(0, 0, 0, 1));
     put3<W>(b.direction, lane, Vec3::UnitZ());
+    put4<W>(b.body_turn, lane, Quat::Identity());
     b.mass[lane] = 1;
     put3<W>(b.inertia, lane, Vec3::Ones());
   }
@@ -30,6 +31,7 @@ void fill(NodeBatch<W>& b, int lane, const Node& node) {
   put4<W>(b.before, lane, node.before);
   put4<W>(b.turned, lane, node.turned);
   put3<W>(b.direction, lane, node.axis);
+  put4<W>(b.body_turn, lane, node.q_LB);
   put3<W>(b.anchor, lane, node.anchor);
   put3<W>(b.arm, lane, node.arm);
   b.mass[lane] = node.mass;
@@ -141,9 +143,16 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
     if (node.joint) inside[as_index(*node.joint)] = true;
   for (std::size_t j = 0; j < inside.size(); ++j)
     if (!inside[j]) outside_.push_back(static_cast<int>(j));
-  for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
-    if (topology_.nodes[i].body)
-      carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
+  origins_.resize(topology_.reference.size());
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i) {
+    if (!topology_.nodes[i].body) continue;
+    const std::size_t island = as_index(topology_.nodes[i].island);
+    const std::size_t reference = as_index(topology_.reference[island]);
+    const bool free = topology_.nodes[reference].kind == NodeKind::free;
+    carried_.push_back({*topology_.nodes[i].body, slots_[i].batch, slots_[i].lane,
+                        free ? tree_->q + slots_[reference].q : origins_[island].data(),
+                        free ? stride() : 1});
+  }
 }
 
 void Mechanism::place_nodes() {
@@ -197,6 +206,15 @@ void Mechanism::make_tree(const Settings& settings) {
     if (!topology_.nodes[as_index(chunks_[i][0])].parent) b.parent = base++;
     make_batch(*tree, b, chunks_[i]);
     for (const int node : chunks_[i]) fill_lane(*tree, node, settings);
+  }
+  // Batches hand down to their parents from the last to the first.
+  std::vector<bool> handed(chunks_.size(), false);
+  for (std::size_t i = chunks_.size(); i-- > 0;) {
+    NodeBatch<W>& b = tree->batch[i];
+    if (b.link == ParentLink::base) continue;
+    b.adds_first = b.link == ParentLink::aligned && !handed[as_index(b.parent)];
+    if (b.adds_first) tree->batch[b.parent].cleared = false;
+    for (int lane = 0; lane < b.used; ++lane) handed[as_index(b.parent_batch[lane])] = true;
   }
 }
 
@@ -263,7 +281,6 @@ Vec3 Mechanism::origin(int island) const {
 }
 
 void Mechanism::update_bases() {
-  origins_.resize(topology_.reference.size());
   for (std::size_t i = 0; i < origins_.size(); ++i)
     if (const Node& node = topology_.nodes[as_index(topology_.reference[i])]; node.kind != NodeKind::free)
       origins_[i] = bases_[as_index(node.base)].pose * node.anchor;
@@ -399,20 +416,18 @@ void Mechanism::store_coordinates(model::State& state) const {
 }
 
 void Mechanism::store_state(model::State& state) const {
-  in_lanes([&](const auto& in) {
-    int island = kNoNode;
-    Vec3 of_island = Vec3::Zero();
+  kernel_->bodies(*tree_);
+  in_lanes([&]<int W>(const LaneTreeOf<W>& tree) {
+    const Work<W>* const works = thread_work<W>(as_index(tree.batches));
     for (const Carried& each : carried_) {
-      const LaneSlot& slot = slots_[as_index(each.node)];
-      const auto& frame = in.batch[slot.batch].frame;
-      if (const int own = topology_.nodes[as_index(each.node)].island; std::exchange(island, own) != own)
-        of_island = origin(own);
+      const Frame<W>& frame = tree.batch[each.batch].frame;
+      const Work<W>& found = works[each.batch];
       model::BodyState& body = state.bodies[as_index(each.body)];
-      const Vec3 p = get3(frame.p, slot.lane), turn = get3(frame.v, slot.lane);
-      body.p = of_island + p;
-      body.q = (get4(frame.quat, slot.lane) * each.q_LB).normalized();
-      body.v = get3(frame.v + 3, slot.lane) + turn.cross(p);
-      body.w = turn;
+      for (std::size_t k = 0; k < 3; ++k)
+        body.p[static_cast<Eigen::Index>(k)] = each.origin[k * each.stride] + frame.p[k][each.lane];
+      body.q = get4(found.A, each.lane);
+      body.v = get3(found.p, each.lane);
+      body.w = get3(frame.v, each.lane);
     }
   });
 }

@@ -98,10 +98,9 @@ class Mechanism {
 
   /// Plain joint torques, size model.dof_count() or empty.
   void set_torques(std::span<const double> torques);
-  /// Servo drives, size model.dof_count() or empty; true where all are sound, otherwise nothing is promised.
-  /// @param step of one that is implicit [s]; nothing: servos keep their targets in the middle of a step,
-  /// too.
-  bool set_servos(std::span<const model::Servo> servos, std::optional<double> step);
+  /// Sound servo drives, size model.dof_count() or empty. @param step of one that is implicit [s]; nothing:
+  /// servos keep their targets in the middle of a step, too.
+  void set_servos(std::span<const model::Servo> servos, std::optional<double> step);
   /// Stops in force.
   int stops_in_force() const;
   /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
@@ -121,10 +120,11 @@ class Mechanism {
   template <class F>
   decltype(auto) in_lanes(const F& f) const;
 
-  /// A body that a node carries.
+  /// A body that a node carries, and its island's origin: every `stride`th number.
   struct Carried {
-    int body = 0, node = 0;
-    Quat q_LB = Quat::Identity();
+    int body = 0, batch = 0, lane = 0;
+    const double* origin = nullptr;
+    std::size_t stride = 1;
   };
   template <class Archive, class Self>
   static void serialize(Archive& archive, Self& self);

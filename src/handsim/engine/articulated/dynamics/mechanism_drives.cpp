@@ -1,6 +1,7 @@
 // What acts on a mechanism's coordinates from step to step: torques, servos, stops in force; and its archive.
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "handsim/engine/articulated/dynamics/mechanism.h"
 #include "handsim/engine/articulated/dynamics/mechanism_lanes.h"
@@ -37,31 +38,26 @@ void Mechanism::set_torques(std::span<const double> torques) {
   });
 }
 
-bool Mechanism::set_servos(std::span<const model::Servo> servos, std::optional<double> step) {
-  if (servos.empty() && servos_at_rest_) return true;
+void Mechanism::set_servos(std::span<const model::Servo> servos, std::optional<double> step) {
+  if (servos.empty() && servos_at_rest_) return;
   servos_at_rest_ = servos.empty();
-  return in_lanes([&](const auto& in) {
-    bool sound = true;
+  const double h = step.value_or(0);
+  const model::Servo none;
+  in_lanes([&](const auto& in) {
     for (const int single : singles_) {
       const LaneSlot& slot = slots_[as_index(single)];
       auto& a = in.axis[slot.axis];
       const int lane = slot.lane;
-      const model::Servo servo = servos.empty() ? model::Servo{} : servos[slot.dof];
-      const bool on = servo.limit != 0;
-      a.servo_stiffness[lane] = on ? servo.stiffness : 0;
-      a.servo_damping[lane] =
-          on && step ? damping_beside(servo.stiffness, servo.damping, *step) : (on ? servo.damping : 0);
-      a.servo_error[lane] = on ? servo.error : 0;
-      a.servo_feed[lane] = on ? servo.feed : 0;
+      const model::Servo& given = servos.empty() ? none : servos[slot.dof];
+      const model::Servo& servo = given.limit != 0 ? given : none;
+      a.servo_stiffness[lane] = servo.stiffness;
+      a.servo_damping[lane] = damping_beside(servo.stiffness, servo.damping, h);
+      a.servo_error[lane] = servo.error;
+      if (!step && servo.limit != 0) a.servo_error[lane] += tree_->q[slot.q];
+      a.servo_feed[lane] = servo.feed;
       a.servo_limit[lane] = servo.limit;
-      if (!on) a.saturated[lane] = 0;
-      if (!step && on) a.servo_error[lane] += tree_->q[slot.q];
-      const double sum = servo.stiffness + servo.damping;
-      // Written so that NaN fails.
-      sound = sound && (!on || (servo.stiffness >= 0 && servo.damping >= 0 && sum > 0 && servo.limit > 0 &&
-                                std::isfinite(sum) && std::isfinite(servo.error + servo.feed)));
+      if (servo.limit == 0) a.saturated[lane] = 0;
     }
-    return sound;
   });
 }
 
@@ -93,10 +89,15 @@ void Mechanism::update_gyroscopic_torques(double step) {
 }
 
 int Mechanism::stops_in_force() const {
-  return in_lanes([&](const auto& in) {
-    return static_cast<int>(std::ranges::count_if(singles_, [&](int single) {
-      return in.axis[slots_[as_index(single)].axis].side[slots_[as_index(single)].lane] != 0;
-    }));
+  return in_lanes([]<int W>(const LaneTreeOf<W>& tree) {
+    Lane<W> in_force{};
+    for (int i = 0; i < tree.batches; ++i)
+      if (single(tree.batch[i].kind))
+        for (int lane = 0; lane < W; ++lane) {
+          const double side = tree.axis[tree.batch[i].axis].side[lane];
+          in_force[lane] += side * side;
+        }
+    return static_cast<int>(std::accumulate(in_force, in_force + W, 0.0));
   });
 }
 

@@ -10,6 +10,8 @@ struct Forces : Lanes<V> {
   using L = Lanes<V>;
   using L::W, L::load, L::store, L::batches, L::axis, L::servo, L::single;
   using typename L::Batches, typename L::Axes;
+  /// Beyond these a limit of torque [of it] and a stop [rad or m] come into force.
+  static constexpr double kLoose = 1.0 + 1e-9, kTouch = 1e-12;
 
   /// A spring-damper evaluated at the end of the step, F = F0 - k h u' - d u' with u' = u + h du, is
   /// F0 - (h k + d) u on the right and h (h k + d) on the joint-space inertia's diagonal.
@@ -85,10 +87,24 @@ struct Forces : Lanes<V> {
     }
   }
 
-  /// Compares an axis with its assumed stop and limit. True where nothing was wrong.
-  static bool correct(const LaneTree& tree, const Batches& b, double step, bool only_first) {
+  /// Compares an axis with its assumed stop and limit. True where nothing was wrong: mostly nothing is in
+  /// force, nor comes to be.
+  [[gnu::always_inline]] static bool correct(const LaneTree& tree, const Batches& b, double step,
+                                             bool only_first) {
+    const V h = step, zero = 0.0, loose = kLoose, touch = kTouch;
+    const Axes& a = axis(tree, b);
+    const V q = load(tree.q + b.q), u1 = load(tree.u + b.u) + h * load(tree.du + b.u);
+    const model::ServoOf<V> drive = servo(a);
+    const V pull = drive.pull(h * u1, u1), bound = drive.limit * loose, then = q + h * u1;
+    const V side = load(a.side), was = load(a.saturated), low = load(a.low), high = load(a.high);
+    const auto free = side == zero && was == zero && q >= low && q <= high && then >= low - touch &&
+                      then <= high + touch && pull <= bound && pull >= V(zero - bound);
+    return !any(!free) || correct_any(tree, b, step, only_first);
+  }
+
+  static bool correct_any(const LaneTree& tree, const Batches& b, double step, bool only_first) {
     const V h = step, one = 1.0, zero = 0.0;
-    const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
+    const V tight = 1.0 - 1e-9, loose = kLoose, touch = kTouch;
     Axes& a = axis(tree, b);
     const V q = load(tree.q + b.q), u = load(tree.u + b.u), u1 = u + h * load(tree.du + b.u);
     const model::ServoOf<V> drive = servo(a);

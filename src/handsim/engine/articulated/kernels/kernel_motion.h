@@ -16,9 +16,11 @@ struct TreeMotion : Lanes<V> {
 
   /// Apart from `place`, whose steps wait for each other: these follow closely.
   static void turn(const LaneTree& tree, Batches& b) {
-    if (b.kind != NodeKind::revolute) return;
+    if (b.kind == NodeKind::revolute) turn_by(load(tree.q + b.q), b);
+  }
+  [[gnu::always_inline]] static void turn_by(const V& angle, Batches& b) {
     V s, c;
-    sine_cosine(V(load(tree.q + b.q) * 0.5), s, c);
+    sine_cosine(V(angle * 0.5), s, c);
     store(b.sine, s);
     store(b.cosine, c);
   }
@@ -28,6 +30,7 @@ struct TreeMotion : Lanes<V> {
     const Frames& from = parent(tree, b, scratch);
     const double* q = tree.q + b.q;
     Q4<V> quat;
+    Mat<V> R;
     V3<V> p;
     switch (b.kind) {
       case NodeKind::revolute: {
@@ -36,33 +39,35 @@ struct TreeMotion : Lanes<V> {
         quat = load4(from.quat) *
                Q4<V>{c * k.x + s * t.x, c * k.y + s * t.y, c * k.z + s * t.z, c * k.w + s * t.w};
         const V3<V> o = load3(from.p) + load_mat(from.R) * load3(b.anchor);
-        const Mat<V> R = rotation(quat);
+        R = rotation(quat);
         const V3<V> axis = R * load3(b.direction);
         p = o + R * load3(b.arm);
         store6(b.S, {axis, cross(o, axis)});
-        return set_pose(b, quat, R, p);
+        break;
       }
       case NodeKind::prismatic: {
         quat = load4(from.quat) * load4(b.before);
-        const Mat<V> R_from = load_mat(from.R), R = rotation(quat);
+        const Mat<V> R_from = load_mat(from.R);
+        R = rotation(quat);
         const V3<V> axis = R_from * load3(b.direction);
         p = load3(from.p) + R_from * load3(b.anchor) + load(q) * axis + R * load3(b.arm);
         const V zero = 0.0;
         store6(b.S, {{zero, zero, zero}, axis});
-        return set_pose(b, quat, R, p);
+        break;
       }
       case NodeKind::ball: {
         const Q4<V> q_WF = load4(from.quat) * load4(b.before);
         quat = q_WF * unit({load(q), load(q + W), load(q + 2 * W), load(q + 3 * W)}) *
                load4(joint3(tree, b).after);
         const V3<V> o = load3(from.p) + load_mat(from.R) * load3(b.anchor);
-        const Mat<V> R = rotation(quat), R_F = rotation(q_WF);
+        const Mat<V> R_F = rotation(q_WF);
+        R = rotation(quat);
         p = o + R * load3(b.arm);
         Joints3& joint = joint3(tree, b);
         const V3<V> axes[3] = {
             {R_F.r0.x, R_F.r1.x, R_F.r2.x}, {R_F.r0.y, R_F.r1.y, R_F.r2.y}, {R_F.r0.z, R_F.r1.z, R_F.r2.z}};
         for (int k = 0; k < 3; ++k) store6(joint.S[k], {axes[k], cross(o, axes[k])});
-        return set_pose(b, quat, R, p);
+        break;
       }
       case NodeKind::free: {
         // O is where the body is.
@@ -70,9 +75,12 @@ struct TreeMotion : Lanes<V> {
         const V zero = 0.0;
         for (int k = 0; k < 6; ++k)
           for (int i = 0; i < 6; ++i) store(joint3(tree, b).S[k][i], V(i == k ? 1.0 : 0.0));
-        return set_pose(b, quat, rotation(quat), {zero, zero, zero});
+        R = rotation(quat);
+        p = {zero, zero, zero};
+        break;
       }
     }
+    set_pose(b, quat, R, p);
   }
 
   static Q4<V> unit(const Q4<V>& q) {
@@ -81,7 +89,8 @@ struct TreeMotion : Lanes<V> {
   }
 
   /// Pose and inertia of the link: I_O = sum over principal axes e of I_e e e^T + m (p.p 1 - p p^T).
-  static void set_pose(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p) {
+  [[gnu::always_inline]] static void set_pose(Batches& b, const Q4<V>& quat, const Mat<V>& R,
+                                              const V3<V>& p) {
     store4(b.frame.quat, quat);
     store_mat(b.frame.R, R);
     store3(b.frame.p, p);
@@ -156,6 +165,24 @@ struct TreeMotion : Lanes<V> {
     return sound;
   }
 
+  /// With the bits of Eigen's product and norm of quaternions.
+  static void bodies(const LaneTree& tree) {
+    Work<W>* const works = thread_work<W>(static_cast<std::size_t>(tree.batches));
+    for (int i = 0; i < tree.batches; ++i) {
+      const Batches& b = batches(tree)[i];
+      if (b.massless) continue;
+      const Q4<V> a = load4(b.frame.quat), c = load4(b.body_turn);
+      const Q4<V> q = {(a.w * c.x + a.y * c.z) - (a.z * c.y - a.x * c.w),
+                       (a.w * c.y + a.y * c.w) + (a.z * c.x - a.x * c.z),
+                       (a.w * c.z - a.y * c.x) + (a.z * c.w + a.x * c.y),
+                       (a.w * c.w - a.y * c.y) - (a.z * c.z + a.x * c.x)};
+      const V length = square_root(V((q.x * q.x + q.z * q.z) + (q.y * q.y + q.w * q.w)));
+      store4(works[i].A, {q.x / length, q.y / length, q.z / length, q.w / length});
+      const V6<V> v = load6(b.frame.v);
+      store3(works[i].p, v.f + cross(v.n, load3(b.frame.p)));
+    }
+  }
+
   static void momenta(const LaneTree& tree) {
     for (int i = 0; i < tree.batches; ++i) {
       Batches& b = batches(tree)[i];
@@ -169,27 +196,35 @@ struct TreeMotion : Lanes<V> {
   static void move(const LaneTree& tree, const Batches& b, double step) {
     const V h = step;
     double *u = tree.u + b.u, *q = tree.q + b.q;
+    if (single(b)) {
+      const V rate = load(u) + h * load(tree.du + b.u), place = load(q) + h * rate;
+      store(u, rate);
+      return store(q, b.kind == NodeKind::revolute ? wrapped(place) : place);
+    }
     for (int k = 0; k < rate_count(b.kind); ++k)
       store(u + k * W, load(u + k * W) + h * load(tree.du + b.u + k * W));
-    switch (b.kind) {
-      case NodeKind::revolute:
-        store(q, wrapped(V(load(q) + h * load(u))));
-        break;
-      case NodeKind::prismatic:
-        store(q, load(q) + h * load(u));
-        break;
-      case NodeKind::ball:
-        rotate(q, {load(u), load(u + W), load(u + 2 * W)}, h);
-        break;
-      case NodeKind::free:
-        for (int k = 0; k < 3; ++k) store(q + k * W, load(q + k * W) + h * load(u + (3 + k) * W));
-        rotate(q + 3 * W, {load(u), load(u + W), load(u + 2 * W)}, h);
-        break;
+    if (b.kind == NodeKind::free) {
+      for (int k = 0; k < 3; ++k) store(q + k * W, load(q + k * W) + h * load(u + (3 + k) * W));
+      q += 3 * W;
     }
+    rotate(q, {load(u), load(u + W), load(u + 2 * W)}, h);
   }
 
   static void integrate(const LaneTree& tree, double step) {
     for (int i = 0; i < tree.batches; ++i) move(tree, batches(tree)[i], step);
+  }
+
+  /// compute_torque, move and turn.
+  [[gnu::always_inline]] static void advance_single(const LaneTree& tree, Batches& b, double step) {
+    const V h = step;
+    double *u = tree.u + b.u, *q = tree.q + b.q;
+    const V rate = load(u) + h * load(tree.du + b.u), moved = h * rate, place = load(q) + moved;
+    Forces<V>::store_torque(tree, b, place, rate, moved);
+    store(u, rate);
+    if (b.kind == NodeKind::prismatic) return store(q, place);
+    const V angle = wrapped(place);
+    store(q, angle);
+    turn_by(angle, b);
   }
 
   static bool advance(const LaneTree& tree, double step) {
@@ -197,9 +232,10 @@ struct TreeMotion : Lanes<V> {
     store(tree.spin, V(0.0));
     for (int i = 0; i < tree.batches; ++i) {
       Batches& b = batches(tree)[i];
-      if (single(b)) Forces<V>::compute_torque(tree, b, step);
-      move(tree, b, step);
-      turn(tree, b);
+      if (single(b))
+        advance_single(tree, b, step);
+      else
+        move(tree, b, step);
     }
     for (int i = 0; i < tree.batches; ++i) {
       Batches& b = batches(tree)[i];

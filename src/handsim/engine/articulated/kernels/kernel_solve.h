@@ -22,7 +22,7 @@ struct ArticulatedBodies : Lanes<V> {
   }
   static bool lone(const Batches& b) { return b.kind == NodeKind::free && !b.has_children; }
 
-  static Inertia<V> inertia(const Batches& b, const Work<W>& w) {
+  [[gnu::always_inline]] static Inertia<V> inertia(const Batches& b, const Work<W>& w) {
     if (b.massless) return {load_sym(w.A), load_mat(w.B), load_sym(w.C)};
     const V mass = load(b.mass), zero = 0.0;
     const V3<V> h = load3(b.h);
@@ -35,7 +35,7 @@ struct ArticulatedBodies : Lanes<V> {
         out.A + load_sym(w.A), {out.B.r0 + B.r0, out.B.r1 + B.r1, out.B.r2 + B.r2}, out.C + load_sym(w.C)};
   }
 
-  static V6<V> bias(const Batches& b, const Work<W>& w) {
+  [[gnu::always_inline]] static V6<V> bias(const Batches& b, const Work<W>& w) {
     if (b.massless) return load6(w.p);
     const V6<V> own = load6(b.pv);
     return b.has_children ? own + load6(w.p) : own;
@@ -110,8 +110,24 @@ struct ArticulatedBodies : Lanes<V> {
     for (int i = 0; i < tree.batches; ++i) outward_any(tree, works, i);
   }
 
+  /// Products of an inertia, and of spatial vectors. Paired: with the bits of Eigen's, which take two numbers
+  /// at a time.
+  template <bool kPaired>
+  [[gnu::always_inline]] static V3<V> product(const Sym3<V>& I, const V3<V>& a) {
+    V3<V> out = I * a;
+    if constexpr (kPaired) out.z = I.xz * a.x + (I.yz * a.y + I.zz * a.z);
+    return out;
+  }
+  template <bool kPaired>
+  [[gnu::always_inline]] static V product(const V6<V>& a, const V6<V>& b) {
+    if constexpr (!kPaired) return dot(a, b);
+    return (a.n.x * b.n.x + (a.n.z * b.n.z + a.f.y * b.f.y)) +
+           (a.n.y * b.n.y + (a.f.x * b.f.x + a.f.z * b.f.z));
+  }
+
   /// Inertia of each node with all that it carries, as its rotational part in A and its mass and the moment
   /// of that in p, and the force U = I S of a unit acceleration of the node (Featherstone 2008, section 6.2).
+  template <bool kPaired>
   static Works find_composites(const LaneTree& tree) {
     const Works works = works_of(tree);
     for (int i = 0; i < tree.batches; ++i) {
@@ -131,7 +147,7 @@ struct ArticulatedBodies : Lanes<V> {
       const V mass = load(w.p[3]);
       if (single(b)) {
         const V6<V> S = load6(b.S);
-        store6(w.U, {I * S.n + cross(h, S.f), cross(S.n, h) + mass * S.f});
+        store6(w.U, {product<kPaired>(I, S.n) + cross(h, S.f), cross(S.n, h) + mass * S.f});
       }
       if (b.link == ParentLink::aligned) {
         Work<W>& to = works[b.parent];
@@ -150,15 +166,16 @@ struct ArticulatedBodies : Lanes<V> {
     return works;
   }
 
+  template <bool kPaired>
   static void inertia(const LaneTree& tree, double* out) {
-    const Works works = find_composites(tree);
+    const Works works = find_composites<kPaired>(tree);
     for (int i = 0; i < tree.batches; ++i) {
       const Batches& b = batches(tree)[i];
       if (!single(b)) continue;
       const V6<V> force = load6(works[i].U);
       const Batches* over = &b;
       while (true) {
-        store_loose(out, dot(load6(over->S), force));
+        store_loose(out, product<kPaired>(load6(over->S), force));
         out += W;
         if (over->link != ParentLink::aligned) break;
         over = &batches(tree)[over->parent];
@@ -175,7 +192,7 @@ struct ArticulatedBodies : Lanes<V> {
         alignas(64) Lane<W> S[6];
         for (int l = 0; l < W; ++l)
           for (int k = 0; k < 6; ++k) S[k][l] = batches(tree)[batch[l]].S[k][lane[l]];
-        store_loose(out, dot(load6(S), force));
+        store_loose(out, product<kPaired>(load6(S), force));
         out += W;
         if (batches(tree)[batch[0]].link == ParentLink::base) break;
         for (int l = 0; l < W; ++l) {

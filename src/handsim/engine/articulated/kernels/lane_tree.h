@@ -84,6 +84,7 @@ template <int W>
 struct alignas(64) NodeBatch {
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
+  Lane<W> body_turn[4];  ///< q_LB of the body
   // Functions of the position.
   Lane<W> sine, cosine;  ///< of half the angle; revolute nodes
   Lane<W> S[6];          ///< the joint's motion axis; nodes of one rate
@@ -197,9 +198,14 @@ struct Kernel {
   /// Joint-space inertia by the composite-rigid-body algorithm; overwrites the sums of `solve`. By batch of
   /// nodes of one rate and by lane: entries with itself, then with every node that carries it, to the base.
   void (*inertia)(const LaneTree&, double* out);
+  /// The same with the bits of Eigen's products.
+  void (*paired_inertia)(const LaneTree&, double* out);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
   bool (*update_active_set)(const LaneTree&, double step, bool single);
+  /// Orientation and velocity of every body, as `kinematics` or `velocities` last found them, into the work
+  /// of its batch: x, y, z, w of q_WB into A, the velocity into p.
+  void (*bodies)(const LaneTree&);
   /// Momentum and kinetic energy of every body, as `kinematics` or `velocities` last found it.
   void (*momenta)(const LaneTree&);
   /// Work of the single coordinates' forces in a step [s], by du and the mean of the rates at both ends.

@@ -27,57 +27,61 @@ struct Lanes {
   using Joints3 = Joint3<W>;
   using Frames = Frame<W>;
 
-  static V load(const double* x) {
+  [[gnu::always_inline]] static V load(const double* x) {
     if constexpr (std::is_same_v<V, double>)
       return *x;
     else
       return V(x, stdx::vector_aligned);
   }
-  static void store(double* x, const V& v) {
+  [[gnu::always_inline]] static void store(double* x, const V& v) {
     if constexpr (std::is_same_v<V, double>)
       *x = v;
     else
       v.copy_to(x, stdx::vector_aligned);
   }
   /// Loads numbers of any alignment.
-  static void store_loose(double* x, const V& v) {
+  [[gnu::always_inline]] static void store_loose(double* x, const V& v) {
     if constexpr (std::is_same_v<V, double>)
       *x = v;
     else
       v.copy_to(x, stdx::element_aligned);
   }
-  static V3<V> load3(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2])}; }
-  static V6<V> load6(const Lane<W>* x) { return {load3(x), load3(x + 3)}; }
-  static Q4<V> load4(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2]), load(x[3])}; }
-  static Sym3<V> load_sym(const Lane<W>* x) {
+  [[gnu::always_inline]] static V3<V> load3(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2])}; }
+  [[gnu::always_inline]] static V6<V> load6(const Lane<W>* x) { return {load3(x), load3(x + 3)}; }
+  [[gnu::always_inline]] static Q4<V> load4(const Lane<W>* x) {
+    return {load(x[0]), load(x[1]), load(x[2]), load(x[3])};
+  }
+  [[gnu::always_inline]] static Sym3<V> load_sym(const Lane<W>* x) {
     return {load(x[0]), load(x[1]), load(x[2]), load(x[3]), load(x[4]), load(x[5])};
   }
-  static Mat<V> load_mat(const Lane<W>* x) { return {load3(x), load3(x + 3), load3(x + 6)}; }
-  static void store3(Lane<W>* x, const V3<V>& v) {
+  [[gnu::always_inline]] static Mat<V> load_mat(const Lane<W>* x) {
+    return {load3(x), load3(x + 3), load3(x + 6)};
+  }
+  [[gnu::always_inline]] static void store3(Lane<W>* x, const V3<V>& v) {
     store(x[0], v.x);
     store(x[1], v.y);
     store(x[2], v.z);
   }
-  static void store6(Lane<W>* x, const V6<V>& v) {
+  [[gnu::always_inline]] static void store6(Lane<W>* x, const V6<V>& v) {
     store3(x, v.n);
     store3(x + 3, v.f);
   }
-  static void store4(Lane<W>* x, const Q4<V>& v) {
+  [[gnu::always_inline]] static void store4(Lane<W>* x, const Q4<V>& v) {
     store(x[0], v.x);
     store(x[1], v.y);
     store(x[2], v.z);
     store(x[3], v.w);
   }
-  static void store_sym(Lane<W>* x, const Sym3<V>& v) {
+  [[gnu::always_inline]] static void store_sym(Lane<W>* x, const Sym3<V>& v) {
     store3(x, {v.xx, v.xy, v.xz});
     store3(x + 3, {v.yy, v.yz, v.zz});
   }
-  static void store_mat(Lane<W>* x, const Mat<V>& v) {
+  [[gnu::always_inline]] static void store_mat(Lane<W>* x, const Mat<V>& v) {
     store3(x, v.r0);
     store3(x + 3, v.r1);
     store3(x + 6, v.r2);
   }
-  static void add(double* x, const V& v) { store(x, load(x) + v); }
+  [[gnu::always_inline]] static void add(double* x, const V& v) { store(x, load(x) + v); }
 
   static Batches* batches(const LaneTree& tree) { return lanes_of<W>(tree).batch; }
   static Axes& axis(const LaneTree& tree, const Batches& b) { return lanes_of<W>(tree).axis[b.axis]; }
@@ -111,7 +115,7 @@ struct Lanes {
   }
 
   /// Spatial inertia times S: equal to the bit to the product of 6 x 6 blocks, without their zeros.
-  static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S) {
+  [[gnu::always_inline]] static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S) {
     const V3<V> h = load3(b.h);
     return {I * S.n + cross(h, S.f), cross(S.n, h) + load(b.mass) * S.f};
   }
