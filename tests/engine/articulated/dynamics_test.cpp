@@ -261,6 +261,79 @@ TEST(ArticulatedDynamics, EveryVectorUnitGivesTheSameBits) {
   for (const Kernel* kernel : kernels()) EXPECT_EQ(bits_after(fingers, hand, kernel), want) << kernel->name;
 }
 
+/// The orientation of a node's link.
+template <int W>
+Quat link_orientation(const Mechanism& mechanism, const LaneSlot& slot) {
+  const auto& q = lanes_of<W>(mechanism.tree()).batch[slot.batch].frame.quat;
+  return {q[3][slot.lane], q[0][slot.lane], q[1][slot.lane], q[2][slot.lane]};
+}
+Quat link_orientation(const Mechanism& mechanism, const LaneSlot& slot) {
+  switch (mechanism.kernel().width) {
+    case 2:
+      return link_orientation<2>(mechanism, slot);
+    case 4:
+      return link_orientation<4>(mechanism, slot);
+    case 8:
+      return link_orientation<8>(mechanism, slot);
+    default:
+      return link_orientation<1>(mechanism, slot);
+  }
+}
+
+// Oracle: the same products by Eigen, node by node; the composite-rigid-body algorithm for the inertia. Equal
+// to the bit: states are, whichever way they are found.
+TEST(ArticulatedDynamics, PosesAndInertiaInLanesHaveTheBitsOfEigensProducts) {
+  std::mt19937 random(8);
+  const model::Model fingers = test::five_fingers(true, true);
+  for (const Kernel* kernel : kernels()) {
+    Mechanism mechanism(fingers, kGravity, kernel);
+    const std::vector<Node>& nodes = mechanism.topology().nodes;
+    std::uniform_real_distribution<double> u(-1, 1);
+    for (double& q : mechanism.q()) q = 2 * u(random);
+    for (double& rate : mechanism.u()) rate = 3 * u(random);
+    mechanism.kernel().kinematics(mechanism.tree());
+    const std::size_t s = mechanism.stride();
+
+    model::State state = model::initial_state(fingers);
+    mechanism.store_state(state);
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (!nodes[i].body) continue;
+      const NodeView& view = mechanism.view(i);
+      const model::BodyState& body = state.bodies[as_index(*nodes[i].body)];
+      const Quat q = (link_orientation(mechanism, mechanism.slot(i)) * nodes[i].q_LB).normalized();
+      const Vec3 w = read3(view.v, s), p = read3(view.p, s), v = read3(view.v + 3 * s, s) + w.cross(p);
+      EXPECT_EQ(body.q.coeffs(), q.coeffs()) << kernel->name;
+      EXPECT_EQ(body.v, v) << kernel->name;
+      EXPECT_EQ(body.p, mechanism.origin(nodes[i].island) + p) << kernel->name;
+    }
+
+    JointSpace space(mechanism);
+    space.compute_inertia();
+    std::vector<double> mass;
+    std::vector<Vec3> h;
+    std::vector<Mat3> I;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      mass.push_back(*mechanism.view(i).mass);
+      h.push_back(read3(mechanism.view(i).h, s));
+      I.push_back(read_symmetric(mechanism.view(i).I, s));
+    }
+    for (std::size_t i = nodes.size(); i-- > 0;) {
+      const int dof = space.first_dof(static_cast<int>(i));
+      const Spatial S = space.axis(dof);
+      const Vec3 turn = S.head<3>(), shift = S.tail<3>();
+      Spatial F;
+      F << I[i] * turn + h[i].cross(shift), mass[i] * shift - h[i].cross(turn);
+      for (int j = dof; j != kNoDof; j = space.parent_dof(j))
+        EXPECT_EQ(space.inertia(dof, j), space.axis(j).dot(F)) << kernel->name;
+      if (!nodes[i].parent) continue;
+      const std::size_t parent = as_index(*nodes[i].parent);
+      mass[parent] += mass[i];
+      h[parent] += h[i];
+      I[parent] += I[i];
+    }
+  }
+}
+
 // Oracle: the program's own count of allocations.
 TEST(ArticulatedDynamics, AStepAllocatesNothing) {
   model::Model model = test::five_fingers(true, true, true);

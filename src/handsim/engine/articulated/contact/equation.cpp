@@ -208,16 +208,20 @@ void compute_rounding(ContactProblem& p, Workspace& w) {
   }
   for (const ContactRows& contact : p.contacts) {
     if (contact.open && w.law != Law::fixed_limits) continue;
-    const std::span<const int> dofs = p.dofs_of(contact);
-    const double* J = p.entries_of(contact);
+    const std::span<const Run> runs = p.runs_of(contact);
+    const double *J = p.entries_of(contact), *entry = J;
     for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
       double size = std::abs(contact.r0[k]), regularization = contact.regularization;
       if (k == 0 && contact.pad) size += std::abs(contact.pad->depth) / contact.pad->step;
-      for (std::size_t j = 0; j < dofs.size(); ++j) size += std::abs(J[j] * p.x[as_index(dofs[j])]);
+      entry = J;
+      for (const Run& run : runs)
+        for (int i = run.first; i < run.end; ++i) size += std::abs(*entry++ * p.x[as_index(i)]);
       for (std::size_t i = 0; i < contact.disc_count; ++i)
         if (k >= contact.discs[i].row) regularization = contact.discs[i].regularization;
-      for (std::size_t j = 0; j < dofs.size(); ++j)
-        w.rounding[as_index(dofs[j])] += std::abs(J[j]) * size / regularization;
+      const double share = size / regularization;
+      entry = J;
+      for (const Run& run : runs)
+        for (int i = run.first; i < run.end; ++i) w.rounding[as_index(i)] += std::abs(*entry++) * share;
     }
   }
 }
