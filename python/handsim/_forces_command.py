@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from . import _core, _forces, _forces_files, _forces_page, _replay, _track
+from . import _core, _forces, _forces_files, _forces_frames, _forces_hands, _forces_page, _replay, _track
 from ._c3d import is_c3d
 from ._errors import Error, input_error
 from ._hand import Hand
@@ -33,7 +33,7 @@ class Request(NamedTuple):
 
     thing: Thing
     course: Course
-    asked: _forces.Asked
+    asked: _forces_frames.Asked
     replay: bool = False
     """Simulates the lifts."""
 
@@ -46,9 +46,9 @@ def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
             raise input_error(others[0], "no object", "--object NAME=FILE beside it")
         return None
     support = _track.choice(options, "--support", SUPPORTS) or "table"
-    friction = real_of("--friction", options["--friction"], 0.05, 3, "a coefficient, 0.05 to 3") if "--friction" in options else _forces.FRICTION
+    friction = real_of("--friction", options["--friction"], 0.05, 3, "a coefficient, 0.05 to 3") if "--friction" in options else _forces_frames.FRICTION
     # A friction that was measured is known to a tenth.
-    spread = 0.1 * friction if "--friction" in options else _forces.FRICTION_SPREAD
+    spread = 0.1 * friction if "--friction" in options else _forces_frames.FRICTION_SPREAD
     draws = whole_option(options, "--uncertain", 2, 1000) or 0
     thing = read_object(options["--object"])
     weighed = options.get("--mass") != FREE
@@ -62,7 +62,7 @@ def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
         raise input_error(beside[0], f"--mass {FREE} beside it", "a mass: what muscles do and whether an object is held depends on it")
     labels = options.get("--names")
     course = read_courses(recording, [thing.name], None if labels is None else Path(labels), options.get("--up"))[thing.name]
-    asked = _forces.Asked(friction, spread, support, "--muscles" in options, draws, whole_option(options, "--seed", 0, 2**32 - 1) or 1, weighed)
+    asked = _forces_frames.Asked(friction, spread, support, "--muscles" in options, draws, whole_option(options, "--seed", 0, 2**32 - 1) or 1, weighed)
     return Request(thing if mass is None else thing.of_mass(mass), course, asked, "--replay" in options)
 
 
@@ -88,7 +88,7 @@ def _hand(person: Path, side: str, model: Path, muscles: bool) -> Hand:
         return Hand(person=person, side=side, model=model)
 
 
-def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bool) -> list[_forces.HandMotion]:
+def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bool) -> list[_forces_hands.HandMotion]:
     out = []
     for each in found.hands:
         if not len(each.tracked):
@@ -98,7 +98,7 @@ def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bo
         order = [each.axes.index(name if name in each.axes else f"{each.name}.{name}") for name in names]
         seen = each.status == 0
         q = np.where(seen[:, None], np.nan_to_num(each.angles[:, order]), np.nan)
-        out.append(_forces.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise,
+        out.append(_forces_hands.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise,
                                       float(np.sqrt(np.mean(each.rms[seen]**2)))))
     return out
 
@@ -110,7 +110,7 @@ def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told
     course = course._replace(times=course.times - found.start)
     begin = time.process_time()
     hands = motions(asked, found, out / "person.yaml", of.asked.muscles)
-    solver = _forces.Solver(of.thing, found.times, course, hands, of.asked)
+    solver = _forces_frames.Solver(of.thing, found.times, course, hands, of.asked)
     result = _forces.solve(solver, told)
     cpu = time.process_time() - begin
     folder.clear()

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._forces import STATES, Asked, Result
+from ._forces import STATES, Result
+from ._forces_frames import Asked
 from ._objects import Thing
 from ._study_files import json_file, number, origin, plain
 

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._forces import STATES, Asked, Result, Solver
+from ._forces import STATES, Result
 from ._forces_files import Figures, margin, strength_text, touching
+from ._forces_frames import Asked, Solver
 from ._objects import Link, Thing, hull_faces
 
 Array = NDArray[np.float64]

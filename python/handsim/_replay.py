@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from . import _core
 from ._errors import Error
 from ._carried import Guided, alike, carried
-from ._forces import BEGINS, FURTHEST, MARGIN, NEAR, SPIN, Result, Solver, smooth_rows
+from ._forces import MARGIN, SPIN, Result
+from ._forces_frames import BEGINS, FURTHEST, NEAR, Solver, smooth_rows
 from ._model import compose, inverse, matrices, turned
 from ._objects import Thing, hull_text, of_hulls
 from ._progress import Told

@@ -21,7 +21,8 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 
 import handsim as hs
-from handsim._forces import FINGERS, FRICTION, MARGIN
+from handsim._forces import MARGIN
+from handsim._forces_frames import FINGERS, FRICTION
 from handsim._model import compose, product, turn_of, turned
 from handsim._shipped import data_path
 

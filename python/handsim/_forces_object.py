@@ -1,0 +1,91 @@
+"""What motion and weight of a recorded object ask for, and what it stands on: docs/forces.md."""
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ._model import matrices, turned
+from ._object_motion import Motion, smooth_columns, smoothed
+from ._objects import Course, Link, Thing
+
+Array = NDArray[np.float64]
+GRAVITY = np.array([0, 0, -9.80665])
+LOADING = 0.4
+"""Within which hands take over the weight before an object leaves its support [s]: chosen."""
+POST = 0.1
+"""Of a post: how far beside its place an object no longer stands on it [m]."""
+
+
+class Needed(NamedTuple):
+    """Of the object."""
+
+    motion: Motion
+    places: Array
+    centre: Array
+    """Of mass, shape (frames, 3)."""
+    wrench: Array
+    unsure: Array
+    seen: NDArray[np.bool_]
+    lowest: Array
+    """Height of its lowest point [m]."""
+
+
+def _of_link(link: Link, motion: Motion, centre: Array) -> Array:
+    axes = matrices(motion.poses)[:, :3, :3]
+    arm = np.einsum("nij,j->ni", axes, link.centre)
+    w, a = motion.turning, motion.turning_up
+    force = link.mass * (motion.acceleration + np.cross(a, arm) + np.cross(w, np.cross(w, arm)) - GRAVITY)
+    inertia = axes @ link.inertia @ axes.transpose(0, 2, 1)
+    moment = np.einsum("nij,nj->ni", inertia, a) + np.cross(w, np.einsum("nij,nj->ni", inertia, w))
+    return np.concatenate([force, moment + np.cross(motion.poses[:, :3] + arm - centre, force)], axis=1)
+
+
+def needed(thing: Thing, times: Array, course: Course) -> Needed:
+    """:param times: equally far apart; the course is interpolated to them"""
+    seen = np.isfinite(course.poses).all(axis=1)
+    own = np.array([np.interp(times, course.times[seen], column[seen]) for column in course.poses.T]).T
+    nearest = np.minimum(np.searchsorted(course.times, times - 1e-6), len(course.times) - 1)
+    own[:, 3:] /= np.linalg.norm(own[:, 3:], axis=1, keepdims=True)
+    there = seen[nearest]
+    angles = np.interp(times, course.times[seen], np.nan_to_num(course.angles)[seen])
+    whole = smoothed(times, np.where(there[:, None], own, np.nan))
+    if thing.hinge is not None:
+        angles = smooth_columns(angles[:, None], there)[0][:, 0]
+    places = thing.places(whole.poses, angles)
+    motions = [whole, *(smoothed(times, places[:, k]) for k in range(1, len(thing.links)))]
+    centres = [turned(places[:, k, 3:], link.centre) + places[:, k, :3] for k, link in enumerate(thing.links)]
+    centre: Array = np.sum([link.mass * at for link, at in zip(thing.links, centres)], axis=0) / thing.mass
+    wrench: Array = np.sum([_of_link(link, motion, centre) for link, motion in zip(thing.links, motions)], axis=0)
+    spread = math.sqrt(sum(float(np.trace(link.inertia)) / 3 for link in thing.links))
+    unsure = np.concatenate([np.full(3, thing.mass * whole.unsure[0]), np.full(3, spread**2 * whole.unsure[1])])
+    lowest = np.min([(turned(places[:, k, None, 3:], np.concatenate(link.corners)[None]) + places[:, k, None, :3])[..., 2].min(axis=1)
+                     for k, link in enumerate(thing.links)], axis=0)
+    return Needed(whole, places, centre, wrench, unsure, there, lowest)
+
+
+def _level(of: Needed) -> float:
+    """Height of what the object stands on where it rests lowest."""
+    still = (np.linalg.norm(of.motion.velocity, axis=1) < 0.03) & of.seen
+    rows = np.flatnonzero(still if still.any() else of.seen)
+    low = float(np.percentile(of.lowest[rows], 2))
+    return float(np.median(of.lowest[rows][of.lowest[rows] < low + 0.01]))
+
+
+def loads(of: Needed, times: Array, support: str) -> tuple[Array, float]:
+    """Share of the wrench that hands bear if they touch, and the height of the support."""
+    if support == "none":
+        return np.ones(len(times)), math.nan
+    level = _level(of)
+    on = of.lowest < level + max(3e-3, 3 * of.motion.noise[0])
+    if support == "post":
+        at = np.median(of.centre[on & of.seen, :2], axis=0) if (on & of.seen).any() else of.centre[0, :2]
+        on &= np.linalg.norm(of.centre[:, :2] - at, axis=1) < POST
+    free = times[~on]
+    if not len(free):
+        return np.zeros(len(times)), level
+    after = np.searchsorted(free, times)
+    away = np.minimum(np.abs(times - free[np.minimum(after, len(free) - 1)]), np.abs(times - free[np.maximum(after - 1, 0)]))
+    return np.where(on, np.clip(1 - away / LOADING, 0, 0.999), 1.0), level
