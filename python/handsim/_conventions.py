@@ -53,10 +53,10 @@ def points_of(text: str, file: Path) -> dict[str, Point]:
     return out
 
 
-def written(text: str, at: Mapping[str, Array], spread: Mapping[str, Array]) -> str:
+def written(text: str, at: Mapping[str, Array], spread: Mapping[str, Array], digits: int = 4) -> str:
     """A convention's text with these places."""
     def line(found: "re.Match[str]") -> str:
-        place, deviation = (", ".join(f"{x:.4g}" for x in of[found[2]]) for of in (at, spread))
+        place, deviation = (", ".join(f"{x:.{digits}g}" for x in of[found[2]]) for of in (at, spread))
         return f"{found[1]}[{place}]{found[5]}[{deviation}]{found[7]}"
     return POINT.sub(line, text)
 

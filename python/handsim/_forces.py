@@ -97,6 +97,11 @@ class Result(NamedTuple):
     ground: float
     """Height of the support [m]; NaN without one."""
 
+    def rows(self, rows: Any) -> "Result":
+        """Of some frames: a slice, or their indices."""
+        motion = self.motion._replace(**{name: getattr(self.motion, name)[rows] for name in ("poses", "velocity", "turning", "acceleration", "turning_up")})
+        return self._replace(motion=motion, **{name: value[rows] for name, value in self._asdict().items() if isinstance(value, np.ndarray) and name != "unsure"})
+
     @property
     def lifted(self) -> NDArray[np.bool_]:
         return (self.load >= 1) & (self.state > 0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 import re
 import time
 from pathlib import Path
-from typing import Any, NamedTuple, Optional
+from typing import Any, NamedTuple, Optional, Sequence
 
 import numpy as np
 
 from . import _core, _forces, _forces_files, _forces_frames, _forces_hands, _forces_page, _replay, _track
 from ._c3d import is_c3d
 from ._errors import Error, input_error
+from ._guess import Guess
 from ._hand import Hand
 from ._model import compose
 from ._objects import Course, Thing, read_courses, read_object
@@ -66,11 +67,11 @@ def request(options: dict[str, Any], recording: Path) -> Optional[Request]:
     return Request(thing if mass is None else thing.of_mass(mass), course, asked, "--replay" in options)
 
 
-def _upright(asked: _track.Asked, found: _track.Result, course: Course) -> Course:
+def upright(asked: _track.Asked, guess: Guess, course: Course) -> Course:
     """In a world whose z axis points up; the reader of C3D has turned it."""
     if is_c3d(asked.recording):
         return course
-    file = asked.points or (data_path() / f"handmodels/points/{found.guess.name}.yaml" if found.guess.name else None)
+    file = asked.points or (data_path() / f"handmodels/points/{guess.name}.yaml" if guess.name else None)
     said = UP.search(file.read_text(encoding="utf-8")) if file else None
     up = asked.up or (said[1] if said else "z")
     if asked.left_handed:
@@ -88,33 +89,39 @@ def _hand(person: Path, side: str, model: Path, muscles: bool) -> Hand:
         return Hand(person=person, side=side, model=model)
 
 
-def motions(asked: _track.Asked, found: _track.Result, person: Path, muscles: bool) -> list[_forces_hands.HandMotion]:
+def motions(asked: _track.Asked, tracked: Sequence[_track.Hand], person: Path, muscles: bool) -> list[_forces_hands.HandMotion]:
+    """:param tracked: hands that are tracked in the recording"""
     out = []
-    for each in found.hands:
-        if not len(each.tracked):
-            continue
+    for each in tracked:
         hand = _hand(person, each.name, _track.model_file(asked), muscles)
         names = list(hand.coordinates)
         order = [each.axes.index(name if name in each.axes else f"{each.name}.{name}") for name in names]
         seen = each.status == 0
         q = np.where(seen[:, None], np.nan_to_num(each.angles[:, order]), np.nan)
-        out.append(_forces_hands.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise,
-                                      float(np.sqrt(np.mean(each.rms[seen]**2)))))
+        rms = float(np.sqrt(np.mean(each.rms[seen]**2))) if seen.any() else 0.0
+        out.append(_forces_hands.HandMotion(each.name, hand, q, np.where(seen[:, None], each.wrist, np.nan), each.noise, rms))
     return out
 
 
-def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told: Told = None) -> tuple[_forces.Result, str, bool]:
-    """Finds the forces and writes their files. :returns: them, the text for the screen, and False if gnuplot is missing or fails"""
-    folder = _core.output_folder(out / "forces", _forces_files.NAMES, [asked.recording, of.thing.file])
-    course = _upright(asked, found, of.course)
+def folder_of(of: Request, asked: _track.Asked, out: Path) -> _core.OutputFolder:
+    """For the files of forces."""
+    return _core.output_folder(out / "forces", _forces_files.NAMES, [asked.recording, of.thing.file])
+
+
+def find(of: Request, asked: _track.Asked, found: _track.Result, out: Path, told: Told = None) -> tuple[str, bool]:
+    """Finds the forces and writes their files. :returns: the text for the screen, and False if gnuplot is missing or fails"""
+    folder = folder_of(of, asked, out)
+    course = upright(asked, found.guess, of.course)
     course = course._replace(times=course.times - found.start)
     begin = time.process_time()
-    hands = motions(asked, found, out / "person.yaml", of.asked.muscles)
+    hands = motions(asked, [each for each in found.hands if len(each.tracked)], out / "person.yaml", of.asked.muscles)
     solver = _forces_frames.Solver(of.thing, found.times, course, hands, of.asked)
     result = _forces.solve(solver, told)
     cpu = time.process_time() - begin
     folder.clear()
     replayed = _replay.replay(of.thing, solver, result, _track.model_file(asked), out / "forces", told) if of.replay else []
     drawn = _forces_files.write(of.thing, of.asked, result, cpu, out / "forces", _replay.figures(replayed))
-    _core.write_file(out / "forces/forces.html", _forces_page.page(of.thing, of.asked, solver, result))
-    return result, _forces_files.screen_text(of.thing, of.asked, result, cpu) + _replay.text(replayed), drawn
+    figures = _forces_files.Figures(result)
+    rows = np.arange(0, figures.frames, _forces_page.every(figures.frames))
+    _core.write_file(out / "forces/forces.html", _forces_page.page(of.thing, of.asked, _forces_page.drawn(solver, result, rows), figures))
+    return _forces_files.screen_text(of.thing, of.asked, figures, cpu) + _replay.text(replayed), drawn

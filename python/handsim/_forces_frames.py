@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._forces_hands import Body, HandMotion, Hands
-from ._forces_object import loads, needed
+from ._forces_object import Common, common_of, loads, needed
 from ._nonnegative import lapack
 from ._objects import Course, Thing
 from ._sharing import PER, SHARES, Muscles, Places, Shared, costs
@@ -84,15 +84,17 @@ def smooth_rows(values: Array, width: int) -> Array:
 class Solver:
     """Of a recording of one object."""
 
-    def __init__(self, thing: Thing, times: Array, course: Course, hands: Sequence[HandMotion], asked: Asked) -> None:
+    def __init__(self, thing: Thing, times: Array, course: Course, hands: Sequence[HandMotion], asked: Asked, common: Optional[Common] = None) -> None:
+        """:param common: of the recording that this is a part of; None: it is the whole"""
         self.thing, self.times, self.asked, self.motions = thing, times, asked, list(hands)
         self.interval = float(np.median(np.diff(times)))
         self.of = needed(thing, times, course)
-        self.load, self.ground = loads(self.of, times, asked.support)
+        common = common or common_of([self.of])
+        self.load, self.ground = loads(self.of, times, asked.support, common)
         self.hands = Hands(hands, self.interval)
         self.surfaces = [Surface(link) for link in thing.links]
         # Of a place of each hand against the object.
-        self.noises = [math.hypot(each.unsure, self.of.motion.noise[0] / 2) for each in hands]
+        self.noises = [math.hypot(each.unsure, common.noise / 2) for each in hands]
         self.noise = max(self.noises, default=0.0)
         self.reach = NEAR + BEGINS * self.noise
         self.weight = thing.mass * 9.80665

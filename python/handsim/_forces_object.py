@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,23 +66,43 @@ def needed(thing: Thing, times: Array, course: Course) -> Needed:
     return Needed(whole, places, centre, wrench, unsure, there, lowest)
 
 
-def _level(of: Needed) -> float:
-    """Height of what the object stands on where it rests lowest."""
-    still = (np.linalg.norm(of.motion.velocity, axis=1) < 0.03) & of.seen
-    rows = np.flatnonzero(still if still.any() else of.seen)
-    low = float(np.percentile(of.lowest[rows], 2))
-    return float(np.median(of.lowest[rows][of.lowest[rows] < low + 0.01]))
+class Common(NamedTuple):
+    """What belongs to a whole recording: noise, and what the object stands on where it rests lowest."""
+
+    noise: float
+    """Standard deviation of a measured coordinate of the object [m]."""
+    level: float
+    """Height of the support [m]."""
+    place: Array
+    """Of the object's centre there, in the ground's plane [m], shape (2,)."""
+
+    @property
+    def near(self) -> float:
+        """Height over the support within which an object stands on it [m]."""
+        return max(3e-3, 3 * self.noise)
 
 
-def loads(of: Needed, times: Array, support: str) -> tuple[Array, float]:
+def common_of(parts: Sequence[Needed]) -> Common:
+    """:param parts: of the recording, or samples of it"""
+    lowest, centre = np.concatenate([of.lowest for of in parts]), np.concatenate([of.centre for of in parts])
+    seen = np.concatenate([of.seen for of in parts])
+    still = (np.linalg.norm(np.concatenate([of.motion.velocity for of in parts]), axis=1) < 0.03) & seen
+    rows = np.flatnonzero(still if still.any() else seen)
+    low = float(np.percentile(lowest[rows], 2))
+    level = float(np.median(lowest[rows][lowest[rows] < low + 0.01]))
+    out = Common(parts[0].motion.noise[0] if len(parts) == 1 else math.sqrt(sum(of.motion.noise[0]**2 for of in parts) / len(parts)), level, centre[0, :2])
+    on = (lowest < level + out.near) & seen
+    return out._replace(place=np.median(centre[on, :2], axis=0)) if on.any() else out
+
+
+def loads(of: Needed, times: Array, support: str, common: Common) -> tuple[Array, float]:
     """Share of the wrench that hands bear if they touch, and the height of the support."""
     if support == "none":
         return np.ones(len(times)), math.nan
-    level = _level(of)
-    on = of.lowest < level + max(3e-3, 3 * of.motion.noise[0])
+    level, place = common.level, common.place
+    on = of.lowest < level + common.near
     if support == "post":
-        at = np.median(of.centre[on & of.seen, :2], axis=0) if (on & of.seen).any() else of.centre[0, :2]
-        on &= np.linalg.norm(of.centre[:, :2] - at, axis=1) < POST
+        on &= np.linalg.norm(of.centre[:, :2] - place, axis=1) < POST
     free = times[~on]
     if not len(free):
         return np.zeros(len(times)), level

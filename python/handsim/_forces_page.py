@@ -4,13 +4,13 @@ from __future__ import annotations
 import html
 import json
 import math
-from typing import Any
+from typing import Any, NamedTuple, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._forces import STATES, Result
-from ._forces_files import Figures, margin, strength_text, touching
+from ._forces_files import Figures, margin, strength_text
 from ._forces_frames import Asked, Solver
 from ._objects import Link, Thing, hull_faces
 
@@ -207,11 +207,20 @@ def _drawn(link: Link) -> dict[str, Any]:
     return {"corners": list(ends), "edges": edges, "points": _rounded(link.points[::step], 4)}
 
 
-def _data(thing: Thing, of: Solver, found: Result) -> dict[str, Any]:
-    rows = np.arange(0, len(found.times), max(1, math.ceil(len(found.times) / MOST)))
-    fingers = [i for i in range(len(found.fingers)) if found.by_finger[:, i].max(initial=0) > 1e-3]
-    segments = touching(found)
-    bones, arrows = [], []
+class Drawn(NamedTuple):
+    """Frames of a recording that are drawn."""
+
+    found: Result
+    bones: list[Any]
+    """By frame: round places of the hands that are ends of their shapes."""
+    centre: Array
+    """Of mass of the object, by frame."""
+    finger: NDArray[np.intp]
+    """By segment: its finger among `Result.fingers`."""
+
+
+def drawn(of: Solver, found: Result, rows: NDArray[np.intp]) -> Drawn:
+    bones = []
     for row in rows:
         own = []
         for k, each in enumerate(of.motions):
@@ -221,29 +230,52 @@ def _data(thing: Thing, of: Solver, found: Result) -> dict[str, Any]:
                 ends = np.append(shapes.first[1:], len(balls)) - 1
                 own += [[*_rounded(np.concatenate([balls[a], balls[b]]), 4), round(float(shapes.radii[a]), 4)] for a, b in zip(shapes.first, ends)]
         bones.append(own)
-        arrows.append([[*_rounded(np.concatenate([found.centre[row, i], found.force[row, i]]), 4), fingers.index(int(of.finger[i]))]
-                       for i in segments if found.normal[row, i] > 1e-3])
+    return Drawn(found.rows(rows), bones, of.of.centre[rows], of.finger)
+
+
+def joined(parts: Sequence[Drawn]) -> Drawn:
+    """Of parts of a recording, one after the other."""
+    first = parts[0].found
+    columns = {name: np.concatenate([getattr(part.found, name) for part in parts]) for name, value in first._asdict().items()
+               if isinstance(value, np.ndarray) and name != "unsure"}
+    return Drawn(first._replace(**columns), [each for part in parts for each in part.bones], np.concatenate([part.centre for part in parts]), parts[0].finger)
+
+
+def every(count: int) -> int:
+    """Of so many frames every which is drawn."""
+    return max(1, math.ceil(count / MOST))
+
+
+def _data(thing: Thing, of: Drawn, figures: Figures) -> dict[str, Any]:
+    found = of.found
+    fingers, segments = [i for i, own in enumerate(figures.pressing) if own], figures.touching
+    arrows = [[[*_rounded(np.concatenate([found.centre[row, i], found.force[row, i]]), 4), fingers.index(int(of.finger[i]))]
+               for i in segments if found.normal[row, i] > 1e-3] for row in range(len(found.times))]
     strongest = float(np.linalg.norm(found.force, axis=2).max(initial=1e-9))
-    bands = None if found.bands is None else found.bands[rows][:, fingers]
-    return {"times": _rounded(found.times[rows], 4), "states": [STATES[found.state[row]] for row in rows], "share": _rounded(found.share[rows], 4),
+    bands = None if found.bands is None else found.bands[:, fingers]
+    return {"times": _rounded(found.times, 4), "states": [STATES[state] for state in found.state], "share": _rounded(found.share, 4),
             "fingers": [found.fingers[i] for i in fingers], "inks": [INKS[k % len(INKS)] for k in range(len(fingers))],
-            "normal": _rounded(found.by_finger[rows][:, fingers], 3), "low": None if bands is None else _rounded(bands[..., 0], 3),
-            "high": None if bands is None else _rounded(bands[..., 1], 3), "centre": _rounded(of.of.centre[rows], 4), "links": [_drawn(link) for link in thing.links],
-            "poses": _rounded(found.places[rows], 5),
-            "bones": bones, "arrows": arrows, "scale": 0.08 / strongest, "start": int(np.argmax(found.by_finger[rows].sum(axis=1)))}
+            "normal": _rounded(found.by_finger[:, fingers], 3), "low": None if bands is None else _rounded(bands[..., 0], 3),
+            "high": None if bands is None else _rounded(bands[..., 1], 3), "centre": _rounded(of.centre, 4), "links": [_drawn(link) for link in thing.links],
+            "poses": _rounded(found.places, 5),
+            "bones": of.bones, "arrows": arrows, "scale": 0.08 / strongest, "start": int(np.argmax(found.by_finger.sum(axis=1)))}
 
 
-def page(thing: Thing, asked: Asked, of: Solver, found: Result) -> bytes:
-    figures = Figures(found)
+def _thinned(count: int) -> str:
+    return "" if every(count) == 1 else f"; one of {every(count)} is drawn"
+
+
+def page(thing: Thing, asked: Asked, of: Drawn, figures: Figures) -> bytes:
+    found = of.found
     title = html.escape(f"Forces on {thing.name}")
-    note = f"{len(found.times)} frames, {figures.lifted} lifted. "
+    note = f"{figures.frames} frames, {figures.lifted} lifted{_thinned(figures.frames)}. "
     if figures.lifted:
         note += f"Residual at most 10 % of the weight in {100 * figures.enough:.0f} % of these. "
     note += ("Arrows are forces on the object. Drag to turn. " + ("" if found.bands is None else "Bands: 5 to 95 %. ")
              + "How hard opposite fingers squeeze does not show in motion: it is what people take.")
     rows = "".join(f"<tr><td>{html.escape(finger)}</td><td>{peak:.2f}</td><td>{mean:.2f}</td></tr>"
                    for finger, (peak, mean) in figures.fingers.items())
-    table = (f"<table><tr><th>finger</th><th>peak [N]</th><th>mean [N]</th></tr>{rows}</table><p>Margin against slip {margin(found, asked):.3g} with friction "
+    table = (f"<table><tr><th>finger</th><th>peak [N]</th><th>mean [N]</th></tr>{rows}</table><p>Margin against slip {margin(figures, asked):.3g} with friction "
              f"{asked.friction:g}; {strength_text(asked, figures)}.</p>")
-    data = json.dumps(_data(thing, of, found), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    data = json.dumps(_data(thing, of, figures), separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     return PAGE.replace("TITLE", title).replace("NOTE", note).replace("FIGURES", table).replace("DATA", data).encode()

@@ -9,6 +9,7 @@ import math
 import re
 import tempfile
 import xml.etree.ElementTree as xml
+from array import array
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Iterator, Mapping, NamedTuple, Optional, Sequence
@@ -281,17 +282,17 @@ def _of_csv(path: Path) -> dict[str, Course]:
         found = {i: match for i, label in enumerate(head) if (match := COLUMN.fullmatch(label.strip()))}
         if not found:
             return {}
-        rows: list[list[float]] = []
+        rows = array("d")
         wanted = [0, *found]
         for number, line in enumerate(file, 2):
             fields = line.rstrip("\r\n").split(",")
             if len(fields) == 1 and not fields[0].strip():
                 continue
             try:
-                rows.append([float(fields[i]) if i < len(fields) and fields[i].strip() else math.nan for i in wanted])
+                rows.extend([float(fields[i]) if i < len(fields) and fields[i].strip() else math.nan for i in wanted])
             except ValueError:
                 raise input_error(f"{path}:{number}:1", line[:60].strip(), "numbers, or nothing, in the columns of objects") from None
-    table = np.array(rows).reshape(len(rows), len(wanted))
+    table = np.array(rows).reshape(-1, len(wanted))
     out: dict[str, Course] = {}
     for name in dict.fromkeys(match[1] for match in found.values()):
         columns = {match[2]: UNITS.get(match[3] or "", math.nan) * table[:, 1 + k] for k, match in enumerate(found.values()) if match[1] == name}

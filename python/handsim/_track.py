@@ -77,6 +77,10 @@ class Hand(NamedTuple):
     noise: float
     """Of a coordinate [m]."""
 
+    def rows(self, rows: slice) -> "Hand":
+        """Of some frames."""
+        return self._replace(**{name: getattr(self, name)[rows] for name in ("status", "rms", "angles", "wrist", "distances")})
+
     @property
     def deepest(self) -> tuple[str, float, float]:
         """Of the overlaps."""
@@ -134,7 +138,7 @@ class Result(NamedTuple):
     """What the points were taken for, and by what."""
 
 
-def _hand_files(times: Array, hand: Hand) -> dict[str, str]:
+def hand_files(times: Array, hand: Hand) -> dict[str, str]:
     """Angles and wrist poses of the tracked frames."""
     axes = [i for i, each in enumerate(hand.determined) if each]
     head = "\t".join(["time", *(f"{hand.name}.{hand.axes[i]}" for i in axes)])
@@ -148,7 +152,7 @@ def _hand_files(times: Array, hand: Hand) -> dict[str, str]:
     return {name: "\n".join(lines) + "\n" for name, lines in files.items() if axes or lines is wrist}
 
 
-def _frames_text(of: Result) -> str:
+def frames_text(of: Result) -> str:
     """Status and residuals of every frame; an empty field is a point that was not seen or was left out."""
     head = ["time[s]"]
     columns = [[f"{time:.12g}" for time in of.times]]
@@ -168,14 +172,14 @@ def _filter_of(of: Result) -> str:
     return f', filter: "{CUTOFF:g} Hz"'
 
 
-def _scene_text(asked: Asked, of: Result) -> str:
-    """A scene in which the tracked hands move."""
+def scene_text(asked: Asked, of: Result, first: Mapping[str, Array]) -> str:
+    """A scene in which the tracked hands move. :param first: their angles where they are tracked first"""
     smooth, programs, seen = _filter_of(of), [], [hand for hand in of.hands if len(hand.tracked)]
     out = (f"# Written by handsim track from {asked.recording.name}. Frames without a tracked hand have no angles: the motion runs on\n"
            "# between the neighbouring frames (frames.csv lists them).\ntitle: tracked hands\nhands:\n")
     for hand in seen:
         pose: dict[str, list[str]] = {}
-        for axis, angle in zip(hand.axes, hand.angles[hand.tracked[0]]):
+        for axis, angle in zip(hand.axes, first[hand.name]):
             pose.setdefault(axis.partition(".")[0], []).append(f"{angle:.17g}")
         joints = ", ".join(f"{joint}: [{', '.join(angles)}]" for joint, angles in pose.items())
         out += (f'  - model: "{os.path.abspath(model_file(asked))}"\n    person: person.yaml\n    side: {hand.name}\n'
@@ -192,7 +196,7 @@ def _scene_text(asked: Asked, of: Result) -> str:
                   f'duration: {number(max(1e-3, math.floor(1e3 * end) * 1e-3))}\nrecord: {{every: "10 ms"}}\n')
 
 
-def _summary_rows(of: Result) -> str:
+def summary_rows(of: Result) -> str:
     out = "hand,frames,tracked,missing,swapped,poor,noise[mm],rms[mm],overlapping_frames,deepest_overlap[mm]\n"
     for hand in of.hands:
         rms = hand.rms[hand.tracked]
@@ -263,19 +267,28 @@ def names() -> list[str]:
 def write(asked: Asked, of: Result, out: Path) -> bool:
     """:returns: False if gnuplot is missing or fails"""
     seen = [hand for hand in of.hands if len(hand.tracked)]
-    files = {"frames.csv": _frames_text(of), "person.yaml": of.person, "summary.csv": _summary_rows(of), "summary.json": summary_text(asked, of)}
+    files = {"frames.csv": frames_text(of), "person.yaml": of.person, "summary.csv": summary_rows(of), "summary.json": summary_text(asked, of)}
     for hand in seen:
-        files.update(_hand_files(of.times, hand))
+        files.update(hand_files(of.times, hand))
     if seen:
-        files["scene.yaml"] = _scene_text(asked, of)
+        files["scene.yaml"] = scene_text(asked, of, {hand.name: hand.angles[hand.tracked[0]] for hand in seen})
     for name, text in files.items():
         _core.write_file(out / name, text.encode())
-    drawn: bool = _core.write_plots(out, "summary", "", [*(_angle_plot(hand) for hand in seen if any(hand.determined)), _residual_plot(of)])
+    drawn: bool = _core.write_plots(out, "summary", "", plots(of))
     return drawn
+
+
+def plots(of: Result) -> list[tuple[str, str, str]]:
+    return [*(_angle_plot(hand) for hand in of.hands if len(hand.tracked) and any(hand.determined)), _residual_plot(of)]
 
 
 def model_file(asked: Asked) -> Path:
     return asked.model or data_path() / "handmodels/moving_thenar.yaml"
+
+
+def convention_file(guessed: Guess) -> Optional[Path]:
+    """Of the convention that points were taken for; None: of none."""
+    return data_path() / f"handmodels/points/{guessed.name}.yaml" if guessed.name else None
 
 
 def _convention(asked: Asked, path: Path) -> tuple[Optional[Path], Guess]:

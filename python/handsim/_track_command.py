@@ -11,7 +11,8 @@ from ._files import ended, read_options, usage
 from ._progress import bar
 from ._shipped import find_file
 from ._study_files import plot_note, print_files, warn, whole_option
-from ._track import Asked, checked, choice, screen_text, study, summary_text
+from ._track import Asked, checked, choice, screen_text, summary_text
+from ._windows import Work, opened
 
 USAGE = """handsim track RECORDING [--out DIR]
        handsim track --convention-from RECORDING... --points NAME --out FILE
@@ -78,8 +79,13 @@ def _work(options: dict[str, Any]) -> int:
     asked = _asked(options)
     held = _forces_command.request(options, asked.recording)
     out = Path(options.get("--out") or Path("out") / asked.recording.stem)
+    with opened(asked, held is not None and held.replay) as work:
+        return _with_files(options, asked, held, out, work)
+
+
+def _with_files(options: dict[str, Any], asked: Asked, held: Optional[_forces_command.Request], out: Path, work: Work) -> int:
     with bar(True, "track") as told:
-        found, plotted = study(asked, out, told)
+        found, plotted = work.study(out, told)
     tracked = any(len(hand.tracked) for hand in found.hands)
     if not tracked:
         print("no frame of any hand is tracked: frames.csv says why of each", file=sys.stderr)
@@ -96,7 +102,7 @@ def _work(options: dict[str, Any]) -> int:
         return 1
     if held is not None:
         with bar(True, "forces") as told:
-            _, text, drawn = _forces_command.find(held, asked, found, out, told)
+            text, drawn = work.forces(held, out, told)
         if "--json" not in options:
             print(text, end="")
             status = max(status, print_files(out / "forces", drawn))

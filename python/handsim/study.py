@@ -13,7 +13,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Iterable, Iterator, Optional, Sequence, Union
 
-from . import _accuracy, _core, _effects, _forces_command, _grasps, _inverse, _rollouts, _rollouts_run, _track
+from . import _accuracy, _core, _effects, _forces_command, _grasps, _inverse, _rollouts, _rollouts_run, _track, _windows
 from ._errors import Error, Problem, flags, input_error, real, whole
 from ._files import PathText, path_of
 from ._overrides import Overrides, Source, override_list
@@ -270,11 +270,11 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
              "--mass": None if mass is None else mass if isinstance(mass, str) else str(real("mass", mass)), "--names": names, "--up": up,
              "--uncertain": None if uncertain is None else str(whole("uncertain", uncertain, 2, 1000)), "--muscles": muscles or None, "--replay": replay or None}
     held = _forces_command.request({name: value for name, value in given.items() if value is not None}, recording)
-    with _folder(out) as folder, bar(progress, "track") as told:
-        found, _ = _track.study(asked, folder, told)
+    with _folder(out) as folder, bar(progress, "track") as told, _windows.opened(asked, replay) as work:
+        found, _ = work.study(folder, told)
         if held is None or not any(len(hand.tracked) for hand in found.hands):
             return Study("track", folder, _track.screen_text(found))
-        _, text, _ = _forces_command.find(held, asked, found, folder)
+        text, _ = work.forces(held, folder)
         made, forces = Study("track", folder, _track.screen_text(found) + text), Study("forces", folder / "forces", "")
         made.tables.update({**forces.tables, "contact_forces": read_csv(folder / "forces/contact_forces.csv")})
         made.summaries.update(forces.summaries)

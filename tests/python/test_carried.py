@@ -31,15 +31,15 @@ def test_an_object_is_carried_along_its_recording(tmp_path):
 
 def open_hand(raised=0.0, wrist=WRIST):
     """A scene with a box that far over an open hand, which points down the world's y axis, palm upwards; there is no ground."""
-    import recorded_forces
+    import recorded_cases
 
-    whole = recorded_forces.both_hands(recorded_forces.CASES["both"], "median_man")
+    whole = recorded_cases.both_hands(recorded_cases.CASES["both"], "median_man")
     hand, programs = whole["hands"][0], whole["control"]["poses"]["programs"]["hold"]["hands"]
     programs.pop("left")
     long = np.linalg.norm(wrist[4:])
     turn = {"axis": (wrist[4:] / long).tolist(), "angle": 2 * math.atan2(long, wrist[3])}
     hand["wrist"] = {"mount": "driven", "motion": {"keyframes": [{"time": time, "position": wrist[:3].tolist(), "rotation": turn} for time in (0, 5)]}}
-    place = [0, 0.05, 0.5 + recorded_forces.TOUCHES + 0.02 + raised]
+    place = [0, 0.05, 0.5 + recorded_cases.TOUCHES + 0.02 + raised]
     whole.pop("ground")
     whole["contacts"]["rules"].pop()
     effects = [each for each in whole["effects"] if each != "ground_contact"]

@@ -144,12 +144,13 @@ def test_what_is_wrong_is_said(tmp_path):
 # A recording made by a simulation with other pads, friction and grip than the solver reckons with: one of those of docs/forces.md.
 @pytest.fixture(scope="module")
 def tripod(tmp_path_factory):
+    import recorded_cases
     import recorded_forces
 
     folder = tmp_path_factory.mktemp("forces")
-    case = recorded_forces.CASES["tripod"]
-    recorded = recorded_forces.simulate("tripod", "median_man", 1.5, case)
-    path = recorded_forces.write_recording(recorded, folder, 5)
+    case = recorded_cases.CASES["tripod"]
+    recorded = recorded_cases.simulate("tripod", "median_man", 1.5, case)
+    path = recorded_cases.write_recording(recorded, folder, 5)
     done = subprocess.run([sys.executable, "-m", "handsim", "track", str(path), "--object", f"thing={folder / 'thing.yaml'}", "--support", "post",
                            "--replay", "--uncertain", "20", "--out", str(folder / "tracked")], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -331,9 +332,9 @@ def test_places_that_are_too_far_are_left_out_alone():
 # Oracle: Newton's second law. What hands do to an object that is moved in the air accelerates it and bears its weight: forces and motion of a recording
 # with known ones belong to each other, while it is set down, too.
 def test_true_forces_of_a_recording_are_those_of_its_motion():
-    import recorded_forces
+    import recorded_cases
 
-    recorded = recorded_forces.simulate("set_down", "median_man", 1.5, recorded_forces.CASES["set_down"])
+    recorded = recorded_cases.simulate("set_down", "median_man", 1.5, recorded_cases.CASES["set_down"])
     times, place = recorded.times, recorded.columns["object"][:, :3]
     needed = recorded.mass * (np.gradient(np.gradient(place, times, axis=0), times, axis=0) + [0, 0, 9.80665])
     free = (recorded.supported < 1e-6) & (times > 2.45) & (times < 3.1)
@@ -345,12 +346,12 @@ def test_true_forces_of_a_recording_are_those_of_its_motion():
 # A recording is one of an object that is lifted as high as the hands go, and not of one that slips out of them on the way and falls back.
 @pytest.mark.parametrize("highest, dropped", [(0.2, False), (0.19, False), (0.1, True), (0.0, True)])
 def test_a_dropped_object_is_no_recording(highest, dropped):
-    import recorded_forces
+    import recorded_cases
 
     height = np.concatenate([np.linspace(0, highest, 40), np.linspace(highest, 0, 10), np.zeros(20)])
-    of = recorded_forces.Recorded("both", np.arange(70) / 60, {"object": np.stack([height, height, 0.07 + height], axis=1)}, {}, {}, np.zeros((70, 6)), 0.8, 0.75,
+    of = recorded_cases.Recorded("both", np.arange(70) / 60, {"object": np.stack([height, height, 0.07 + height], axis=1)}, {}, {}, np.zeros((70, 6)), 0.8, 0.75,
                                   "", "median_man", np.where(height > 0, 0.0, 8.0), "")
-    assert recorded_forces.dropped(of) == dropped
+    assert recorded_cases.dropped(of) == dropped
 
 
 RECORDINGS = os.environ.get("HANDSIM_RECORDINGS")
