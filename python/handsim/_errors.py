@@ -3,7 +3,8 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import Any, NamedTuple, Optional, Sequence
+import re
+from typing import Any, Callable, NamedTuple, Optional, Sequence
 
 
 class Problem(NamedTuple):
@@ -59,6 +60,15 @@ def from_core(message: str, kind: str, problems: Sequence[Any], fault: Any) -> E
 def input_error(key: str, got: object, need: str) -> Error:
     """An input error outside any file."""
     return Error(f"{key}: got {got}, need {need}", "input", [Problem(None, None, None, key, str(got), need)])
+
+
+def renamed(error: Error, file: Any, by: Any, line: Callable[[int], int] = lambda line: line) -> Error:
+    """The same of the file that another one stands for. :param line: of that file, by the line of the one that was read"""
+    def place(found: "re.Match[str]") -> str:
+        return str(by) + (f":{line(int(found[1]))}" if found[1] else "")
+    problems = [each._replace(file=str(by), line=None if each.line is None else line(each.line)) if each.file == str(file) else
+                each._replace(key=str(by)) if each.key == str(file) else each for each in error.problems]
+    return Error(re.sub(re.escape(str(file)) + r"(?::(\d+))?", place, str(error)), error.kind, problems, error.fault)
 
 
 LARGEST = 2**31 - 1

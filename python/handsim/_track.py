@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._c3d import as_csv, is_c3d
-from ._errors import input_error
+from ._errors import Error, input_error, renamed
 from ._files import NewFolder
 from ._guess import JOINTS, Guess, check_order, guess, points_of, sample
 from ._objects import without_objects
@@ -315,7 +315,12 @@ def track(asked: Asked, told: Told = None, begin: Callable[[], object] = lambda:
         work = _core.track(path, asked.person, model_file(asked), asked.markers or points, None if c3d else asked.up, asked.left_handed, asked.truth,
                            asked.fit_bones, asked.smooth, asked.noise, asked.seed)
         begin()
-        of = work.run(told)
+        try:
+            of = work.run(told)
+        except Error as error:
+            if c3d:
+                raise
+            raise renamed(error, path, asked.recording) from None
     of["hands"], of["between"] = [Hand(*hand) for hand in of["hands"]], Between(*of["between"])
     of["warnings"] = [each.replace(str(path), str(asked.recording)) for each in of["warnings"]]
     return Result(**of, guess=guessed)

@@ -41,7 +41,7 @@ Forces on an object that the recording has, too, in columns object.NAME.x[m] to 
   --friction F       of skin on it, where it was measured; 0.8
   --mass MASS        of it, such as "350 g", in place of the file's; free: nobody knows it, forces are for each kilogram
   --muscles          shares forces by least muscle activation, and gives the activations
-  --replay           simulates each lift with the object free, and says for how long the hands hold it
+  --replay           simulates each lift with the object free, and says for how long the hands hold it; not of a table of more than 18000 frames
   --uncertain N      draws of what is uncertain, for bands of 5 to 95 %
 
 Of a .c3d file alone:

@@ -19,7 +19,7 @@ from typing import Any, Iterator, NamedTuple, Optional, Sequence
 import numpy as np
 
 from . import _conventions, _core, _forces, _forces_command, _forces_files, _forces_frames, _forces_object, _forces_page, _track
-from ._errors import Error, input_error
+from ._errors import Error, input_error, renamed
 from ._files import NewFolder
 from ._guess import Guess
 from ._objects import Course, read_courses
@@ -81,6 +81,18 @@ class Table:
                 to.write(file.read(self.starts[last] - self.starts[first]))
         return path
 
+    def line(self, ranges: Sequence[tuple[int, int]], line: int) -> int:
+        """Of the recording, by the line of a file of some rows."""
+        left = line - 2
+        with open(self.path, "rb") as file:
+            for first, last in ranges:
+                file.seek(0)
+                before, own = file.read(self.starts[first]).count(b"\n"), file.read(self.starts[last] - self.starts[first]).count(b"\n")
+                if left < own:
+                    return before + 1 + left
+                left -= own
+        return line
+
 
 def windows(count: int) -> list[Window]:
     parts = max(1, math.ceil(count / WINDOW))
@@ -136,11 +148,19 @@ class LongWork(Work):
                 yield pickle.load(file)
 
     def sample(self) -> Optional[Result]:
-        """The person, and where points lie; None where points are not where joints are, and no convention says so: only a recording that is read whole has
-        their places."""
-        path = self.table.write(self.folder / "sample", stretches(len(self.table)))
-        found = _track.track(self.asked._replace(recording=path, truth=None))
-        return None if len(found.shares) and found.guess.name is None and self.asked.points is None else found
+        """The person, and where points lie. None where no hand is in the sample, or where points are not where joints are and no convention says so: only a
+        recording that is read whole has their places."""
+        ranges = stretches(len(self.table))
+        path = self.table.write(self.folder / "sample", ranges)
+        try:
+            found = _track.track(self.asked._replace(recording=path, truth=None))
+        except Error as error:
+            if _without_hand(error):
+                return None
+            raise renamed(error, path, self.asked.recording, lambda line: self.table.line(ranges, line)) from None
+        if len(found.shares) and found.guess.name is None and self.asked.points is None:
+            return None
+        return found._replace(warnings=[each.replace(str(path), str(self.asked.recording)) for each in found.warnings])
 
     def study(self, out: Path, told: Told = None) -> tuple[Result, bool]:
         asked, count = self.asked, len(self.windows)
@@ -191,8 +211,9 @@ class LongWork(Work):
         try:
             found = _track.track(asked, told)
         except Error as error:
-            if not any(each in str(error) for each in NO_HAND):
-                raise
+            if not _without_hand(error):
+                ranges = [self.windows[i][2:]]
+                raise renamed(error, asked.recording, self.asked.recording, lambda line: self.table.line(ranges, line)) from None
             times = np.loadtxt(asked.recording, delimiter=",", skiprows=1, usecols=0, ndmin=1)
             found = Result(times, 0.0, 0.0, [], [], Between(0, 0.0, 0.0, "", 0.0), "", False, {}, {}, np.zeros((0, 3)), "", Guess(None, ""))
         found = found._replace(times=found.times + found.start, warnings=[each.replace(str(asked.recording), str(self.asked.recording)) for each in found.warnings
@@ -222,7 +243,7 @@ class LongWork(Work):
         deepest = max(parts, key=lambda part: part.between.depth)
         between = deepest.between._replace(frames=sum(part.between.frames for part in parts), time=deepest.between.time + deepest.start - self.start,
                                            moved=max(part.between.moved for part in parts))
-        warnings = [each.replace(str(self.table.path.name), self.asked.recording.name) for each in whole.warnings if "is 0 in all that is written" not in each]
+        warnings = [each for each in whole.warnings if "is 0 in all that is written" not in each]
         if self.start:
             warnings.append(f"{self.asked.recording}: a hand is first seen at {self.start:.12g} s, which is 0 in all that is written")
         warnings += [f"read in {len(parts)} windows of at most {WINDOW} frames: the person is found in {STRETCHES} stretches of {STRETCH} frames"]
@@ -342,6 +363,10 @@ class LongWork(Work):
         _core.write_file(out / "forces.html", _forces_page.page(of.thing, of.asked, drawn, figures))
         plotted: bool = _core.write_plots(out, "forces", "", [_forces_files.plot_of(drawn.found, figures)])
         return _forces_files.screen_text(of.thing, of.asked, figures, cpu), plotted
+
+
+def _without_hand(error: Error) -> bool:
+    return any(each in str(error) for each in NO_HAND)
 
 
 def _start(parts: Sequence[Result]) -> float:

@@ -113,3 +113,15 @@ def test_a_window_in_which_nothing_is_seen(recording, short):
     assert np.nanmax(forces["right.thumb.normal"][:380]) > 1 < np.nanmax(forces["right.thumb.normal"][745:])
     statuses = [line.split(",")[1] for line in (recording / "hidden/frames.csv").read_text().splitlines()[1:]]
     assert statuses == ["tracked" if each else "missing" for each in seen]
+
+
+# What is wrong is said of the recording, with its line, and not of the part that was read.
+@pytest.mark.parametrize("row", [0, 333, 700])
+def test_a_wrong_row_is_named_by_its_line(recording, short, row):
+    lines = (recording / "recording.csv").read_text().splitlines()
+    lines[1 + row] = lines[1 + row].partition(",")[0] + ",one" + "," * (lines[0].count(",") - 1)
+    path = recording / "wrong.csv"
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(hs.Error) as told:
+        hs.study.track(path, out=recording / "wrong")
+    assert str(told.value).startswith(f"{path}:{row + 2}:") and told.value.problems[0].file == str(path) and told.value.problems[0].line == row + 2
