@@ -299,7 +299,7 @@ def _of_csv(path: Path) -> dict[str, Course]:
         lost = [part for part in PARTS[:7] if part not in columns]
         if lost:
             raise input_error(str(path), f"object.{name} without {', '.join(lost)}", "x y z qw qx qy qz of an object")
-        out[name] = Course(table[:, 0], np.stack([columns[part] for part in PARTS[:7]], axis=1), columns.get("angle", np.zeros(len(table))))
+        out[name] = Course(table[:, 0].copy(), np.stack([columns[part] for part in PARTS[:7]], axis=1), columns.get("angle", np.zeros(len(table))))
     return out
 
 

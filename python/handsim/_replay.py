@@ -56,6 +56,8 @@ REST = 1.0
 """Before a lift, in which hands come to bear the object that is at rest [s]: chosen."""
 OUT_OF_REACH = -1000.0
 """Height of the ground where it supports nothing [m]."""
+BORNE = 0.2
+"""From the beginning of a lift on, in which is told whether hands bear the object [s]."""
 SLIDE = 1e-3
 """How far a centre of pressure in a simulation is moved by a change of its force, at most [m]: chosen."""
 LOST = 0.1
@@ -98,6 +100,8 @@ class Replayed(NamedTuple):
     """By kind: the finger that lost it first; empty where none did."""
     problem: dict[str, str]
     """By kind: why it could not be simulated to its end."""
+    spring: float = math.nan
+    """Force of the spring that carries the object in the run before, over the weight, in the mean of the lift's first BORNE."""
 
     @property
     def whole(self) -> bool:
@@ -293,8 +297,8 @@ class Writer:
         _core.write_file(path, text.encode())
         return path
 
-    def pressed(self, path: Path, lift: Lift, drives: Sequence[Drive]) -> list[Drive]:
-        """Driven so that pads press as was found, in a simulation in which the object is carried along the recording."""
+    def pressed(self, path: Path, lift: Lift, drives: Sequence[Drive]) -> tuple[list[Drive], float]:
+        """Driven so that pads press as was found, in a simulation in which the object is carried along the recording, and `Replayed.spring`."""
         of = self.of
         # A lifted object does not stand on the ground, which must not bear it here.
         scene = load(path, None if math.isnan(self.found.ground) else {"ground.height": OUT_OF_REACH})
@@ -329,7 +333,8 @@ class Writer:
         for drive, hand, wrist, targets in zip(drives, guided, now.wrists, now.targets):
             own = drive.rows - lift.first
             out.append(drive._replace(start=now.start[hand.coordinates] if own[0] == 0 else now.q[own[0], hand.coordinates], targets=targets[own], wrist=wrist[own]))
-        return out
+        begins = now.help[:max(1, int(round(BORNE / of.interval))), :3]
+        return out, float(np.linalg.norm(begins, axis=1).mean()) / of.weight
 
     def _wanted(self, row: int, places: Array, outward: Array, touching: NDArray[np.bool_]) -> Array:
         """Forces on the object by segment, of the places that touch in the simulation: as found, and such that they give the wrench it needs."""
@@ -397,7 +402,7 @@ def replay(thing: Thing, of: Solver, found: Result, model: Path, folder: Path, t
     """Writes and simulates every lift."""
     writer, out, every = Writer(thing, of, found, model, folder), [], lifts(found)
     for i, lift in enumerate(every):
-        held, lost, problem = {}, {}, {}
+        held, lost, problem, spring = {}, {}, {}, math.nan
         for j, kind in enumerate(KINDS):
             try:
                 drives = writer.drives(lift, kind)
@@ -406,13 +411,14 @@ def replay(thing: Thing, of: Solver, found: Result, model: Path, folder: Path, t
                     continue
                 path = writer.write(lift, f"lift_{i + 1}", kind, drives)
                 if kind == "forces":
-                    path = writer.write(lift, f"lift_{i + 1}", kind, writer.pressed(path, lift, drives))
+                    drives, spring = writer.pressed(path, lift, drives)
+                    path = writer.write(lift, f"lift_{i + 1}", kind, drives)
                 held[kind], lost[kind], problem[kind] = writer.run(path, lift)
             except Error as error:
                 held[kind], lost[kind], problem[kind] = 0.0, "", str(error).splitlines()[0]
             if told is not None:
                 told((2 * i + j + 1) / (2 * len(every)))
-        out.append(Replayed(float(found.times[lift.first]), float(found.times[lift.last - 1]), held, lost, problem))
+        out.append(Replayed(float(found.times[lift.first]), float(found.times[lift.last - 1]), held, lost, problem, spring))
     return out
 
 
@@ -428,5 +434,6 @@ def text(every: Sequence[Replayed]) -> str:
 
 
 def figures(every: Sequence[Replayed]) -> list[dict[str, Any]]:
-    return [{"begin_s": each.begin, "end_s": each.end, "held_s": each.held, "lost_by": each.lost, "problem": each.problem, "held_to_the_end": each.whole}
+    return [{"begin_s": each.begin, "end_s": each.end, "held_s": each.held, "lost_by": each.lost, "problem": each.problem, "held_to_the_end": each.whole,
+             "spring_share": None if math.isnan(each.spring) else each.spring}
             for each in every]
