@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._forces_hands import Body, HandMotion, Hands
-from ._forces_object import Common, common_of, loads, needed
+from ._forces_object import Common, common_of, elsewhere, loads, needed, standing
 from ._nonnegative import lapack
 from ._objects import Course, Thing
 from ._sharing import PER, SHARES, Muscles, Places, Shared, costs
@@ -90,7 +90,6 @@ class Solver:
         self.interval = float(np.median(np.diff(times)))
         self.of = needed(thing, times, course)
         common = common or common_of([self.of])
-        self.load, self.ground = loads(self.of, times, asked.support, common)
         self.hands = Hands(hands, self.interval)
         self.surfaces = [Surface(link) for link in thing.links]
         # Of a place of each hand against the object.
@@ -105,6 +104,23 @@ class Solver:
         self.fingers = list(dict.fromkeys(named))
         self.finger = np.array([self.fingers.index(name) for name in named], dtype=np.intp)
         self.lapack = lapack()
+        self.load, self.ground = np.ones(len(times)), math.nan
+        if asked.support != "none":
+            on, self.ground = standing(self.of, asked.support, common), common.level
+            self.load = loads(on | elsewhere(self.of, times, on, common.near, self._untouched), times)
+
+    def _touches(self, row: int) -> list[Touch]:
+        """Places of the hands that may bear a force."""
+        out: list[Touch] = []
+        for k, each in enumerate(self.motions):
+            if self.hands.tracked[k][row]:
+                shapes = self.hands.shapes[k]
+                out += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row],
+                               NEAR + FURTHEST * self.noises[k])
+        return out
+
+    def _untouched(self, row: int) -> bool:
+        return all(tracked[row] for tracked in self.hands.tracked) and not self._touches(row)
 
     def frame(self, row: int, before: Collection[int] = ()) -> Optional[Frame]:
         """None where the object was not seen.
@@ -113,13 +129,7 @@ class Solver:
         """
         if not self.of.seen[row]:
             return None
-        found: list[Touch] = []
-        for k, each in enumerate(self.motions):
-            if self.hands.tracked[k][row]:
-                shapes = self.hands.shapes[k]
-                found += touches(shapes, k, shapes.bodies(each.q[row], each.wrist[row]), self.surfaces, self.of.places[row],
-                                 NEAR + FURTHEST * self.noises[k])
-        found = sorted(found, key=lambda touch: touch.gap)[:MOST_PLACES]
+        found = sorted(self._touches(row), key=lambda touch: touch.gap)[:MOST_PLACES]
         gaps = np.array([touch.gap for touch in found])
         noises = np.array([self.noises[touch.hand] for touch in found])
         keys = [1000 * touch.hand + touch.shape for touch in found]

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Sequence
+from typing import Callable, NamedTuple, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,10 @@ LOADING = 0.4
 """Within which hands take over the weight before an object leaves its support [s]: chosen."""
 POST = 0.1
 """Of a post: how far beside its place an object no longer stands on it [m]."""
+STILL = 0.03
+"""Speed of an object that rests [m/s], at most: chosen."""
+REST = 0.2
+"""For so long an object must lie still, with no hand within reach, to stand on something [s]: chosen."""
 
 
 class Needed(NamedTuple):
@@ -86,7 +90,7 @@ def common_of(parts: Sequence[Needed]) -> Common:
     """:param parts: of the recording, or samples of it"""
     lowest, centre = np.concatenate([of.lowest for of in parts]), np.concatenate([of.centre for of in parts])
     seen = np.concatenate([of.seen for of in parts])
-    still = (np.linalg.norm(np.concatenate([of.motion.velocity for of in parts]), axis=1) < 0.03) & seen
+    still = (np.linalg.norm(np.concatenate([of.motion.velocity for of in parts]), axis=1) < STILL) & seen
     rows = np.flatnonzero(still if still.any() else seen)
     low = float(np.percentile(lowest[rows], 2))
     level = float(np.median(lowest[rows][lowest[rows] < low + 0.01]))
@@ -95,17 +99,47 @@ def common_of(parts: Sequence[Needed]) -> Common:
     return out._replace(place=np.median(centre[on, :2], axis=0)) if on.any() else out
 
 
-def loads(of: Needed, times: Array, support: str, common: Common) -> tuple[Array, float]:
-    """Share of the wrench that hands bear if they touch, and the height of the support."""
-    if support == "none":
-        return np.ones(len(times)), math.nan
-    level, place = common.level, common.place
-    on = of.lowest < level + common.near
+def standing(of: Needed, support: str, common: Common) -> NDArray[np.bool_]:
+    """On the support where it rests lowest."""
+    on = of.lowest < common.level + common.near
     if support == "post":
-        on &= np.linalg.norm(of.centre[:, :2] - place, axis=1) < POST
+        on &= np.linalg.norm(of.centre[:, :2] - common.place, axis=1) < POST
+    return np.asarray(on)
+
+
+def _runs(of: NDArray[np.bool_], least: int) -> list[tuple[int, int]]:
+    """Of consecutive True, as first and end; those of at least so many."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], of, [False]]).astype(int)))
+    return [(first, end) for first, end in zip(ends[::2].tolist(), ends[1::2].tolist()) if end - first >= least]
+
+
+def elsewhere(of: Needed, times: Array, on: NDArray[np.bool_], near: float, untouched: Callable[[int], bool]) -> NDArray[np.bool_]:
+    """Where the object stands on something higher, such as a shelf: it lies still there for some time while no hand is within reach, and is no
+    farther than `near` from that height before and after.
+
+    :param on: where it stands on its support
+    :param untouched: whether no hand is within reach in a frame, and every hand is seen
+    """
+    still = of.seen & ~on & (np.linalg.norm(of.motion.velocity, axis=1) < STILL)
+    least = max(2, math.ceil(REST / float(np.median(np.diff(times)))))
+    out = np.zeros(len(times), dtype=bool)
+    for first, end in _runs(still, least):
+        for a, b in _runs(np.array([untouched(row) for row in range(first, end)]), least):
+            low, high = first + a, first + b
+            there = of.seen & (np.abs(of.lowest - np.median(of.lowest[low:high])) < near)
+            while low > 0 and there[low - 1]:
+                low -= 1
+            while high < len(times) and there[high]:
+                high += 1
+            out[low:high] = True
+    return out
+
+
+def loads(on: NDArray[np.bool_], times: Array) -> Array:
+    """Share of the wrench that hands bear if they touch. :param on: where the object stands on something"""
     free = times[~on]
     if not len(free):
-        return np.zeros(len(times)), level
+        return np.zeros(len(times))
     after = np.searchsorted(free, times)
     away = np.minimum(np.abs(times - free[np.minimum(after, len(free) - 1)]), np.abs(times - free[np.maximum(after - 1, 0)]))
-    return np.where(on, np.clip(1 - away / LOADING, 0, 0.999), 1.0), level
+    return np.where(on, np.clip(1 - away / LOADING, 0, 0.999), 1.0)

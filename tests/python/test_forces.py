@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import handsim as hs
-from handsim import _nonnegative, _object_motion, _objects, _sharing, _touch
+from handsim import _forces_object, _nonnegative, _object_motion, _objects, _sharing, _touch
 
 pytest.importorskip("scipy", reason="SciPy is not installed")
 WEIGHT = 2.0
@@ -114,6 +114,28 @@ def test_accelerations_of_a_noisy_object():
     assert found.noise[0] == pytest.approx(2e-3, rel=0.1) and found.noise[1] == pytest.approx(math.radians(1), rel=0.15)
     # How sure it is, is said: 0.5 to 2 times the error along the axis that moves, as jerks are those of all axes.
     assert 0.5 < found.unsure[0] / np.sqrt(np.mean((found.acceleration[:, 2] - exact)**2)) < 2
+
+
+# Oracle: the course itself: on a table for 1 s, carried up 0.2 m in 0.6 s, on a shelf until 3 s, carried down, on the table again. A hand is within reach
+# until 1.9 s and from 2.6 s on, so that from 1.6 to 1.9 s nobody can tell; and once always.
+@pytest.mark.parametrize("hand_leaves", [True, False])
+def test_an_object_that_nobody_touches_stands_on_something(hand_leaves):
+    times = np.arange(276) / 60
+    s = np.clip((times - 1) / 0.6, 0, 1) - np.clip((times - 3) / 0.6, 0, 1)
+    poses = np.zeros((276, 7))
+    poses[:, 2], poses[:, 3] = 0.2 * s**3 * (10 - 15 * s + 6 * s * s), 1
+    poses[:, :3] += 5e-4 * np.random.default_rng(1).normal(size=(276, 3))
+    thing = _objects.read_object("can=tomato_soup_can")
+    of = _forces_object.needed(thing, times, _objects.Course(times, poses, np.zeros(276)))
+    common = _forces_object.common_of([of])
+    on = _forces_object.standing(of, "table", common)
+    shelf = _forces_object.elsewhere(of, times, on, common.near, lambda row: hand_leaves and 1.9 < times[row] < 2.6)
+    # Within 3 mm of its height, which takes a few frames of a carry.
+    assert not shelf[(times < 1.5) | (times > 3.1)].any() and not (shelf & on).any()
+    assert shelf[(times > 1.6) & (times < 3)].all() == hand_leaves and shelf.any() == hand_leaves
+    load = _forces_object.loads(on | shelf, times)
+    assert (load[(times > 1.15) & (times < 1.45)] == 1).all() and (load[(times < 0.5) | (times > 4.2)] == 0).all()
+    assert (load[(times > 2.05) & (times < 2.55)] == 0).all() == hand_leaves
 
 
 # Oracle: distances from a cylinder in closed form.
