@@ -140,11 +140,10 @@ TEST(Track, AHandUnderTheNameOfTheOtherIsMarkedByItsShape) {
   std::mt19937 random(4);
   MovingHand left(input, other_person(input), model::Side::left);
   Recording recording;
-  const std::size_t frames = test::kSanitized ? 10 : 60;
-  recording.times = test::frame_times(frames, 30);
+  recording.times = test::frame_times(60, 30);
   left.record("right", 0.001, random, recording);
   const TrackResult result = run_track(input, recording);
-  EXPECT_EQ(result.hands[0].count(FrameStatus::swapped), frames);
+  EXPECT_EQ(result.hands[0].count(FrameStatus::swapped), 60U);
 }
 
 // Oracle: the angles from which the sensors' orientations were computed; their mounting is known.
