@@ -71,7 +71,6 @@ TEST_P(FallingHand, FallsAsTheReferenceEngineHasItTo1e8) {
 
 // Oracle: the same motion by another order; each method's error falls as its order says.
 TEST_P(FallingHand, ConvergesWithItsMethodsOrders) {
-  HANDSIM_SKIP_WITH_SANITIZER("the same code as in the test before, over more steps");
   const auto reference = fallen(model_, ArticulatedMethod::dormand_prince, 1e-2, 1e-11);
   const auto error = [&](Method method, double h) {
     return largest_distance(fallen(model_, method, h), reference);
